@@ -1,0 +1,1 @@
+"""What the robot and the workstation must agree on: keys, messages, policy contract, pipelines."""

@@ -1,0 +1,193 @@
+"""The mCore board's serial protocol: range-checked values to bytes, and replies back from bytes.
+
+No I/O happens here. The layout was measured on Makeblock's stock firmware (versions 06.01.009,
+06.01.107 and 1.2.103) running in an AVR simulator; see docs/mcore-protocol.md.
+
+A command is `ff 55 len idx action device data...` with no checksum, so the board believes
+whatever arrives: a frame that is torn can turn the next one into full speed. Hence `stop_burst`,
+which first flushes the board's parser with zero bytes.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+BAUD_RATE = 115_200
+SPEED_LIMIT = 255
+"""The board clips speeds to +-255 (measured)."""
+
+HEADER = b"\xff\x55"
+END = b"\r\n"
+
+_GET, _RUN, _RESET = 1, 2, 4
+_VERSION, _JOYSTICK = 0, 5
+
+FLUSH_PADDING = bytes(52)
+"""Zero bytes that end any half-read frame: the stock parser's buffer holds 52 bytes (measured)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Joystick:
+    """A speed for both motors at once, as the board counts it: M1 and M2 in -255..255.
+
+    M1 is the left motor. Forward is M1 negative, M2 positive (measured).
+
+    Raises:
+        ValueError: a speed is not a whole number in -255..255.
+
+    """
+
+    m1: int
+    m2: int
+
+    def __post_init__(self) -> None:
+        for name, speed in (("m1", self.m1), ("m2", self.m2)):
+            if type(speed) is not int or not -SPEED_LIMIT <= speed <= SPEED_LIMIT:
+                raise ValueError(
+                    f"{name} is {speed!r}, expected a whole number in -{SPEED_LIMIT}..{SPEED_LIMIT}"
+                )
+
+    @property
+    def is_stop(self) -> bool:
+        """Whether both motors are off."""
+        return self.m1 == 0 and self.m2 == 0
+
+    def to_bytes(self) -> bytes:
+        """The ten bytes for the wire; the speeds are int16, little-endian."""
+        return (
+            HEADER
+            + bytes((0x07, 0x00, _RUN, _JOYSTICK))
+            + self.m1.to_bytes(2, "little", signed=True)
+            + self.m2.to_bytes(2, "little", signed=True)
+        )
+
+
+STOP = Joystick(0, 0)
+VERSION_REQUEST = HEADER + bytes((0x03, 0x00, _GET, _VERSION))
+RESET_REQUEST = HEADER + bytes((0x02, 0x00, _RESET))
+
+
+def stop_burst() -> bytes:
+    """Padding, then STOP: stops the motors whatever the board's parser was in the middle of.
+
+    62 bytes, 5.4 ms at 115200 baud, and less than the board's 64-byte receive buffer.
+    """
+    return FLUSH_PADDING + STOP.to_bytes()
+
+
+@dataclass(frozen=True, slots=True)
+class Acknowledgement:
+    """The board executed a RUN, RESET or START; it does not say which (measured)."""
+
+
+@dataclass(frozen=True, slots=True)
+class VersionReply:
+    """The answer to VERSION_REQUEST."""
+
+    version: str
+
+
+@dataclass(frozen=True, slots=True)
+class Banner:
+    """An unsolicited `Version: ...` line: the board has just been reset; its motors are off."""
+
+    version: str
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """Any other framed reply (a button, a sensor); this project uses none of them."""
+
+    index: int
+    data: bytes
+
+
+Reply = Acknowledgement | VersionReply | Banner | Value
+
+_STRING = 4
+_FIXED_SIZES = {1: 1, 2: 4, 3: 2, 5: 4, 6: 4}
+"""Bytes of data by type code: byte, float, short, double (a float on the AVR), long."""
+
+_LONGEST_STRING = 32
+"""Versions are 7 to 9 characters long; believing a longer length would swallow later replies."""
+
+_BANNER_PREFIX = b"Version: "
+_LONGEST_LINE = 64
+
+
+class ReplyParser:
+    """Turns the board's bytes, in whatever pieces they come, into replies.
+
+    Unknown bytes are dropped one at a time until something parses again, so it never gets stuck
+    and never holds more than `LONGEST` bytes.
+    """
+
+    LONGEST = _LONGEST_LINE + 1
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+
+    @property
+    def pending(self) -> int:
+        """Bytes held back because they may be the start of a reply."""
+        return len(self._buffer)
+
+    def feed(self, data: bytes) -> Iterator[Reply]:
+        """Yield the replies that `data` completes, in order."""
+        for byte in data:
+            self._buffer.append(byte)
+            while self._buffer:
+                taken, reply = _take(self._buffer)
+                if taken == 0:
+                    break
+                del self._buffer[:taken]
+                if reply is not None:
+                    yield reply
+
+
+def _take(buffer: bytearray) -> tuple[int, Reply | None]:
+    """How many bytes at the front are done with, and the reply they make, if any."""
+    if buffer[0] == HEADER[0]:
+        return _take_frame(buffer)
+    if buffer[0] == _BANNER_PREFIX[0]:
+        return _take_banner(buffer)
+    return 1, None
+
+
+def _take_frame(buffer: bytearray) -> tuple[int, Reply | None]:
+    if len(buffer) >= 2 and buffer[1] != HEADER[1]:
+        return 1, None
+    if len(buffer) < 4:
+        return 0, None
+    if buffer.startswith(END, 2):
+        return 4, Acknowledgement()
+    index, kind = buffer[2], buffer[3]
+    if kind == _STRING:
+        if len(buffer) < 5:
+            return 0, None
+        start, size = 5, buffer[4]
+        if size > _LONGEST_STRING:
+            return 1, None
+    elif kind in _FIXED_SIZES:
+        start, size = 4, _FIXED_SIZES[kind]
+    else:
+        return 1, None
+    if len(buffer) < start + size + len(END):
+        return 0, None
+    if not buffer.startswith(END, start + size):
+        return 1, None
+    data = bytes(buffer[start : start + size])
+    taken = start + size + len(END)
+    if kind == _STRING and index == 0:
+        return taken, VersionReply(data.decode("ascii", "replace"))
+    return taken, Value(index, data)
+
+
+def _take_banner(buffer: bytearray) -> tuple[int, Reply | None]:
+    shared = min(len(buffer), len(_BANNER_PREFIX))
+    if not buffer.startswith(_BANNER_PREFIX[:shared]) or len(buffer) > _LONGEST_LINE:
+        return 1, None
+    end = buffer.find(END)
+    if end < 0:
+        return 0, None
+    version = buffer[len(_BANNER_PREFIX) : end].decode("ascii", "replace").strip()
+    return end + len(END), Banner(version)

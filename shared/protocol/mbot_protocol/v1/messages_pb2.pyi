@@ -1,0 +1,267 @@
+from google.protobuf.internal import containers as _containers
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from collections.abc import Iterable as _Iterable, Mapping as _Mapping
+from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class State(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    STATE_UNSPECIFIED: _ClassVar[State]
+    STATE_IDLE: _ClassVar[State]
+    STATE_RUNNING: _ClassVar[State]
+    STATE_STOPPED: _ClassVar[State]
+    STATE_FAULT: _ClassVar[State]
+    STATE_MANUAL: _ClassVar[State]
+STATE_UNSPECIFIED: State
+STATE_IDLE: State
+STATE_RUNNING: State
+STATE_STOPPED: State
+STATE_FAULT: State
+STATE_MANUAL: State
+
+class Fault(_message.Message):
+    __slots__ = ("kind", "detail")
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    DETAIL_FIELD_NUMBER: _ClassVar[int]
+    kind: str
+    detail: str
+    def __init__(self, kind: _Optional[str] = ..., detail: _Optional[str] = ...) -> None: ...
+
+class Wheels(_message.Message):
+    __slots__ = ("left", "right")
+    LEFT_FIELD_NUMBER: _ClassVar[int]
+    RIGHT_FIELD_NUMBER: _ClassVar[int]
+    left: float
+    right: float
+    def __init__(self, left: _Optional[float] = ..., right: _Optional[float] = ...) -> None: ...
+
+class Steps(_message.Message):
+    __slots__ = ("left", "right")
+    LEFT_FIELD_NUMBER: _ClassVar[int]
+    RIGHT_FIELD_NUMBER: _ClassVar[int]
+    left: int
+    right: int
+    def __init__(self, left: _Optional[int] = ..., right: _Optional[int] = ...) -> None: ...
+
+class Decision(_message.Message):
+    __slots__ = ("schema_version", "robot_id", "session_id", "sequence", "state", "faults", "unix_time_ns", "captured_monotonic_ns", "due_monotonic_ns", "started_monotonic_ns", "observed_monotonic_ns", "decided_monotonic_ns", "written_monotonic_ns", "acknowledged_monotonic_ns", "action", "steps", "board_m1", "board_m2", "model_sha256", "missed_ticks", "cpu_temperature_c", "load_1min", "resident_memory_bytes", "dropped_records")
+    SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
+    ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
+    SESSION_ID_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    FAULTS_FIELD_NUMBER: _ClassVar[int]
+    UNIX_TIME_NS_FIELD_NUMBER: _ClassVar[int]
+    CAPTURED_MONOTONIC_NS_FIELD_NUMBER: _ClassVar[int]
+    DUE_MONOTONIC_NS_FIELD_NUMBER: _ClassVar[int]
+    STARTED_MONOTONIC_NS_FIELD_NUMBER: _ClassVar[int]
+    OBSERVED_MONOTONIC_NS_FIELD_NUMBER: _ClassVar[int]
+    DECIDED_MONOTONIC_NS_FIELD_NUMBER: _ClassVar[int]
+    WRITTEN_MONOTONIC_NS_FIELD_NUMBER: _ClassVar[int]
+    ACKNOWLEDGED_MONOTONIC_NS_FIELD_NUMBER: _ClassVar[int]
+    ACTION_FIELD_NUMBER: _ClassVar[int]
+    STEPS_FIELD_NUMBER: _ClassVar[int]
+    BOARD_M1_FIELD_NUMBER: _ClassVar[int]
+    BOARD_M2_FIELD_NUMBER: _ClassVar[int]
+    MODEL_SHA256_FIELD_NUMBER: _ClassVar[int]
+    MISSED_TICKS_FIELD_NUMBER: _ClassVar[int]
+    CPU_TEMPERATURE_C_FIELD_NUMBER: _ClassVar[int]
+    LOAD_1MIN_FIELD_NUMBER: _ClassVar[int]
+    RESIDENT_MEMORY_BYTES_FIELD_NUMBER: _ClassVar[int]
+    DROPPED_RECORDS_FIELD_NUMBER: _ClassVar[int]
+    schema_version: int
+    robot_id: str
+    session_id: int
+    sequence: int
+    state: State
+    faults: _containers.RepeatedCompositeFieldContainer[Fault]
+    unix_time_ns: int
+    captured_monotonic_ns: int
+    due_monotonic_ns: int
+    started_monotonic_ns: int
+    observed_monotonic_ns: int
+    decided_monotonic_ns: int
+    written_monotonic_ns: int
+    acknowledged_monotonic_ns: int
+    action: Wheels
+    steps: Steps
+    board_m1: int
+    board_m2: int
+    model_sha256: str
+    missed_ticks: int
+    cpu_temperature_c: float
+    load_1min: float
+    resident_memory_bytes: int
+    dropped_records: int
+    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., sequence: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., faults: _Optional[_Iterable[_Union[Fault, _Mapping[str, object]]]] = ..., unix_time_ns: _Optional[int] = ..., captured_monotonic_ns: _Optional[int] = ..., due_monotonic_ns: _Optional[int] = ..., started_monotonic_ns: _Optional[int] = ..., observed_monotonic_ns: _Optional[int] = ..., decided_monotonic_ns: _Optional[int] = ..., written_monotonic_ns: _Optional[int] = ..., acknowledged_monotonic_ns: _Optional[int] = ..., action: _Optional[_Union[Wheels, _Mapping[str, object]]] = ..., steps: _Optional[_Union[Steps, _Mapping[str, object]]] = ..., board_m1: _Optional[int] = ..., board_m2: _Optional[int] = ..., model_sha256: _Optional[str] = ..., missed_ticks: _Optional[int] = ..., cpu_temperature_c: _Optional[float] = ..., load_1min: _Optional[float] = ..., resident_memory_bytes: _Optional[int] = ..., dropped_records: _Optional[int] = ...) -> None: ...
+
+class Status(_message.Message):
+    __slots__ = ("schema_version", "robot_id", "session_id", "now_monotonic_ns", "state", "faults", "software_version", "board_version", "board_has_deadman", "decision_rate_hz", "active_model", "missed_ticks", "decisions", "camera")
+    SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
+    ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
+    SESSION_ID_FIELD_NUMBER: _ClassVar[int]
+    NOW_MONOTONIC_NS_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    FAULTS_FIELD_NUMBER: _ClassVar[int]
+    SOFTWARE_VERSION_FIELD_NUMBER: _ClassVar[int]
+    BOARD_VERSION_FIELD_NUMBER: _ClassVar[int]
+    BOARD_HAS_DEADMAN_FIELD_NUMBER: _ClassVar[int]
+    DECISION_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    ACTIVE_MODEL_FIELD_NUMBER: _ClassVar[int]
+    MISSED_TICKS_FIELD_NUMBER: _ClassVar[int]
+    DECISIONS_FIELD_NUMBER: _ClassVar[int]
+    CAMERA_FIELD_NUMBER: _ClassVar[int]
+    schema_version: int
+    robot_id: str
+    session_id: int
+    now_monotonic_ns: int
+    state: State
+    faults: _containers.RepeatedCompositeFieldContainer[Fault]
+    software_version: str
+    board_version: str
+    board_has_deadman: bool
+    decision_rate_hz: float
+    active_model: Model
+    missed_ticks: int
+    decisions: int
+    camera: str
+    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., now_monotonic_ns: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., faults: _Optional[_Iterable[_Union[Fault, _Mapping[str, object]]]] = ..., software_version: _Optional[str] = ..., board_version: _Optional[str] = ..., board_has_deadman: bool = ..., decision_rate_hz: _Optional[float] = ..., active_model: _Optional[_Union[Model, _Mapping[str, object]]] = ..., missed_ticks: _Optional[int] = ..., decisions: _Optional[int] = ..., camera: _Optional[str] = ...) -> None: ...
+
+class Command(_message.Message):
+    __slots__ = ("schema_version", "robot_id", "session_id", "expires_monotonic_ns", "run", "stop", "drive")
+    SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
+    ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
+    SESSION_ID_FIELD_NUMBER: _ClassVar[int]
+    EXPIRES_MONOTONIC_NS_FIELD_NUMBER: _ClassVar[int]
+    RUN_FIELD_NUMBER: _ClassVar[int]
+    STOP_FIELD_NUMBER: _ClassVar[int]
+    DRIVE_FIELD_NUMBER: _ClassVar[int]
+    schema_version: int
+    robot_id: str
+    session_id: int
+    expires_monotonic_ns: int
+    run: Run
+    stop: Stop
+    drive: Drive
+    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., expires_monotonic_ns: _Optional[int] = ..., run: _Optional[_Union[Run, _Mapping[str, object]]] = ..., stop: _Optional[_Union[Stop, _Mapping[str, object]]] = ..., drive: _Optional[_Union[Drive, _Mapping[str, object]]] = ...) -> None: ...
+
+class Run(_message.Message):
+    __slots__ = ()
+    def __init__(self) -> None: ...
+
+class Stop(_message.Message):
+    __slots__ = ()
+    def __init__(self) -> None: ...
+
+class Drive(_message.Message):
+    __slots__ = ("wheels", "hold_ms")
+    WHEELS_FIELD_NUMBER: _ClassVar[int]
+    HOLD_MS_FIELD_NUMBER: _ClassVar[int]
+    wheels: Wheels
+    hold_ms: int
+    def __init__(self, wheels: _Optional[_Union[Wheels, _Mapping[str, object]]] = ..., hold_ms: _Optional[int] = ...) -> None: ...
+
+class CommandReply(_message.Message):
+    __slots__ = ("schema_version", "accepted", "reason", "state")
+    SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
+    ACCEPTED_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    schema_version: int
+    accepted: bool
+    reason: str
+    state: State
+    def __init__(self, schema_version: _Optional[int] = ..., accepted: bool = ..., reason: _Optional[str] = ..., state: _Optional[_Union[State, str]] = ...) -> None: ...
+
+class Model(_message.Message):
+    __slots__ = ("sha256", "name", "size_bytes", "stored_unix_time_ns", "active", "previous", "decision_rate_hz")
+    SHA256_FIELD_NUMBER: _ClassVar[int]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    SIZE_BYTES_FIELD_NUMBER: _ClassVar[int]
+    STORED_UNIX_TIME_NS_FIELD_NUMBER: _ClassVar[int]
+    ACTIVE_FIELD_NUMBER: _ClassVar[int]
+    PREVIOUS_FIELD_NUMBER: _ClassVar[int]
+    DECISION_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    sha256: str
+    name: str
+    size_bytes: int
+    stored_unix_time_ns: int
+    active: bool
+    previous: bool
+    decision_rate_hz: float
+    def __init__(self, sha256: _Optional[str] = ..., name: _Optional[str] = ..., size_bytes: _Optional[int] = ..., stored_unix_time_ns: _Optional[int] = ..., active: bool = ..., previous: bool = ..., decision_rate_hz: _Optional[float] = ...) -> None: ...
+
+class PushBegin(_message.Message):
+    __slots__ = ("schema_version", "robot_id", "sha256", "size_bytes", "expected_active_sha256")
+    SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
+    ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
+    SHA256_FIELD_NUMBER: _ClassVar[int]
+    SIZE_BYTES_FIELD_NUMBER: _ClassVar[int]
+    EXPECTED_ACTIVE_SHA256_FIELD_NUMBER: _ClassVar[int]
+    schema_version: int
+    robot_id: str
+    sha256: str
+    size_bytes: int
+    expected_active_sha256: str
+    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., sha256: _Optional[str] = ..., size_bytes: _Optional[int] = ..., expected_active_sha256: _Optional[str] = ...) -> None: ...
+
+class PushChunk(_message.Message):
+    __slots__ = ("schema_version", "push_id", "offset_bytes", "data")
+    SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
+    PUSH_ID_FIELD_NUMBER: _ClassVar[int]
+    OFFSET_BYTES_FIELD_NUMBER: _ClassVar[int]
+    DATA_FIELD_NUMBER: _ClassVar[int]
+    schema_version: int
+    push_id: str
+    offset_bytes: int
+    data: bytes
+    def __init__(self, schema_version: _Optional[int] = ..., push_id: _Optional[str] = ..., offset_bytes: _Optional[int] = ..., data: _Optional[bytes] = ...) -> None: ...
+
+class PushCommit(_message.Message):
+    __slots__ = ("schema_version", "push_id")
+    SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
+    PUSH_ID_FIELD_NUMBER: _ClassVar[int]
+    schema_version: int
+    push_id: str
+    def __init__(self, schema_version: _Optional[int] = ..., push_id: _Optional[str] = ...) -> None: ...
+
+class PushReply(_message.Message):
+    __slots__ = ("schema_version", "accepted", "reason", "push_id", "received_bytes", "active_model")
+    SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
+    ACCEPTED_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    PUSH_ID_FIELD_NUMBER: _ClassVar[int]
+    RECEIVED_BYTES_FIELD_NUMBER: _ClassVar[int]
+    ACTIVE_MODEL_FIELD_NUMBER: _ClassVar[int]
+    schema_version: int
+    accepted: bool
+    reason: str
+    push_id: str
+    received_bytes: int
+    active_model: Model
+    def __init__(self, schema_version: _Optional[int] = ..., accepted: bool = ..., reason: _Optional[str] = ..., push_id: _Optional[str] = ..., received_bytes: _Optional[int] = ..., active_model: _Optional[_Union[Model, _Mapping[str, object]]] = ...) -> None: ...
+
+class Activate(_message.Message):
+    __slots__ = ("schema_version", "robot_id", "sha256")
+    SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
+    ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
+    SHA256_FIELD_NUMBER: _ClassVar[int]
+    schema_version: int
+    robot_id: str
+    sha256: str
+    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., sha256: _Optional[str] = ...) -> None: ...
+
+class ModelList(_message.Message):
+    __slots__ = ("schema_version", "accepted", "reason", "models")
+    SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
+    ACCEPTED_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    MODELS_FIELD_NUMBER: _ClassVar[int]
+    schema_version: int
+    accepted: bool
+    reason: str
+    models: _containers.RepeatedCompositeFieldContainer[Model]
+    def __init__(self, schema_version: _Optional[int] = ..., accepted: bool = ..., reason: _Optional[str] = ..., models: _Optional[_Iterable[_Union[Model, _Mapping[str, object]]]] = ...) -> None: ...

@@ -1,0 +1,1 @@
+"""Simulation, training and tools around the robot."""

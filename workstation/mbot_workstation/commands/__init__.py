@@ -1,0 +1,1 @@
+"""One module a command of `workstation`; heavy imports live inside the functions."""
