@@ -191,3 +191,14 @@ def _take_banner(buffer: bytearray) -> tuple[int, Reply | None]:
         return 0, None
     version = buffer[len(_BANNER_PREFIX) : end].decode("ascii", "replace").strip()
     return end + len(END), Banner(version)
+
+
+_DEADMAN_PREFIX = "mbot-deadman"
+
+
+def has_deadman(version: str) -> bool:
+    """Whether a firmware of this name stops the motors by itself when commands cease.
+
+    Makeblock's stock firmware keeps the last command for ever (180 s of silence measured).
+    """
+    return version.startswith(_DEADMAN_PREFIX)

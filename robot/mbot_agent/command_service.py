@@ -1,0 +1,114 @@
+"""Answers `status` and `command`: who asks to drive, and may that request still be obeyed?"""
+
+import time
+from collections.abc import Callable
+
+from mbot_agent.configuration import Configuration
+from mbot_agent.control_loop import WIRE_STATES, ControlLoop
+from mbot_agent.helm import Helm, state_of
+from mbot_agent.motors import Motors
+from mbot_agent.version import VERSION
+from mbot_protocol.actions import to_steps
+from mbot_protocol.errors import MbotError, RefusedError
+from mbot_protocol.schema import SCHEMA_VERSION, decode
+from mbot_protocol.v1 import messages_pb2 as messages
+
+LONGEST_HOLD_MS = 1000
+"""A hand-driven command holds no longer than this without being renewed."""
+
+
+class CommandService:
+    """Turns messages into orders for the helm. Used by two threads; all state is the helm's."""
+
+    def __init__(
+        self,
+        configuration: Configuration,
+        session_id: int,
+        helm: Helm,
+        motors: Motors,
+        loop: ControlLoop,
+        forgive_camera: Callable[[], None],
+        active_model: Callable[[], messages.Model | None],
+    ) -> None:
+        self._robot_id = configuration.robot_id
+        self._camera_source = configuration.camera.source
+        self._rate_hz = configuration.control.decision_rate_hz
+        self._wheels = configuration.motors.to_maps()
+        self._session_id = session_id
+        self._helm = helm
+        self._motors = motors
+        self._loop = loop
+        self._forgive_camera = forgive_camera
+        self._active_model = active_model
+
+    def status(self, _: bytes) -> bytes:
+        """Reply to a query on `status`."""
+        situation = self._loop.situation
+        return messages.Status(
+            schema_version=SCHEMA_VERSION,
+            robot_id=self._robot_id,
+            session_id=self._session_id,
+            now_monotonic_ns=time.monotonic_ns(),
+            state=WIRE_STATES[state_of(self._helm.orders.mode, situation.faults)],
+            faults=[messages.Fault(kind=f.kind, detail=f.detail) for f in situation.faults],
+            software_version=VERSION,
+            board_version=self._motors.version,
+            board_has_deadman=self._motors.has_deadman,
+            decision_rate_hz=self._rate_hz,
+            active_model=self._active_model(),
+            missed_ticks=situation.missed_ticks,
+            decisions=situation.ticks,
+            camera=self._camera_source,
+        ).SerializeToString()
+
+    def command(self, payload: bytes) -> bytes:
+        """Reply to a query on `command`, after carrying it out or refusing it."""
+        reply = messages.CommandReply(schema_version=SCHEMA_VERSION)
+        try:
+            command = decode(messages.Command, payload, "the workstation")
+            self._obey(command)
+            reply.accepted = True
+        except MbotError as error:
+            reply.reason = str(error)
+        faults = self._loop.situation.faults
+        reply.state = WIRE_STATES[state_of(self._helm.orders.mode, faults)]
+        return reply.SerializeToString()
+
+    def _obey(self, command: messages.Command) -> None:
+        if command.robot_id != self._robot_id:
+            raise RefusedError(
+                f"the command is for robot {command.robot_id!r}, this one is {self._robot_id!r}"
+            )
+        action = command.WhichOneof("action")
+        if action == "stop":
+            self._helm.stop()  # however late: stopping is always right
+            return
+        self._check_current(command)
+        if action == "run":
+            self._forgive_camera()
+            self._helm.run()
+        elif action == "drive":
+            self._drive(command.drive)
+        else:
+            raise RefusedError("the command has no action this robot knows: upgrade mbot-agent")
+
+    def _check_current(self, command: messages.Command) -> None:
+        """Refuse what was meant for another moment."""
+        if command.session_id != self._session_id:
+            raise RefusedError("the command is from before the robot's last start: send it again")
+        late_ns = time.monotonic_ns() - command.expires_monotonic_ns
+        if late_ns > 0:
+            raise RefusedError(
+                f"the command expired {late_ns / 1e6:.0f} ms before it arrived: the link is slow"
+            )
+
+    def _drive(self, drive: messages.Drive) -> None:
+        if not 0 < drive.hold_ms <= LONGEST_HOLD_MS:
+            raise RefusedError(f"hold_ms is {drive.hold_ms}, expected 1 to {LONGEST_HOLD_MS}")
+        try:
+            steps = to_steps(drive.wheels.left, drive.wheels.right)
+        except ValueError as error:
+            raise RefusedError(str(error)) from None
+        if (fault := self._motors.fault) is not None:
+            raise RefusedError(fault.detail)
+        self._helm.steer_by_hand(self._wheels.to_board(steps), drive.hold_ms * 1_000_000)

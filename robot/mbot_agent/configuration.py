@@ -1,0 +1,230 @@
+"""The daemon's configuration: one TOML file, decoded strictly, read once at start.
+
+deploy/config.toml is the annotated example; a test keeps it equal to the defaults here.
+"""
+
+import math
+import os
+import tomllib
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta, Struct
+
+from mbot_protocol.actions import MotorMap, WheelMaps
+from mbot_protocol.camera_model import (
+    PI_CAMERA_HORIZONTAL_FOV_DEG,
+    PI_CAMERA_VERTICAL_FOV_DEG,
+    CameraModel,
+)
+from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.keys import DEFAULT_ENDPOINT, check_robot_id
+from mbot_protocol.mcore import BAUD_RATE
+from mbot_protocol.policy_contract import DECISION_RATE_HZ
+
+DEFAULT_PATH = Path("/etc/mbot-agent/config.toml")
+DEFAULT_STATE_DIRECTORY = Path("/var/lib/mbot-agent")
+
+Positive = Annotated[float, Meta(gt=0)]
+Pixels = Annotated[int, Meta(ge=16, le=8192)]
+Degrees = Annotated[float, Meta(ge=1, le=170)]
+
+
+class Intrinsics(Struct, frozen=True, forbid_unknown_fields=True):
+    """A calibrated camera, at the resolution the calibration was made at."""
+
+    width_px: Pixels
+    height_px: Pixels
+    focal_x_px: Positive
+    focal_y_px: Positive
+    principal_x_px: float
+    principal_y_px: float
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class Camera(Struct, frozen=True, forbid_unknown_fields=True):
+    """Where frames come from and when they are too bad to drive on."""
+
+    source: str = "picamera2"
+    width_px: Pixels | None = None
+    height_px: Pixels | None = None
+    frame_rate_hz: Annotated[float, Meta(ge=1, le=120)] = 30.0
+    horizontal_fov_deg: Degrees = PI_CAMERA_HORIZONTAL_FOV_DEG
+    vertical_fov_deg: Degrees = PI_CAMERA_VERTICAL_FOV_DEG
+    intrinsics: Intrinsics | None = None
+    stale_after_ms: Annotated[float, Meta(ge=50, le=600)] = 300.0
+    identical_frames: Literal["auto", "refuse", "refuse-while-driving"] = "auto"
+
+    def model_at(self, width_px: int, height_px: int) -> CameraModel:
+        """The intrinsics for frames of this size: calibrated, or from the field of view."""
+        if self.intrinsics is not None:
+            calibrated = CameraModel(
+                **{name: getattr(self.intrinsics, name) for name in Intrinsics.__struct_fields__}
+            )
+            return calibrated.scaled_to(width_px, height_px)
+        return CameraModel.from_field_of_view(
+            width_px, height_px, self.horizontal_fov_deg, self.vertical_fov_deg
+        )
+
+
+class Board(Struct, frozen=True, forbid_unknown_fields=True):
+    """How to reach the mCore board, and what is expected of its firmware."""
+
+    port: str = "auto"
+    baud_rate: Annotated[int, Meta(gt=0)] = BAUD_RATE
+    accept_no_deadman: bool = False
+
+
+class Motor(Struct, frozen=True, forbid_unknown_fields=True):
+    """One wheel's motor; see `mbot_protocol.actions.MotorMap`."""
+
+    reversed: bool = False
+    trim: Annotated[float, Meta(gt=0, le=1)] = 1.0
+    dead_band: Annotated[int, Meta(ge=0, le=200)] = 40
+
+    def to_map(self) -> MotorMap:
+        """The pure mapping these settings describe."""
+        return MotorMap(self.reversed, self.trim, self.dead_band)
+
+
+class LeftMotor(Motor, frozen=True, forbid_unknown_fields=True):
+    """The left motor stands mirrored: forward is a negative speed (measured)."""
+
+    reversed: bool = True
+
+
+class Motors(Struct, frozen=True, forbid_unknown_fields=True):
+    """Both motors; M1 is on the left."""
+
+    left: LeftMotor = LeftMotor()
+    right: Motor = Motor()
+
+    def to_maps(self) -> WheelMaps:
+        """The pure mapping these settings describe."""
+        return WheelMaps(self.left.to_map(), self.right.to_map())
+
+
+class Control(Struct, frozen=True, forbid_unknown_fields=True):
+    """The control loop."""
+
+    decision_rate_hz: Annotated[float, Meta(ge=0.5, le=20)] = DECISION_RATE_HZ
+    start: Literal["idle", "running"] = "idle"
+
+
+class Models(Struct, frozen=True, forbid_unknown_fields=True):
+    """Where pushed models are kept: `models` under $STATE_DIRECTORY, which systemd sets."""
+
+    directory: str = ""
+    keep: Annotated[int, Meta(ge=2, le=100)] = 8
+
+    @property
+    def path(self) -> Path:
+        """The directory, resolved."""
+        if self.directory:
+            return Path(self.directory)
+        return Path(os.environ.get("STATE_DIRECTORY", DEFAULT_STATE_DIRECTORY)) / "models"
+
+
+class Tls(Struct, frozen=True, forbid_unknown_fields=True):
+    """Mutual TLS: files in PEM; whoever connects must show a certificate of the same authority."""
+
+    ca: str
+    certificate: str
+    key: str
+
+
+class Network(Struct, frozen=True, forbid_unknown_fields=True):
+    """Where the daemon listens for workstations. Plain TCP is for loopback only."""
+
+    listen: tuple[str, ...] = (DEFAULT_ENDPOINT,)
+    connect: tuple[str, ...] = ()
+    tls: Tls | None = None
+
+
+class Configuration(Struct, frozen=True, forbid_unknown_fields=True):
+    """Everything the daemon can be told."""
+
+    robot_id: str
+    camera: Camera = Camera()
+    board: Board = Board()
+    motors: Motors = Motors()
+    control: Control = Control()
+    models: Models = Models()
+    network: Network = Network()
+
+    def __post_init__(self) -> None:
+        check_robot_id(self.robot_id)
+        for side, motor in (("left", self.motors.left), ("right", self.motors.right)):
+            try:
+                motor.to_map()
+            except ValueError as error:
+                raise ConfigurationError(f"motors.{side}: {error}") from None
+        if (self.camera.width_px is None) != (self.camera.height_px is None):
+            raise ConfigurationError(
+                "camera.width_px and camera.height_px belong together: set both or neither"
+            )
+        if self.camera.intrinsics is not None and not all(
+            math.isfinite(value) for value in self.camera.intrinsics.distortion
+        ):
+            raise ConfigurationError("camera.intrinsics.distortion holds a value that is no number")
+        for endpoint in (*self.network.listen, *self.network.connect):
+            _check_endpoint(endpoint, self.network.tls)
+
+
+_LOOPBACK_HOSTS = ("127.0.0.1", "localhost", "[::1]")
+
+
+def _check_endpoint(endpoint: str, tls: Tls | None) -> None:
+    """Refuse an endpoint that would let strangers drive the robot."""
+    transport, _, address = endpoint.partition("/")
+    host = address.rpartition(":")[0]
+    if transport not in ("tcp", "tls") or not host:
+        raise ConfigurationError(
+            f"network: endpoint {endpoint!r} is not understood, expected "
+            "'tcp/127.0.0.1:7447' or 'tls/0.0.0.0:7447'"
+        )
+    if transport == "tls" and tls is None:
+        raise ConfigurationError(
+            f"network: {endpoint} needs [network.tls] with ca, certificate, key"
+        )
+    if transport == "tcp" and host not in _LOOPBACK_HOSTS:
+        raise ConfigurationError(
+            f"network: {endpoint} would let anyone on the network drive this robot: use tls/ with "
+            "[network.tls], or tcp/127.0.0.1 and an ssh tunnel"
+        )
+
+
+def load(path: Path) -> Configuration:
+    """Read the configuration file.
+
+    Raises:
+        ConfigurationError: it is missing, no TOML, or a setting is unknown or out of range.
+
+    """
+    try:
+        text = path.read_text()
+    except FileNotFoundError:
+        raise ConfigurationError(
+            f"no configuration at {path}: copy deploy/config.toml there, or name one by --config"
+        ) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"cannot read {path}: {error}") from None
+    return decode(text, str(path))
+
+
+def decode(text: str, origin: str) -> Configuration:
+    """Decode configuration text; `origin` names it in errors.
+
+    Raises:
+        ConfigurationError: as `load`.
+
+    """
+    try:
+        return msgspec.convert(tomllib.loads(text), Configuration)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"{origin} is no valid TOML: {error}") from None
+    except msgspec.ValidationError as error:
+        raise ConfigurationError(f"{origin}: {error}") from None
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{origin}: {error}") from None

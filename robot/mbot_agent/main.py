@@ -1,0 +1,109 @@
+"""The command `mbot-agent`."""
+
+import argparse
+import json
+import logging
+import os
+import sys
+from pathlib import Path
+
+from mbot_agent import termination
+from mbot_agent.configuration import DEFAULT_PATH, load
+from mbot_agent.version import VERSION
+from mbot_protocol.errors import MbotError
+
+EPILOG = """examples:
+  mbot-agent check                       is everything there that driving needs?
+  mbot-agent run --config robot.toml     run in the foreground; Ctrl-C stops the motors and ends
+  systemctl start mbot-agent             run as a service
+"""
+
+
+def main() -> None:
+    """Run the command line and end the process, whatever threads are left."""
+    arguments = _parser().parse_args()
+    try:
+        code = _dispatch(arguments)
+    except MbotError as error:
+        print(f"mbot-agent: {error}", file=sys.stderr)
+        code = error.exit_code
+    except KeyboardInterrupt:
+        code = 130
+    except Exception:
+        logging.getLogger(__name__).exception("mbot-agent: internal error, please report it")
+        code = 70
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # Not sys.exit: a thread of Zenoh's or OpenCV's that hangs would keep a broken daemon alive,
+    # and systemd would never restart it (measured; zenoh-python issue 434).
+    os._exit(code)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="mbot-agent",
+        description="Drives a Makeblock mBot by a camera policy.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "action",
+        nargs="?",
+        choices=("run", "check", "stop-motors"),
+        default="run",
+        help="run the daemon (default), check the robot, or just stop the motors",
+    )
+    parser.add_argument(
+        "--config",
+        type=Path,
+        default=DEFAULT_PATH,
+        metavar="FILE",
+        help="configuration (default: %(default)s)",
+    )
+    parser.add_argument("--json", action="store_true", help="check: findings for machines")
+    parser.add_argument("--verbose", "-v", action="store_true", help="log more")
+    parser.add_argument("--version", action="version", version=f"mbot-agent {VERSION}")
+    return parser
+
+
+def _dispatch(arguments: argparse.Namespace) -> int:
+    configuration = load(arguments.config)
+    _log_to_stderr(verbose=arguments.verbose)
+    if arguments.action == "check":
+        return _check(arguments)
+    if arguments.action == "stop-motors":
+        from mbot_agent.motor_stop import stop_motors
+
+        stop_motors(configuration.board)
+        return 0
+    termination.block_signals()
+    from mbot_agent import daemon
+
+    daemon.run(configuration)
+    return 0
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    from mbot_agent.doctor import examine
+
+    findings = examine(load(arguments.config))
+    for finding in findings:
+        if arguments.json:
+            print(json.dumps({name: getattr(finding, name) for name in finding.__slots__}))
+        else:
+            print(f"{finding.verdict:8} {finding.subject:8} {finding.detail}")
+    return 1 if any(finding.verdict == "failed" for finding in findings) else 0
+
+
+def _log_to_stderr(*, verbose: bool) -> None:
+    """The journal stamps lines itself; a person at a terminal needs the time."""
+    dates = "" if "JOURNAL_STREAM" in os.environ else "%(asctime)s "
+    logging.basicConfig(
+        stream=sys.stderr,
+        level=logging.DEBUG if verbose else logging.INFO,
+        format=f"{dates}%(levelname)s %(message)s",
+    )
+
+
+if __name__ == "__main__":
+    main()

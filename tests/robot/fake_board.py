@@ -1,0 +1,123 @@
+"""A stand-in for the mCore board on a pty, with the faults a real one can have."""
+
+import os
+import pty
+import select
+import threading
+import time
+import tty
+from types import TracebackType
+from typing import Self
+
+from mbot_protocol.mcore import HEADER
+
+STOP_FRAME = bytes.fromhex("ff5507000205 0000 0000".replace(" ", ""))
+
+
+class FakeBoard:
+    """Obeys and acknowledges stock frames; keeps every joystick command with its time.
+
+    Attributes:
+        path: the port to open.
+        commands: (monotonic seconds, m1, m2) of every joystick frame obeyed.
+        received: every byte.
+        mute: when true, nothing is answered.
+        version: what it calls itself.
+
+    """
+
+    def __init__(self, version: str = "06.01.107") -> None:
+        self.version = version
+        self.mute = False
+        self.acknowledge = True
+        self.commands: list[tuple[float, int, int]] = []
+        self.received = bytearray()
+        self._master, slave = pty.openpty()
+        tty.setraw(slave)
+        self.path = os.ttyname(slave)
+        self._slave = slave
+        self._closing = False
+        self._buffer = bytearray()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.unplug()
+
+    @property
+    def speeds(self) -> tuple[int, int]:
+        """What the motors do now."""
+        return self.commands[-1][1:] if self.commands else (0, 0)
+
+    @property
+    def moved(self) -> bool:
+        """Whether any command ever turned a wheel."""
+        return any((m1, m2) != (0, 0) for _, m1, m2 in self.commands)
+
+    def unplug(self) -> None:
+        """Make the port vanish."""
+        if not self._closing:
+            self._closing = True
+            self._thread.join(timeout=2)
+            os.close(self._master)
+            os.close(self._slave)
+
+    def say(self, data: bytes) -> None:
+        """Send something unasked."""
+        os.write(self._master, data)
+
+    def reset(self) -> None:
+        """What a brown-out does: motors off, then the banner."""
+        self.commands.append((time.monotonic(), 0, 0))
+        self._buffer.clear()
+        self.say(f"Version: {self.version}\r\n".encode())
+
+    def wait_for(self, m1: int, m2: int, timeout_s: float = 3.0) -> bool:
+        """Whether the motors come to these speeds in time."""
+        deadline = time.monotonic() + timeout_s
+        while time.monotonic() < deadline:
+            if self.commands and self.speeds == (m1, m2):
+                return True
+            time.sleep(0.002)
+        return False
+
+    def _run(self) -> None:
+        while not self._closing:
+            ready, _, _ = select.select([self._master], [], [], 0.02)
+            if not ready:
+                continue
+            data = os.read(self._master, 4096)
+            self.received += data
+            self._buffer += data
+            while (reply := self._take()) is not None:
+                if reply and not self.mute:
+                    os.write(self._master, reply)
+
+    def _take(self) -> bytes | None:
+        """The reply to the next whole frame; empty for none; None when no frame is whole."""
+        start = self._buffer.find(HEADER)
+        if start < 0 or len(self._buffer) < start + 3:
+            return None
+        end = start + 3 + self._buffer[start + 2]
+        if len(self._buffer) < end:
+            return None
+        frame = bytes(self._buffer[start:end])
+        del self._buffer[:end]
+        if frame[4:6] == b"\x01\x00":
+            name = self.version.encode()
+            return HEADER + bytes((0, 4, len(name))) + name + b"\r\n"
+        if frame[4:6] == b"\x02\x05":
+            if not self.mute:
+                m1 = int.from_bytes(frame[6:8], "little", signed=True)
+                m2 = int.from_bytes(frame[8:10], "little", signed=True)
+                self.commands.append((time.monotonic(), m1, m2))
+            return HEADER + b"\r\n" if self.acknowledge else b""
+        return b""

@@ -1,0 +1,44 @@
+"""Small ONNX models for tests: a fixed action, or one defect each."""
+
+import numpy as np
+from onnx import TensorProto, helper, numpy_helper
+
+from mbot_protocol.policy_contract import PolicyMetadata
+
+
+def constant_model(
+    left: float = 0.5,
+    right: float = 0.5,
+    *,
+    name: str = "constant",
+    input_name: str = "observation",
+    input_shape: tuple[int | str, ...] = (1, 64, 64, 3),
+    input_type: int = TensorProto.UINT8,
+    metadata: dict[str, str] | None = None,
+    decision_rate_hz: float = 2.5,
+) -> bytes:
+    """A model that always answers (left, right), whatever it sees; NaN included."""
+    axes = list(range(1, len(input_shape)))
+    nodes = [
+        helper.make_node("Cast", [input_name], ["float"], to=TensorProto.FLOAT),
+        helper.make_node("ReduceMean", ["float"], ["mean"], axes=axes, keepdims=0),
+        helper.make_node("Unsqueeze", ["mean", "one"], ["column"]),
+        helper.make_node("Mul", ["column", "zero"], ["nothing"]),
+        helper.make_node("Add", ["nothing", "answer"], ["action"]),
+    ]
+    graph = helper.make_graph(
+        nodes,
+        name,
+        [helper.make_tensor_value_info(input_name, input_type, input_shape)],
+        [helper.make_tensor_value_info("action", TensorProto.FLOAT, (1, 2))],
+        [
+            numpy_helper.from_array(np.array([1], np.int64), "one"),
+            numpy_helper.from_array(np.zeros((1, 2), np.float32), "zero"),
+            numpy_helper.from_array(np.array([[left, right]], np.float32), "answer"),
+        ],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    if metadata is None:
+        metadata = PolicyMetadata(name, decision_rate_hz=decision_rate_hz).to_properties()
+    helper.set_model_props(model, metadata)
+    return model.SerializeToString()
