@@ -37,7 +37,8 @@ def find_port(configured: str) -> str:
         )
     if len(found) > 1:
         raise UnreachableError(
-            f"several boards on USB ({', '.join(found)}): set board.port to one of {_BY_ID}/*"
+            f"several boards on USB ({', '.join(found)}): set board.port to one of "
+            "/dev/serial/by-path/* (the CH340 has no serial number to tell them apart by id)"
         )
     return _stable_name(found[0])
 

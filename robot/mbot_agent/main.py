@@ -8,9 +8,9 @@ import sys
 from pathlib import Path
 
 from mbot_agent import termination
-from mbot_agent.configuration import DEFAULT_PATH, load
+from mbot_agent.configuration import DEFAULT_PATH, Board, Configuration, load
 from mbot_agent.version import VERSION
-from mbot_protocol.errors import MbotError
+from mbot_protocol.errors import ConfigurationError, MbotError
 
 EPILOG = """examples:
   mbot-agent check                       is everything there that driving needs?
@@ -67,15 +67,12 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _dispatch(arguments: argparse.Namespace) -> int:
-    configuration = load(arguments.config)
     _log_to_stderr(verbose=arguments.verbose)
-    if arguments.action == "check":
-        return _check(arguments)
     if arguments.action == "stop-motors":
-        from mbot_agent.motor_stop import stop_motors
-
-        stop_motors(configuration.board)
-        return 0
+        return _stop_motors(arguments.config)
+    configuration = load(arguments.config)
+    if arguments.action == "check":
+        return _check(configuration, as_json=arguments.json)
     termination.block_signals()
     from mbot_agent import daemon
 
@@ -83,12 +80,25 @@ def _dispatch(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _check(arguments: argparse.Namespace) -> int:
+def _stop_motors(path: Path) -> int:
+    """Even a broken configuration must not keep the motors turning."""
+    from mbot_agent.motor_stop import stop_motors
+
+    try:
+        board = load(path).board
+    except ConfigurationError as error:
+        logging.getLogger(__name__).warning("%s; stopping the board found on USB", error)
+        board = Board()
+    stop_motors(board)
+    return 0
+
+
+def _check(configuration: Configuration, *, as_json: bool) -> int:
     from mbot_agent.doctor import examine
 
-    findings = examine(load(arguments.config))
+    findings = examine(configuration)
     for finding in findings:
-        if arguments.json:
+        if as_json:
             print(json.dumps({name: getattr(finding, name) for name in finding.__slots__}))
         else:
             print(f"{finding.verdict:8} {finding.subject:8} {finding.detail}")

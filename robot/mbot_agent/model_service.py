@@ -18,7 +18,7 @@ from pathlib import Path
 
 from mbot_agent.configuration import Configuration
 from mbot_agent.dry_run import dry_run
-from mbot_agent.model_store import ModelStore, StoredModel
+from mbot_agent.model_store import Label, ModelStore, StoredModel
 from mbot_agent.policy import Policy
 from mbot_protocol.errors import ContractError, MbotError, RefusedError
 from mbot_protocol.keys import CHUNK_BYTES
@@ -41,9 +41,9 @@ class _Staging:
     sha256: str
     size_bytes: int
     expected_active: str
+    touched_s: float
     push_id: str = field(default_factory=lambda: secrets.token_hex(8))
     data: bytearray = field(default_factory=bytearray)
-    touched_s: float = field(default_factory=time.monotonic)
 
 
 class ModelService:
@@ -60,6 +60,7 @@ class ModelService:
         self._use = use
         self._staging: _Staging | None = None
         self._active: messages.Model | None = None
+        self._active_sha256 = ""
 
     @property
     def active_model(self) -> messages.Model | None:
@@ -145,7 +146,9 @@ class ModelService:
         self.expire_staging()
         if self._staging is not None and self._staging.sha256 != request.sha256:
             raise RefusedError(f"another push is under way; try again in {STAGING_EXPIRES_S:.0f} s")
-        self._staging = _Staging(request.sha256, request.size_bytes, request.expected_active_sha256)
+        self._staging = _Staging(
+            request.sha256, request.size_bytes, request.expected_active_sha256, time.monotonic()
+        )
         reply.push_id = self._staging.push_id
 
     def _chunk(self, payload: bytes, reply: messages.PushReply) -> None:
@@ -181,7 +184,8 @@ class ModelService:
         self._check_active(staging.expected_active)
         self._try(data)
         policy = Policy(data)
-        self._store.add(policy.sha256, data)
+        label = Label(policy.metadata.name, policy.metadata.decision_rate_hz)
+        self._store.add(policy.sha256, data, label)
         self._store.activate(policy.sha256)
         self._adopt(policy)
         reply.push_id = staging.push_id
@@ -217,10 +221,8 @@ class ModelService:
     def _adopt(self, policy: Policy) -> None:
         self._use(policy)
         stored = next(m for m in self._store.models() if m.sha256 == policy.sha256)
+        self._active_sha256 = policy.sha256
         self._active = self._describe(stored)
-        self._active.active = True
-        self._active.name = policy.metadata.name
-        self._active.decision_rate_hz = policy.metadata.decision_rate_hz
         log.info("model %s (%s) is active", policy.sha256[:12], policy.metadata.name)
         if advice := self._advice(policy):
             log.warning("%s", advice)
@@ -236,16 +238,15 @@ class ModelService:
         )
 
     def _describe(self, stored: StoredModel) -> messages.Model:
-        pointer = self._store.pointer
-        known = self._active if self._active and self._active.sha256 == stored.sha256 else None
+        active = stored.sha256 == self._active_sha256
         return messages.Model(
             sha256=stored.sha256,
-            name=known.name if known else "",
+            name=stored.label.name,
             size_bytes=stored.size_bytes,
             stored_unix_time_ns=stored.stored_unix_time_ns,
-            active=stored.sha256 == pointer.active,
-            previous=stored.sha256 == pointer.previous,
-            decision_rate_hz=known.decision_rate_hz if known else 0.0,
+            active=active,
+            previous=stored.sha256 == self._store.pointer.previous and not active,
+            decision_rate_hz=stored.label.decision_rate_hz,
         )
 
     def _staged(self, push_id: str) -> _Staging:
@@ -261,7 +262,7 @@ class ModelService:
             )
 
     def _check_active(self, expected_sha256: str) -> None:
-        active = self._active.sha256 if self._active else ""
+        active = self._active_sha256
         if active != expected_sha256:
             raise RefusedError(
                 f"another model ({active[:12] or 'none'}) has become active meanwhile: look at "

@@ -25,12 +25,20 @@ class Pointer(msgspec.Struct, frozen=True):
     previous: str = ""
 
 
+class Label(msgspec.Struct, frozen=True):
+    """What a stored model says of itself, kept beside it: listing must not load every model."""
+
+    name: str = ""
+    decision_rate_hz: float = 0.0
+
+
 class StoredModel(msgspec.Struct, frozen=True):
     """One model in the store."""
 
     sha256: str
     size_bytes: int
     stored_unix_time_ns: int
+    label: Label
 
 
 class ModelStore:
@@ -70,7 +78,8 @@ class ModelStore:
         found: list[StoredModel] = []
         for path in self._directory.glob("*.onnx"):
             status = path.stat()
-            found.append(StoredModel(path.stem, status.st_size, status.st_mtime_ns))
+            label = self._label(path.stem)
+            found.append(StoredModel(path.stem, status.st_size, status.st_mtime_ns, label))
         return sorted(found, key=lambda model: model.stored_unix_time_ns, reverse=True)
 
     def find(self, prefix: str) -> str:
@@ -104,7 +113,7 @@ class ModelStore:
             raise ContractError(f"the model {path} is damaged: push it again")
         return data
 
-    def add(self, sha256: str, data: bytes) -> None:
+    def add(self, sha256: str, data: bytes, label: Label) -> None:
         """Store a model; the active one does not change.
 
         Raises:
@@ -112,6 +121,7 @@ class ModelStore:
 
         """
         try:
+            self._write(self._label_path(sha256), msgspec.json.encode(label))
             self._write(self._path(sha256), data)
         except OSError as error:
             raise RefusedError(f"cannot store the model: {error.strerror}") from None
@@ -120,12 +130,14 @@ class ModelStore:
         """Make a stored model the active one; what was active becomes the previous one.
 
         Raises:
-            RefusedError: the disk refuses it; the old one stays active.
+            RefusedError: it is not stored, or the disk refuses; the old one stays active.
 
         """
         old = self.pointer
         if old.active == sha256:
             return
+        if not self._path(sha256).is_file():
+            raise RefusedError(f"there is no stored model {sha256[:12]}: push it again")
         try:
             self._write(
                 self._directory / "active.json", msgspec.json.encode(Pointer(sha256, old.active))
@@ -140,6 +152,16 @@ class ModelStore:
         for model in spare[max(0, self._keep - 2) :]:
             with contextlib.suppress(OSError):
                 self._path(model.sha256).unlink()
+                self._label_path(model.sha256).unlink(missing_ok=True)
+
+    def _label(self, sha256: str) -> Label:
+        try:
+            return msgspec.json.decode(self._label_path(sha256).read_bytes(), type=Label)
+        except (OSError, msgspec.DecodeError):
+            return Label()
+
+    def _label_path(self, sha256: str) -> Path:
+        return self._directory / f"{sha256}.json"
 
     def _path(self, sha256: str) -> Path:
         return self._directory / f"{sha256}.onnx"

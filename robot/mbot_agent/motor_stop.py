@@ -10,7 +10,10 @@ from mbot_protocol.errors import UnreachableError
 
 log = logging.getLogger(__name__)
 
-ATTEMPTS = 3
+TIME_LIMIT_S = 8.0
+"""All attempts together; systemd's TimeoutStopSec leaves 10 s, a board that boots needs 3.5 s."""
+
+PAUSE_S = 0.3
 
 
 def stop_motors(board: Board) -> None:
@@ -20,21 +23,23 @@ def stop_motors(board: Board) -> None:
     waits for its firmware and says stop once more.
 
     Raises:
-        UnreachableError: the board could not be told.
+        UnreachableError: the board could not be told in 8 s.
 
     """
+    end_s = time.monotonic() + TIME_LIMIT_S
     never, keep_open = os.pipe()
     try:
-        for attempt in range(1, ATTEMPTS + 1):
+        while True:
             try:
                 with BoardSession.open(board.port, board.baud_rate, never) as session:
-                    session.handshake(lambda: False)
-                    log.info("motors stopped (%s, firmware %s)", session.path, session.version)
-                    return
+                    if session.handshake(lambda: time.monotonic() > end_s):
+                        log.info("motors stopped (%s, %s)", session.path, session.version)
+                        return
+                    raise UnreachableError(f"{session.path} does not confirm that the motors stand")
             except UnreachableError:
-                if attempt == ATTEMPTS:
+                if time.monotonic() + PAUSE_S > end_s:
                     raise
-                time.sleep(0.3)
+                time.sleep(PAUSE_S)
     finally:
         os.close(never)
         os.close(keep_open)

@@ -1,0 +1,273 @@
+#!/bin/sh
+# Installs mbot-agent from this checkout on Raspberry Pi OS, 64-bit, Bookworm or Trixie.
+# docs/install-on-a-pi.md shows what it prints.
+set -eu
+umask 022
+
+# For tests of this script: a directory that stands for /, and the interpreter of the venv.
+# Everything else is called by name, so a test puts stand-ins first on PATH.
+root=${MBOT_INSTALL_ROOT:-}
+python=${MBOT_INSTALL_PYTHON:-/usr/bin/python3}
+
+user=mbot-agent
+service=mbot-agent.service
+application=$root/opt/mbot-agent
+venv=$application/venv
+configuration=$root/etc/mbot-agent
+state=$root/var/lib/mbot-agent
+unit=$root/etc/systemd/system/$service
+rules=$root/etc/udev/rules.d/60-mbot.rules
+brltty_rules=$root/etc/udev/rules.d/95-mbot-brltty.rules
+modules=$root/etc/modules-load.d/mbot-agent.conf
+sysusers=$root/etc/sysusers.d/mbot-agent.conf
+command_link=$root/usr/local/bin/mbot-agent
+
+usage() {
+    cat <<'USAGE'
+usage: sudo deploy/install.sh [--dry-run] [--without-picamera2]
+       sudo deploy/install.sh --uninstall [--purge] [--dry-run]
+
+Installs mbot-agent from this checkout, or updates it; running it again is safe. A configuration
+that exists is left alone, and nothing is started.
+
+  --dry-run            print what would be done, change nothing (needs no root)
+  --without-picamera2  for a camera OpenCV opens (USB, URL); also accepts a PC (amd64)
+  --uninstall          remove the program; keep configuration, models and user
+  --purge              with --uninstall: remove those too
+  --help               this text
+USAGE
+}
+
+fail() {
+    echo "install.sh: error: $1" >&2
+    exit "${2:-1}"
+}
+
+step() { echo "==> $*"; }
+
+note() { echo "    $*"; }
+
+run() {
+    if [ -n "$dry_run" ]; then
+        echo "would run: $*"
+    else
+        "$@"
+    fi
+}
+
+# What follows may fail without harm: say so and go on.
+try() {
+    run "$@" || note "warning: '$*' failed"
+}
+
+checkout=$(cd "$(dirname "$0")/.." && pwd)
+dry_run=
+uninstall=
+purge=
+picamera2=1
+
+while [ $# -gt 0 ]; do
+    case $1 in
+        --dry-run) dry_run=1 ;;
+        --without-picamera2) picamera2= ;;
+        --uninstall) uninstall=1 ;;
+        --purge) purge=1 ;;
+        --help | -h) usage && exit 0 ;;
+        *) fail "unknown option '$1', see --help" 2 ;;
+    esac
+    shift
+done
+[ -z "$purge" ] || [ -n "$uninstall" ] || fail "--purge goes with --uninstall only" 2
+
+require_root() {
+    [ -n "$dry_run" ] || [ "$(id -u)" = 0 ] || fail "root is needed: run it with sudo"
+}
+
+# The processor alone tells nothing: 32-bit Raspberry Pi OS runs a 64-bit kernel on a Pi 4.
+require_machine() {
+    command -v dpkg >/dev/null || fail "no dpkg here: Raspberry Pi OS (64-bit) is needed"
+    case $(dpkg --print-architecture) in
+        arm64) ;;
+        amd64)
+            [ -z "$picamera2" ] ||
+                fail "this is a PC, not a Raspberry Pi: with another camera, --without-picamera2"
+            ;;
+        arm*)
+            [ "$(uname -m)" != armv6l ] ||
+                fail "this Pi is ARMv6 (Pi 1, Zero, Zero W), 32-bit only: a Zero 2 W or Pi 3, 4, 5 is needed"
+            fail "this is a 32-bit system: install the 64-bit Raspberry Pi OS"
+            ;;
+        *) fail "this processor is not supported: arm64 is needed" ;;
+    esac
+}
+
+require_release() {
+    release=$(sed -n 's/^VERSION_CODENAME=//p' "$root/etc/os-release" 2>/dev/null | tr -d '"') || :
+    case $release in
+        bookworm | trixie) ;;
+        *) fail "release is '${release:-unknown}', expected Raspberry Pi OS bookworm or trixie" ;;
+    esac
+}
+
+is_installed() {
+    [ "$(dpkg-query -W -f='${db:Status-Status}' "$1" 2>/dev/null)" = installed ]
+}
+
+install_packages() {
+    packages=python3-venv
+    [ -z "$picamera2" ] || packages="$packages python3-picamera2"
+    missing=
+    for package in $packages; do
+        is_installed "$package" || missing="$missing $package"
+    done
+    if [ -z "$missing" ]; then
+        step "Packages: $packages are installed"
+        return
+    fi
+    step "Packages:$missing"
+    # Without the recommended ones, which are a desktop's: Qt, OpenCV.
+    run apt-get update
+    # shellcheck disable=SC2086  # a list of names
+    run env DEBIAN_FRONTEND=noninteractive \
+        apt-get install --yes --no-install-recommends $missing ||
+        fail "apt-get could not install$missing"
+}
+
+stop_service() {
+    was_running=
+    if systemctl is-active --quiet "$service" 2>/dev/null; then
+        was_running=1
+        step "Stopping mbot-agent, its files are about to change"
+        run systemctl stop "$service"
+    fi
+}
+
+make_user() {
+    step "User $user, in the groups dialout and video"
+    run install -D -m 0644 "$checkout/deploy/sysusers.d/mbot-agent.conf" "$sysusers"
+    run systemd-sysusers "$sysusers"
+    run install -d -m 0700 "$state"
+    run chown "$user:$user" "$state"
+}
+
+install_application() {
+    step "Program in $venv"
+    # --clear also after a release upgrade, whose new Python finds nothing in the old directory.
+    if ! "$venv/bin/python" -m pip --version >/dev/null 2>&1; then
+        run "$python" -m venv --clear --system-site-packages "$venv"
+    fi
+    constraints=$checkout/deploy/constraints-$release.txt
+    set -- --no-cache-dir --only-binary=:all: --compile
+    [ ! -f "$constraints" ] || set -- "$@" --constraint "$constraints"
+    # --only-binary: a Pi Zero 2 W would compile numpy for hours and then run out of memory.
+    # --compile: the service may not write .pyc files. TMPDIR: Trixie's /tmp lies in memory.
+    run env TMPDIR="$root/var/tmp" "$venv/bin/python" -m pip install "$@" "${checkout}[robot]" ||
+        fail "pip could not install mbot-agent, see above"
+    run install -d -m 0755 "$(dirname "$command_link")"
+    run ln -sfn "$venv/bin/mbot-agent" "$command_link"
+}
+
+# 1 to 32 of a-z, 0-9, '-' and '_', beginning with a letter or digit.
+robot_id() {
+    id=$(head -n 1 "$root/etc/hostname" 2>/dev/null | cut -d . -f 1 | tr '[:upper:]' '[:lower:]' |
+        tr -cd 'a-z0-9_-' | sed 's/^[-_]*//' | cut -c 1-32) || :
+    echo "${id:-mbot-1}"
+}
+
+install_configuration() {
+    if [ -e "$configuration/config.toml" ]; then
+        step "Configuration: $configuration/config.toml is kept"
+    else
+        step "Configuration: $configuration/config.toml for the robot '$(robot_id)'"
+        run install -D -m 0644 "$checkout/deploy/config.toml" "$configuration/config.toml"
+        run sed -i "s/^robot_id = .*/robot_id = \"$(robot_id)\"/" "$configuration/config.toml"
+        [ "$(robot_id)" != raspberrypi ] ||
+            note "that is every Pi's name: with a second robot, change robot_id there"
+    fi
+    # For the TLS key: the service may read it, nobody else.
+    run install -d -m 0750 "$configuration/tls"
+    run chown "root:$user" "$configuration/tls"
+}
+
+install_service() {
+    step "Serial port: udev rules and kernel modules"
+    run install -D -m 0644 "$checkout/deploy/udev/60-mbot.rules" "$rules"
+    run install -D -m 0644 "$checkout/deploy/udev/95-mbot-brltty.rules" "$brltty_rules"
+    run install -D -m 0644 "$checkout/deploy/modules-load.d/mbot-agent.conf" "$modules"
+    try modprobe --all usbserial ch341 cdc_acm
+    try udevadm control --reload
+    try udevadm trigger --subsystem-match=usb --subsystem-match=tty
+
+    step "Service $service, started at boot from now on"
+    run install -D -m 0644 "$checkout/deploy/systemd/$service" "$unit"
+    run systemctl daemon-reload
+    run systemctl enable "$service"
+}
+
+check_brltty() {
+    is_installed brltty || return 0
+    version=$(dpkg-query -W -f='${Version}' brltty)
+    if dpkg --compare-versions "$version" lt 6.5; then
+        note "warning: brltty $version takes the board's serial port for a Braille display;"
+        note "95-mbot-brltty.rules keeps it off. If /dev/mbot still vanishes: apt remove brltty"
+    fi
+}
+
+show_check() {
+    step "mbot-agent check, as $user"
+    run runuser -u "$user" -- env HOME="$state" "$venv/bin/mbot-agent" check ||
+        note "something is missing, see above: mend it before the start"
+}
+
+show_next_steps() {
+    cat <<NEXT
+
+Next:
+  sudoedit /etc/mbot-agent/config.toml     name, camera, board
+  sudo -u mbot-agent mbot-agent check      until it is content
+  sudo systemctl start mbot-agent          wheels off the ground the first time
+  journalctl -u mbot-agent -f              what it says
+NEXT
+    [ -z "$was_running" ] || echo "mbot-agent was running and is stopped now: start it again as above."
+}
+
+remove_all() {
+    step "Removing mbot-agent"
+    if [ -e "$unit" ]; then
+        try systemctl disable --now "$service"
+    fi
+    run rm -f "$unit" "$rules" "$brltty_rules" "$modules" "$sysusers" "$command_link"
+    run rm -rf "$application"
+    run systemctl daemon-reload
+    try udevadm control --reload
+    if [ -n "$purge" ]; then
+        step "Removing configuration, models and user"
+        run rm -rf "$configuration" "$state"
+        if getent passwd "$user" >/dev/null; then
+            try userdel "$user"
+        fi
+    else
+        note "kept: $configuration, $state and the user $user (--purge removes them)"
+    fi
+    note "packages of apt-get stay: python3-venv, python3-picamera2"
+}
+
+if [ -n "$uninstall" ]; then
+    require_root
+    remove_all
+    exit 0
+fi
+
+[ -f "$checkout/pyproject.toml" ] || fail "$checkout is no checkout of mbot-agent"
+require_machine
+require_release
+require_root
+install_packages
+stop_service
+make_user
+install_application
+install_configuration
+install_service
+check_brltty
+show_check
+show_next_steps

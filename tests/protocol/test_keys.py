@@ -1,0 +1,29 @@
+import pytest
+
+from mbot_protocol import keys
+from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.keys import FOXGLOVE_PICTURE, TOPICS, Flow
+from mbot_protocol.v1 import messages_pb2
+
+
+def test_every_message_named_in_the_table_exists_and_carries_a_version() -> None:
+    for topic in TOPICS:
+        for name in (topic.message, topic.reply):
+            if name in ("", FOXGLOVE_PICTURE):
+                continue
+            message = messages_pb2.DESCRIPTOR.message_types_by_name[name.removeprefix("mbot.v1.")]
+            assert message.fields_by_name["schema_version"].number == 1
+
+
+def test_keys_are_distinct_and_below_the_robots_prefix() -> None:
+    assert len({topic.name for topic in TOPICS}) == len(TOPICS)
+    for topic in TOPICS:
+        assert topic.key("mbot-1").startswith("mbot/mbot-1/")
+        assert keys.robot_id_of(topic.key("mbot-1")) == "mbot-1"
+        assert (topic.flow is Flow.QUERY) == bool(topic.reply)
+
+
+@pytest.mark.parametrize("robot_id", ["", "*", "**", "a/b", "Ä", "a b", "A", "-a", "a" * 33])
+def test_an_id_that_could_reach_other_robots_is_refused(robot_id: str) -> None:
+    with pytest.raises(ConfigurationError, match="expected 1 to 32"):
+        keys.check_robot_id(robot_id)

@@ -1,0 +1,196 @@
+import threading
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from mbot_agent import camera as camera_module
+from mbot_agent.camera import CaptureThread, FrameCheck
+from mbot_agent.configuration import Camera
+from mbot_agent.frame_sources import CameraError, OpenCvSource, frame_source, is_real_camera
+
+MILLISECOND = 1_000_000
+
+
+def noise(seed: int, height_px: int = 48, width_px: int = 64) -> np.ndarray:
+    return np.random.default_rng(seed).integers(0, 256, (height_px, width_px, 3), np.uint8)
+
+
+def video(path: Path, frames: int = 40, colour: tuple[int, int, int] | None = None) -> Path:
+    """A short clip: noise, or one BGR colour."""
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 30.0, (64, 48))
+    for seed in range(frames):
+        frame = noise(seed) if colour is None else np.full((48, 64, 3), colour, np.uint8)
+        writer.write(frame)
+    writer.release()
+    return path
+
+
+def kind(check: FrameCheck, picture: np.ndarray, at_ms: float) -> str | None:
+    fault = check.judge(picture, int(at_ms * MILLISECOND))
+    return None if fault is None else fault.kind
+
+
+def test_a_picture_that_changes_is_good() -> None:
+    check = FrameCheck(Camera())
+    assert [kind(check, noise(k), k * 33) for k in range(20)] == [None] * 20
+
+
+def test_black_and_nearly_black_pictures_are_refused() -> None:
+    check = FrameCheck(Camera())
+    assert kind(check, noise(0) // 64, 0) == "camera-black"
+    assert kind(check, np.zeros((48, 64, 3), np.uint8), 33) == "camera-black"
+    assert kind(check, noise(1) // 8, 66) is None
+
+
+@pytest.mark.parametrize(
+    "picture",
+    [noise(0, 50, 64), noise(0)[..., 0], noise(0).astype(np.float32), noise(0)[..., :2]],
+)
+def test_another_shape_than_before_is_refused(picture: np.ndarray) -> None:
+    check = FrameCheck(Camera())
+    assert kind(check, noise(1), 0) is None
+    assert kind(check, picture, 33) == "camera-wrong-shape"
+    assert kind(check, noise(2), 66) is None
+
+
+def test_a_configured_shape_is_held_from_the_first_frame() -> None:
+    check = FrameCheck(Camera(width_px=320, height_px=240))
+    fault = check.judge(noise(0), 0)
+    assert fault is not None
+    assert "expected uint8 (240, 320, 3)" in fault.detail
+
+
+def test_a_sensor_that_repeats_itself_is_frozen_after_300_ms() -> None:
+    check = FrameCheck(Camera(source="/dev/video0"))
+    same = noise(0)
+    kinds = [kind(check, same, k * 50) for k in range(8)]
+    assert kinds == [None] * 6 + ["camera-frozen"] * 2
+    assert kind(check, noise(1), 400) is None
+
+
+def test_a_still_stream_is_believed_until_the_robot_drives(monkeypatch: pytest.MonkeyPatch) -> None:
+    check = FrameCheck(Camera(source="http://127.0.0.1/stream"))
+    same = noise(0)
+    assert kind(check, same, 0) is None
+    assert kind(check, same, 60_000) is None
+    monkeypatch.setattr(time, "monotonic_ns", lambda: 60_000 * MILLISECOND)
+    check.drives(driving=True)
+    assert kind(check, same, 60_900) is None
+    assert kind(check, same, 61_000) == "camera-frozen"
+    check.drives(driving=False)  # the motors were stopped, and still nothing changes
+    assert kind(check, same, 70_000) == "camera-frozen"
+    check.forgive()
+    assert kind(check, same, 70_033) is None
+
+
+def test_which_sources_have_a_sensor() -> None:
+    for source in ("picamera2", "0", "/dev/video2"):
+        assert is_real_camera(Camera(source=source))
+    for source in ("clip.mp4", "http://127.0.0.1:8090/stream.mjpg"):
+        assert not is_real_camera(Camera(source=source))
+
+
+def test_colours_arrive_as_rgb(tmp_path: Path) -> None:
+    clip = video(tmp_path / "red.avi", colour=(20, 10, 200))
+    with OpenCvSource(Camera(source=str(clip))) as source:
+        picture, captured_ns = source.read()
+    red, green, blue = picture.reshape(-1, 3).mean(axis=0)
+    assert red > 150
+    assert max(green, blue) < 100
+    assert captured_ns <= time.monotonic_ns()
+
+
+def test_a_missing_camera_is_explained() -> None:
+    with pytest.raises(CameraError, match=r"cannot open the camera '/nothing\.mp4'"):
+        frame_source(Camera(source="/nothing.mp4")).__enter__()
+
+
+def test_picamera2_is_explained_where_there_is_none() -> None:
+    with pytest.raises(CameraError, match="apt install python3-picamera2"):
+        frame_source(Camera()).__enter__()
+
+
+def test_the_thread_keeps_the_newest_frame_and_reopens_an_ended_camera(tmp_path: Path) -> None:
+    clip = video(tmp_path / "clip.avi", frames=12)
+    with CaptureThread(Camera(source=str(clip))) as capture:
+        fault = capture.fault
+        assert fault is not None
+        assert fault.kind == "camera-starting"
+        seen: set[int] = set()
+        deadline = time.monotonic() + 10
+        while time.monotonic() < deadline and len(seen) < 18:  # more than the clip has
+            if (frame := capture.latest()) is not None:
+                seen.add(frame.captured_ns)
+                assert frame.picture.shape == (48, 64, 3)
+            time.sleep(0.005)
+        assert len(seen) >= 18
+
+
+class HangingSource:
+    """Delivers three frames, then hangs as a real camera does."""
+
+    def __init__(self) -> None:
+        self._left = 3
+
+    def __enter__(self) -> "HangingSource":
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def read(self) -> tuple[np.ndarray, int]:
+        if self._left == 0:
+            time.sleep(1.0)
+            raise CameraError("the camera has stopped delivering frames")
+        self._left -= 1
+        time.sleep(0.02)
+        return noise(self._left), time.monotonic_ns()
+
+
+def test_a_hanging_camera_turns_stale_and_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[HangingSource] = []
+    reopened = threading.Event()
+
+    def source(_: Camera) -> HangingSource:
+        if opened:
+            reopened.set()
+        opened.append(HangingSource())
+        return opened[-1]
+
+    monkeypatch.setattr(camera_module, "frame_source", source)
+    with CaptureThread(Camera(source="0")) as capture:
+        deadline = time.monotonic() + 5
+        while not capture.is_fresh() and time.monotonic() < deadline:
+            time.sleep(0.005)
+        assert capture.is_fresh()
+        while capture.is_fresh() and time.monotonic() < deadline:
+            time.sleep(0.005)
+        fault = capture.fault
+        assert fault is not None
+        assert fault.kind == "camera-stalled"
+        assert reopened.wait(5)
+
+
+def test_a_refused_frame_ends_freshness_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    black = threading.Event()
+
+    class TurningBlack(HangingSource):
+        def read(self) -> tuple[np.ndarray, int]:
+            time.sleep(0.01)
+            picture = np.zeros((48, 64, 3), np.uint8) if black.is_set() else noise(time.time_ns())
+            return picture, time.monotonic_ns()
+
+    monkeypatch.setattr(camera_module, "frame_source", lambda _: TurningBlack())
+    with CaptureThread(Camera(source="0")) as capture:
+        deadline = time.monotonic() + 5
+        while not capture.is_fresh() and time.monotonic() < deadline:
+            time.sleep(0.002)
+        black.set()
+        while capture.is_fresh() and time.monotonic() < deadline:
+            time.sleep(0.002)
+        fault = capture.fault
+        assert fault is not None
+        assert fault.kind == "camera-black"
+        assert capture.latest() is None

@@ -1,0 +1,101 @@
+import time
+
+import pytest
+
+from mbot_agent.faults import Fault
+from mbot_agent.helm import Helm, Mode, State, state_of
+from mbot_agent.motors import DriveCommand
+from mbot_protocol.mcore import Joystick
+
+FORWARD = Joystick(-100, 100)
+WRONG = (Fault("camera-stalled", "no frame"),)
+
+
+class RecordingMotors:
+    """Keeps what the helm asks of the motors."""
+
+    def __init__(self) -> None:
+        self.asked: list[object] = []
+
+    def drive(self, command: DriveCommand) -> int:
+        self.asked.append(command.joystick)
+        return len(self.asked)
+
+    def stop(self) -> None:
+        self.asked.append("stop")
+
+
+@pytest.fixture
+def motors() -> RecordingMotors:
+    return RecordingMotors()
+
+
+def helm_of(motors: RecordingMotors, mode: Mode = Mode.IDLE) -> Helm:
+    return Helm(motors, mode)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize(
+    ("mode", "faults", "state"),
+    [
+        (Mode.IDLE, (), State.IDLE),
+        (Mode.IDLE, WRONG, State.IDLE),
+        (Mode.STOPPED, WRONG, State.STOPPED),
+        (Mode.RUNNING, (), State.RUNNING),
+        (Mode.RUNNING, WRONG, State.FAULT),
+        (Mode.MANUAL, WRONG, State.FAULT),
+    ],
+)
+def test_a_fault_shows_only_where_the_robot_should_drive(
+    mode: Mode, faults: tuple[Fault, ...], state: State
+) -> None:
+    assert state_of(mode, faults) is state
+
+
+def test_a_decision_begun_before_a_stop_never_reaches_the_motors(motors: RecordingMotors) -> None:
+    helm = helm_of(motors)
+    helm.run()
+    orders = helm.orders
+    helm.stop()
+    assert helm.steer_by_policy(orders, DriveCommand(FORWARD, 0)) is None
+    assert motors.asked == ["stop"]
+
+
+def test_a_decision_begun_before_stop_and_run_again_is_outdated_too(
+    motors: RecordingMotors,
+) -> None:
+    helm = helm_of(motors, Mode.RUNNING)
+    orders = helm.orders
+    helm.stop()
+    helm.run()
+    assert helm.steer_by_policy(orders, DriveCommand(FORWARD, 0)) is None
+    assert helm.steer_by_policy(helm.orders, DriveCommand(FORWARD, 0)) is not None
+
+
+def test_resting_for_old_orders_does_not_stop_a_hand(motors: RecordingMotors) -> None:
+    helm = helm_of(motors, Mode.RUNNING)
+    orders = helm.orders
+    helm.steer_by_hand(FORWARD, 10**9)
+    helm.rest(orders)
+    assert motors.asked == [FORWARD]
+
+
+def test_a_hand_that_lets_go_has_stopped(
+    motors: RecordingMotors, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    helm = helm_of(motors, Mode.RUNNING)
+    helm.steer_by_hand(FORWARD, 200_000_000)
+    helm.end_manual_if_due()
+    assert helm.orders.mode is Mode.MANUAL
+    later_ns = time.monotonic_ns() + 200_000_000
+    monkeypatch.setattr(time, "monotonic_ns", lambda: later_ns)
+    helm.end_manual_if_due()
+    assert helm.orders.mode is Mode.STOPPED
+    assert motors.asked == [FORWARD, "stop"]
+
+
+def test_run_takes_over_from_a_hand_standing(motors: RecordingMotors) -> None:
+    helm = helm_of(motors)
+    helm.steer_by_hand(FORWARD, 10**9)
+    helm.run()
+    assert motors.asked == [FORWARD, "stop"]
+    assert helm.orders.mode is Mode.RUNNING

@@ -1,0 +1,360 @@
+"""deploy/install.sh, run for real into a temporary root.
+
+The programs that would change the machine are stand-ins that write what they were asked to a log;
+the script's own file handling is real.
+"""
+
+import os
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from mbot_agent import configuration
+from mbot_protocol.keys import check_robot_id
+
+CHECKOUT = Path(__file__).parents[2]
+SCRIPT = CHECKOUT / "deploy" / "install.sh"
+UNIT = CHECKOUT / "deploy" / "systemd" / "mbot-agent.service"
+
+LOG = 'echo "${0##*/} $*" >> "$FAKE/log"\n'
+
+FAKES = {
+    "apt-get": LOG + '[ "$1" != install ] || [ ! -e "$FAKE/apt-fails" ] || exit 100\n'
+    '[ "$1" != install ] || for name in "$@"; do echo "$name 1.0" >> "$FAKE/packages"; done\n',
+    "chown": LOG,
+    "dpkg": 'case $1 in --print-architecture) cat "$FAKE/architecture" ;;\n'
+    '--compare-versions) [ "$(printf "%s\\n" "$2" "$4" | sort -V | head -n 1)" = "$2" ] &&'
+    ' [ "$2" != "$4" ] ;;\nesac\n',
+    "dpkg-query": 'line=$(grep "^$3 " "$FAKE/packages") || exit 1\n'
+    'case $2 in *Status*) printf installed ;; *Version*) printf "%s" "${line#* }" ;; esac\n',
+    "getent": '[ -e "$FAKE/user" ]\n',
+    "id": 'cat "$FAKE/uid"\n',
+    "modprobe": LOG + "exit 1\n",
+    "runuser": LOG + 'while [ "$1" != -- ]; do shift; done\nshift\nexec "$@"\n',
+    "systemctl": '[ "$1" = is-active ] && { [ -e "$FAKE/active" ]; exit; }\n' + LOG,
+    "systemd-sysusers": LOG + 'touch "$FAKE/user"\n',
+    "udevadm": LOG,
+    "uname": 'cat "$FAKE/machine"\n',
+    "userdel": LOG + 'rm "$FAKE/user"\n',
+    "venv-agent": LOG + 'echo "board: not found"\n[ ! -e "$FAKE/check-fails" ]\n',
+    # The interpreter of the system (`-m venv ... DIR`) and of the venv (`-m pip ...`).
+    "python3": '[ "$*" != "-m pip --version" ] || exit 0\n' + LOG + "case $2 in\n"
+    "venv) for directory; do :; done\n"
+    'mkdir -p "$directory/bin" && cp "$0" "$directory/bin/python" ;;\n'
+    'pip) [ ! -e "$FAKE/pip-fails" ] || exit 1\n'
+    'cp "$FAKE/bin/venv-agent" "${0%/*}/mbot-agent" ;;\nesac\n',
+}
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A temporary root and what its stand-ins know and have been asked."""
+
+    root: Path
+    fake: Path
+
+    def install(self, *options: str) -> subprocess.CompletedProcess[str]:
+        environment = {
+            "PATH": f"{self.fake / 'bin'}:{os.defpath}",
+            "FAKE": str(self.fake),
+            "MBOT_INSTALL_ROOT": str(self.root),
+            "MBOT_INSTALL_PYTHON": str(self.fake / "bin" / "python3"),
+        }
+        return subprocess.run(
+            ["sh", SCRIPT, *options], env=environment, capture_output=True, text=True, check=False
+        )
+
+    def installed(self, *options: str) -> str:
+        result = self.install(*options)
+        assert result.returncode == 0, result.stdout + result.stderr
+        return result.stdout
+
+    def asked(self) -> list[str]:
+        """What the stand-ins were asked so far."""
+        log = self.fake / "log"
+        return log.read_text().splitlines() if log.exists() else []
+
+    def forget(self) -> None:
+        (self.fake / "log").unlink(missing_ok=True)
+
+    def knows(self, name: str, text: str = "") -> None:
+        (self.fake / name).write_text(text)
+
+    def files(self) -> dict[str, bytes]:
+        """Everything below the root."""
+        return {
+            str(path.relative_to(self.root)): path.read_bytes()
+            for path in self.root.rglob("*")
+            if path.is_file()
+        }
+
+    @property
+    def configuration(self) -> Path:
+        return self.root / "etc/mbot-agent/config.toml"
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Machine:
+    """A 64-bit Raspberry Pi OS Bookworm, freshly written to its card, with root at the keyboard."""
+    machine = Machine(tmp_path / "root", tmp_path / "fake")
+    binaries = machine.fake / "bin"
+    binaries.mkdir(parents=True)
+    for name, body in FAKES.items():
+        (binaries / name).write_text("#!/bin/sh\n" + body)
+        (binaries / name).chmod(0o755)
+    etc = machine.root / "etc"
+    etc.mkdir(parents=True)
+    (machine.root / "var/tmp").mkdir(parents=True)
+    (etc / "os-release").write_text("ID=debian\nVERSION_CODENAME=bookworm\n")
+    (etc / "hostname").write_text("Rover-7.local\n")
+    machine.knows("uid", "0\n")
+    machine.knows("architecture", "arm64\n")
+    machine.knows("machine", "aarch64\n")
+    machine.knows("packages")
+    return machine
+
+
+def index_of(lines: list[str], start: str) -> int:
+    return next(number for number, line in enumerate(lines) if line.startswith(start))
+
+
+def test_fresh_install_puts_everything_in_place(machine: Machine) -> None:
+    output = machine.installed()
+
+    files = machine.files()
+    for name in (
+        "etc/systemd/system/mbot-agent.service",
+        "etc/udev/rules.d/60-mbot.rules",
+        "etc/udev/rules.d/95-mbot-brltty.rules",
+        "etc/modules-load.d/mbot-agent.conf",
+        "etc/sysusers.d/mbot-agent.conf",
+        "opt/mbot-agent/venv/bin/mbot-agent",
+    ):
+        assert name in files
+    assert files["etc/systemd/system/mbot-agent.service"] == UNIT.read_bytes()
+    assert (machine.root / "usr/local/bin/mbot-agent").resolve() == (
+        machine.root / "opt/mbot-agent/venv/bin/mbot-agent"
+    )
+    assert configuration.load(machine.configuration).robot_id == "rover-7"
+    assert (machine.root / "var/lib/mbot-agent").stat().st_mode & 0o777 == 0o700
+    assert (machine.root / "etc/mbot-agent/tls").stat().st_mode & 0o777 == 0o750
+    assert "sudo systemctl start mbot-agent" in output
+
+
+def test_service_is_enabled_and_checked_but_never_started(machine: Machine) -> None:
+    output = machine.installed()
+
+    asked = machine.asked()
+    assert index_of(asked, "systemctl daemon-reload") < index_of(asked, "systemctl enable")
+    assert index_of(asked, "systemctl enable") < index_of(asked, "runuser -u mbot-agent")
+    assert "board: not found" in output
+    assert not [line for line in asked if re.match(r"systemctl (start|restart|.*--now)", line)]
+
+
+@pytest.mark.parametrize(("release", "constrained"), [("bookworm", True), ("trixie", False)])
+def test_bookworms_numpy_is_not_replaced(machine: Machine, release: str, constrained: bool) -> None:
+    (machine.root / "etc/os-release").write_text(f'VERSION_CODENAME="{release}"\n')
+    machine.installed()
+    pip = next(line for line in machine.asked() if "-m pip install" in line)
+    assert ("constraints-bookworm.txt" in pip) is constrained
+    assert pip.endswith(f" {CHECKOUT}[robot]")
+    assert "-m venv --clear --system-site-packages" in "\n".join(machine.asked())
+
+
+def test_second_install_changes_nothing_and_keeps_an_edited_configuration(
+    machine: Machine,
+) -> None:
+    machine.installed()
+    machine.configuration.write_text(
+        machine.configuration.read_text().replace("accept_no_deadman = false", "# mine")
+    )
+    model = machine.root / "var/lib/mbot-agent/models/policy.onnx"
+    model.parent.mkdir()
+    model.write_bytes(b"model")
+    before = machine.files()
+    machine.forget()
+
+    machine.installed()
+
+    assert machine.files() == before
+    asked = "\n".join(machine.asked())
+    assert "apt-get" not in asked
+    assert "-m venv" not in asked
+    assert "-m pip install" in asked  # this is how an update comes
+
+
+def test_venv_of_an_older_python_is_made_anew(machine: Machine) -> None:
+    machine.installed()
+    python = machine.root / "opt/mbot-agent/venv/bin/python"
+    python.write_text("#!/bin/sh\nexit 1\n")
+    machine.forget()
+    machine.installed()
+    assert "-m venv --clear" in "\n".join(machine.asked())
+
+
+def test_running_service_is_stopped_first_and_not_started_again(machine: Machine) -> None:
+    machine.knows("active")
+    output = machine.installed()
+    asked = machine.asked()
+    assert index_of(asked, "systemctl stop mbot-agent.service") < index_of(asked, "python3 -m venv")
+    assert "was running and is stopped now" in output
+
+
+def test_uninstall_keeps_configuration_and_models(machine: Machine) -> None:
+    machine.installed()
+    model = machine.root / "var/lib/mbot-agent/policy.onnx"
+    model.write_bytes(b"model")
+    machine.forget()
+
+    for _ in range(2):
+        machine.installed("--uninstall")
+
+    assert set(machine.files()) == {
+        "etc/os-release",
+        "etc/hostname",
+        "etc/mbot-agent/config.toml",
+        "var/lib/mbot-agent/policy.onnx",
+    }
+    assert not os.path.lexists(machine.root / "usr/local/bin/mbot-agent")
+    assert machine.asked().count("systemctl disable --now mbot-agent.service") == 1
+    assert (machine.fake / "user").exists()
+
+
+def test_purge_leaves_nothing(machine: Machine) -> None:
+    before = machine.files()
+    machine.installed()
+    for _ in range(2):
+        machine.installed("--uninstall", "--purge")
+    assert machine.files() == before
+    assert not (machine.root / "etc/mbot-agent").exists()
+    assert not (machine.root / "var/lib/mbot-agent").exists()
+    assert machine.asked().count("userdel mbot-agent") == 1
+
+
+def test_install_after_purge_works(machine: Machine) -> None:
+    machine.installed()
+    machine.installed("--uninstall", "--purge")
+    machine.installed()
+    assert machine.configuration.exists()
+
+
+@pytest.mark.parametrize(
+    ("facts", "options", "status", "words"),
+    [
+        ({"architecture": "armhf", "machine": "armv6l"}, (), 1, "ARMv6"),
+        ({"architecture": "armhf", "machine": "aarch64"}, (), 1, "32-bit"),
+        ({"architecture": "riscv64", "machine": "riscv64"}, (), 1, "arm64 is needed"),
+        ({"architecture": "amd64", "machine": "x86_64"}, (), 1, "--without-picamera2"),
+        ({"uid": "1000"}, (), 1, "sudo"),
+        ({"uid": "1000"}, ("--uninstall",), 1, "sudo"),
+        ({}, ("--bogus",), 2, "--bogus"),
+        ({}, ("--purge",), 2, "--uninstall"),
+    ],
+)
+def test_refusals_are_one_line_and_change_nothing(
+    machine: Machine, facts: dict[str, str], options: tuple[str, ...], status: int, words: str
+) -> None:
+    for name, text in facts.items():
+        machine.knows(name, text + "\n")
+    before = machine.files()
+
+    result = machine.install(*options)
+
+    assert result.returncode == status
+    assert len(result.stderr.splitlines()) == 1
+    assert words in result.stderr
+    assert machine.files() == before
+    assert machine.asked() == []
+
+
+@pytest.mark.parametrize("text", ["VERSION_CODENAME=bullseye\n", ""])
+def test_other_releases_are_refused(machine: Machine, text: str) -> None:
+    (machine.root / "etc/os-release").write_text(text)
+    result = machine.install()
+    assert result.returncode == 1
+    assert "expected Raspberry Pi OS bookworm or trixie" in result.stderr
+
+
+def test_dry_run_needs_no_root_and_changes_nothing(machine: Machine) -> None:
+    machine.knows("uid", "1000\n")
+    before = machine.files()
+    output = machine.installed("--dry-run")
+    machine.installed("--uninstall", "--purge", "--dry-run")
+    assert machine.files() == before
+    assert machine.asked() == []
+    assert "would run: systemctl enable mbot-agent.service" in output
+    assert "would run: apt-get update" in output
+
+
+def test_help_names_every_option(machine: Machine) -> None:
+    output = machine.installed("--help")
+    for option in ("--dry-run", "--without-picamera2", "--uninstall", "--purge"):
+        assert option in output
+
+
+def test_other_cameras_need_no_picamera2(machine: Machine) -> None:
+    machine.knows("architecture", "amd64\n")
+    machine.installed("--without-picamera2")
+    assert "picamera2" not in (machine.fake / "packages").read_text()
+
+
+@pytest.mark.parametrize(
+    ("hostname", "robot_id"),
+    [
+        ("mbot-3", "mbot-3"),
+        ("Robot_A.lab.example", "robot_a"),
+        ("-x", "x"),
+        ("a*/b", "ab"),
+        ("a" * 63, "a" * 32),
+        ("***", "mbot-1"),
+        ("", "mbot-1"),
+    ],
+)
+def test_robot_is_named_after_its_host(machine: Machine, hostname: str, robot_id: str) -> None:
+    (machine.root / "etc/hostname").write_text(hostname + "\n")
+    machine.installed()
+    assert configuration.load(machine.configuration).robot_id == check_robot_id(robot_id)
+
+
+def test_default_hostname_is_pointed_out(machine: Machine) -> None:
+    (machine.root / "etc/hostname").write_text("raspberrypi\n")
+    assert "change robot_id" in machine.installed()
+
+
+def test_a_discontent_check_does_not_undo_the_install(machine: Machine) -> None:
+    machine.knows("check-fails")
+    assert "mend it before the start" in machine.installed()
+
+
+@pytest.mark.parametrize("step", ["apt", "pip"])
+def test_failed_download_ends_it_before_the_service_is_enabled(machine: Machine, step: str) -> None:
+    machine.knows(f"{step}-fails")
+    result = machine.install()
+    assert result.returncode == 1
+    assert len(result.stderr.splitlines()) == 1
+    assert not [line for line in machine.asked() if line.startswith("systemctl enable")]
+    (machine.fake / f"{step}-fails").unlink()
+    machine.installed()
+
+
+@pytest.mark.parametrize(("version", "warned"), [("6.4-4", True), ("6.5-7+deb12u1", False)])
+def test_old_brltty_is_pointed_out(machine: Machine, version: str, warned: bool) -> None:
+    machine.knows("packages", f"brltty {version}\n")
+    assert ("warning: brltty" in machine.installed()) is warned
+
+
+def test_the_unit_starts_what_the_script_installs(machine: Machine) -> None:
+    machine.installed()
+    started = re.search(r"^ExecStart=(\S+)", UNIT.read_text(), re.MULTILINE)
+    assert started
+    assert (machine.root / started[1].lstrip("/")).exists()
+
+
+def test_shellcheck_has_nothing_to_say() -> None:
+    shellcheck = Path(sys.executable).with_name("shellcheck")  # of the extra [dev]
+    result = subprocess.run([shellcheck, SCRIPT], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout

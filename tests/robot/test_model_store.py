@@ -1,0 +1,111 @@
+import errno
+import hashlib
+import os
+from pathlib import Path
+
+import pytest
+
+from mbot_agent.model_store import Label, ModelStore, Pointer
+from mbot_protocol.errors import ContractError, RefusedError
+
+
+def put(store: ModelStore, data: bytes) -> str:
+    sha256 = hashlib.sha256(data).hexdigest()
+    store.add(sha256, data, Label(data.decode(), 2.5))
+    return sha256
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> ModelStore:
+    return ModelStore(tmp_path / "models", keep=3)
+
+
+def test_an_empty_store_has_no_active_model(store: ModelStore) -> None:
+    assert store.pointer == Pointer()
+    assert store.models() == []
+
+
+def test_activation_remembers_what_was_before(store: ModelStore) -> None:
+    first, second = put(store, b"first"), put(store, b"second")
+    store.activate(first)
+    store.activate(second)
+    assert store.pointer == Pointer(second, first)
+    store.activate(second)  # again: nothing changes
+    assert store.pointer == Pointer(second, first)
+    assert store.read(first) == b"first"
+
+
+def test_a_damaged_model_is_never_handed_out(store: ModelStore, tmp_path: Path) -> None:
+    sha256 = put(store, b"whole")
+    (tmp_path / "models" / f"{sha256}.onnx").write_bytes(b"whale")
+    with pytest.raises(ContractError, match="damaged"):
+        store.read(sha256)
+
+
+def test_a_damaged_pointer_means_no_model_not_a_crash(store: ModelStore, tmp_path: Path) -> None:
+    (tmp_path / "models" / "active.json").write_bytes(b"\x00\xff{")
+    assert store.pointer == Pointer()
+
+
+def test_old_models_go_but_never_the_active_or_previous_one(
+    store: ModelStore, tmp_path: Path
+) -> None:
+    digests: list[str] = []
+    for age in range(6):
+        digests.append(put(store, f"model {age}".encode()))
+        os.utime(tmp_path / "models" / f"{digests[-1]}.onnx", (age, age))
+        store.activate(digests[-1])
+    store.activate(digests[3])
+    kept = {model.sha256: model.label.name for model in store.models()}
+    assert kept == {digests[5]: "model 5", digests[4]: "model 4", digests[3]: "model 3"}
+    assert len(list((tmp_path / "models").iterdir())) == 2 * 3 + 1
+
+
+def test_a_model_that_is_not_stored_cannot_become_active(store: ModelStore) -> None:
+    with pytest.raises(RefusedError, match="no stored model"):
+        store.activate("0" * 64)
+
+
+def test_prefixes_must_be_long_and_fit_one(store: ModelStore) -> None:
+    sha256 = put(store, b"one")
+    assert store.find(sha256[:8]) == sha256
+    for prefix in (sha256[:7], "0" * 8, ""):
+        with pytest.raises(RefusedError, match="stored models begin with"):
+            store.find(prefix)
+
+
+@pytest.mark.parametrize("step", ["fsync", "rename"])
+def test_a_full_disk_leaves_the_old_model_and_no_litter(
+    store: ModelStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:
+    old, new = put(store, b"old"), put(store, b"new")
+    store.activate(old)
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    if step == "fsync":
+        monkeypatch.setattr(os, "fsync", full)
+    else:
+        monkeypatch.setattr(Path, "rename", full)
+    with pytest.raises(RefusedError, match="No space left"):
+        store.activate(new)
+    with pytest.raises(RefusedError, match="No space left"):
+        put(store, b"third")
+    monkeypatch.undo()
+    assert store.pointer.active == old
+    assert store.read(old) == b"old"
+    assert list((tmp_path / "models").glob("*.tmp")) == []
+
+
+def test_leftovers_of_a_power_cut_are_swept_at_start(tmp_path: Path) -> None:
+    (tmp_path / "half.1.2.tmp").write_bytes(b"half")
+    store = ModelStore(tmp_path, keep=2)
+    assert list(tmp_path.iterdir()) == []
+    assert store.pointer == Pointer()
+
+
+def test_a_directory_that_cannot_be_made_is_explained(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RefusedError, match=r"set models\.directory"):
+        ModelStore(tmp_path / "file" / "models", keep=2)

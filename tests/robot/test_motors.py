@@ -1,0 +1,216 @@
+import os
+import time
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mbot_agent import board_session
+from mbot_agent.configuration import Board
+from mbot_agent.motors import DriveCommand, Motors
+from mbot_protocol.errors import UnreachableError
+from mbot_protocol.mcore import FLUSH_PADDING, STOP, Joystick
+
+from .fake_board import FakeBoard
+
+FORWARD = Joystick(-100, 100)
+LONG_NS = 10_000_000_000
+
+
+def until(condition: object, timeout_s: float = 8.0) -> bool:
+    deadline = time.monotonic() + timeout_s
+    while time.monotonic() < deadline:
+        if condition():  # pyright: ignore[reportCallIssue]
+            return True
+        time.sleep(0.002)
+    return False
+
+
+def for_ms(milliseconds: float) -> int:
+    return time.monotonic_ns() + int(milliseconds * 1e6)
+
+
+@pytest.fixture
+def motors(board: FakeBoard) -> Iterator[Motors]:
+    with Motors(Board(port=board.path, accept_no_deadman=True)) as running:
+        assert until(lambda: running.fault is None)
+        yield running
+
+
+def test_a_command_is_written_and_acknowledged(motors: Motors, board: FakeBoard) -> None:
+    before_ns = time.monotonic_ns()
+    delivery = motors.delivery(motors.drive(DriveCommand(FORWARD, for_ms(500))), 1.0)
+    assert delivery is not None
+    assert before_ns <= delivery.written_ns <= delivery.acknowledged_ns
+    assert board.speeds == (-100, 100)
+
+
+def test_the_board_is_stopped_before_anything_else(motors: Motors, board: FakeBoard) -> None:
+    assert bytes(board.received).startswith(FLUSH_PADDING + STOP.to_bytes())
+    assert not board.moved
+
+
+def test_a_command_is_refreshed_until_its_deadline_and_no_longer(
+    motors: Motors, board: FakeBoard
+) -> None:
+    deadline_ns = for_ms(450)
+    motors.drive(DriveCommand(FORWARD, deadline_ns))
+    assert board.wait_for(-100, 100)
+    assert board.wait_for(0, 0)
+    driven = [at for at, m1, _ in board.commands if m1 != 0]
+    assert 3 <= len(driven) <= 6
+    assert driven[-1] <= deadline_ns / 1e9 + 0.01
+    assert any(at >= deadline_ns / 1e9 for at, m1, _ in board.commands if m1 == 0)
+
+
+def test_a_guard_that_turns_false_stops_the_motors(motors: Motors, board: FakeBoard) -> None:
+    fresh = True
+    motors.drive(DriveCommand(FORWARD, for_ms(10_000), guard=lambda: fresh))
+    assert board.wait_for(-100, 100)
+    fresh = False
+    assert board.wait_for(0, 0)
+
+
+def test_stop_and_halt(motors: Motors, board: FakeBoard) -> None:
+    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    assert board.wait_for(-100, 100)
+    motors.stop()
+    assert board.wait_for(0, 0)
+    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    assert board.wait_for(-100, 100)
+    motors.halt()
+    assert motors.wait_stopped(1.0)
+    assert board.speeds == (0, 0)
+    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    time.sleep(0.3)
+    assert board.speeds == (0, 0)
+
+
+def test_leaving_the_context_stops_the_motors(board: FakeBoard) -> None:
+    with Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
+        assert until(lambda: motors.fault is None)
+        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        assert board.wait_for(-100, 100)
+    assert board.speeds == (0, 0)
+
+
+def test_stock_firmware_drives_only_when_accepted(board: FakeBoard) -> None:
+    with Motors(Board(port=board.path)) as motors:
+        assert until(lambda: motors.version != "")
+        assert motors.fault is not None
+        assert motors.fault.kind == "board-no-deadman"
+        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        time.sleep(0.3)
+        assert not board.moved
+
+
+def test_firmware_with_a_deadman_drives_without_asking() -> None:
+    with FakeBoard("mbot-deadman 1") as board, Motors(Board(port=board.path)) as motors:
+        assert until(lambda: motors.fault is None)
+        motors.drive(DriveCommand(FORWARD, for_ms(500)))
+        assert board.wait_for(-100, 100)
+
+
+def test_a_reset_board_is_not_driven_before_a_new_handshake(
+    motors: Motors, board: FakeBoard
+) -> None:
+    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    assert board.wait_for(-100, 100)
+    mark = len(board.received)
+    board.reset()
+    assert until(lambda: b"\xff\x55\x03\x00\x01\x00" in bytes(board.received[mark:]))
+    assert until(lambda: motors.fault is None)
+    # The command in force is forgotten: whoever wants to drive on must say so again.
+    time.sleep(0.3)
+    assert board.speeds == (0, 0)
+
+
+def test_a_mute_board_is_a_fault_and_gets_stopped_when_it_is_back(
+    motors: Motors, board: FakeBoard
+) -> None:
+    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    assert board.wait_for(-100, 100)
+    board.mute = True
+    assert until(lambda: motors.fault is not None)
+    board.mute = False
+    assert until(lambda: motors.fault is None)
+    assert board.wait_for(0, 0)
+
+
+def test_a_lost_acknowledgement_stops_until_the_next_command(
+    motors: Motors, board: FakeBoard
+) -> None:
+    board.acknowledge = False
+    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    assert board.wait_for(-100, 100)
+    assert board.wait_for(0, 0)
+    board.acknowledge = True
+    assert until(lambda: motors.fault is None)
+
+
+def test_unplugging_is_noticed_and_plugging_in_mended(tmp_path: object) -> None:
+    link = os.path.join(str(tmp_path), "board")  # noqa: PTH118
+    first, second = FakeBoard(), FakeBoard()
+    os.symlink(first.path, link)  # noqa: PTH211
+    with first, second, Motors(Board(port=link, accept_no_deadman=True)) as motors:
+        assert until(lambda: motors.fault is None)
+        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        assert first.wait_for(-100, 100)
+        os.remove(link)  # noqa: PTH107
+        first.unplug()
+        assert until(lambda: motors.fault is not None)
+        fault = motors.fault
+        assert fault is not None
+        assert fault.kind == "board-lost"
+        os.symlink(second.path, link)  # noqa: PTH211
+        assert until(lambda: motors.fault is None)
+        assert not second.moved
+
+
+def test_a_second_process_is_kept_out(motors: Motors, board: FakeBoard) -> None:
+    with Motors(Board(port=board.path, accept_no_deadman=True)) as second:
+        assert until(lambda: second.fault is not None and "in use" in second.fault.detail)
+    assert motors.fault is None
+
+
+@pytest.mark.parametrize(
+    ("port", "words"), [("/dev/nothing-here", "is it plugged in"), ("/dev/null", "cannot open")]
+)
+def test_a_wrong_port_is_explained(port: str, words: str) -> None:
+    with Motors(Board(port=port)) as motors:
+        assert until(lambda: motors.fault is not None and words in motors.fault.detail)
+
+
+def test_a_silent_device_never_gets_a_drive_frame(
+    board: FakeBoard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(board_session, "HANDSHAKE_TIMEOUT_S", 0.5)
+    board.mute = True
+    with Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
+        assert until(lambda: motors.fault is not None and "baud" in motors.fault.detail)
+        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        time.sleep(0.3)
+    assert FORWARD.to_bytes() not in bytes(board.received)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.binary(min_size=1, max_size=80))
+def test_garbage_from_the_board_ends_stopped(garbage: bytes) -> None:
+    with FakeBoard() as board, Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
+        assert until(lambda: motors.fault is None)
+        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        board.say(garbage)
+        motors.stop()
+        assert until(lambda: board.speeds == (0, 0) and motors.fault is None)
+        motors.halt()
+        assert motors.wait_stopped(2.0)
+        assert board.speeds == (0, 0)
+
+
+def test_find_port_explains_an_empty_bus(monkeypatch: pytest.MonkeyPatch) -> None:
+    from mbot_agent import board_port
+
+    monkeypatch.setattr(board_port.list_ports, "comports", lambda: [])
+    with pytest.raises(UnreachableError, match="brltty"):
+        board_port.find_port("auto")

@@ -1,0 +1,120 @@
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from onnx import TensorProto
+
+from mbot_agent.dry_run import dry_run
+from mbot_agent.policy import Policy, PolicyError
+from mbot_protocol.errors import ContractError, NewerSchemaError
+from mbot_protocol.policy_contract import FULL_VIEW, PolicyMetadata
+
+from .tiny_models import constant_model
+
+GREY = np.full((64, 64, 3), 128, np.uint8)
+
+NEWER = PolicyMetadata("newer").to_properties() | {"mbot.contract_version": "99"}
+
+BAD_MODELS = {
+    "not ONNX": (b"this is no model", ContractError),
+    "empty": (b"", ContractError),
+    "truncated": (constant_model()[:-40], ContractError),
+    "wrong shape": (constant_model(input_shape=(1, 3, 64, 64)), ContractError),
+    "wrong type": (constant_model(input_type=TensorProto.FLOAT), ContractError),
+    "wrong name": (constant_model(input_name="image"), ContractError),
+    "no metadata": (constant_model(metadata={}), ContractError),
+    "newer contract": (constant_model(metadata=NEWER), NewerSchemaError),
+    "too large": (bytes(17 * 2**20), ContractError),
+}
+
+
+def test_a_model_acts_and_says_what_it_is() -> None:
+    policy = Policy(constant_model(0.25, -1.5, name="tiny"))
+    assert policy.act(GREY) == (0.25, -1.5)
+    assert policy.metadata == PolicyMetadata("tiny", FULL_VIEW, 2.5)
+    assert len(policy.sha256) == 64
+
+
+def test_a_symbolic_batch_is_accepted() -> None:
+    assert Policy(constant_model(input_shape=("batch", 64, 64, 3))).act(GREY) == (0.5, 0.5)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_an_answer_that_is_no_number_is_an_error(bad: float) -> None:
+    policy = Policy(constant_model(0.1, bad))
+    with pytest.raises(PolicyError, match="two finite numbers"):
+        policy.act(GREY)
+
+
+@pytest.mark.parametrize("name", BAD_MODELS)
+def test_a_bad_model_is_refused_in_one_line(name: str) -> None:
+    data, error = BAD_MODELS[name]
+    with pytest.raises(error) as caught:
+        Policy(data)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ContractError, match=r"cannot read the model .*none\.onnx"):
+        Policy.load(tmp_path / "none.onnx")
+
+
+def test_a_dry_run_accepts_what_acts_and_refuses_what_does_not(tmp_path: Path) -> None:
+    path = tmp_path / "model.onnx"
+    path.write_bytes(constant_model())
+    dry_run(path)
+    path.write_bytes(constant_model(math.nan, 0.0))
+    with pytest.raises(ContractError, match="two finite numbers"):
+        dry_run(path)
+    path.write_bytes(constant_model(metadata=NEWER))
+    with pytest.raises(NewerSchemaError, match="upgrade mbot-agent"):
+        dry_run(path)
+    path.write_bytes(b"this is no model")
+    with pytest.raises(ContractError, match="onnxruntime cannot load"):
+        dry_run(path)
+
+
+IMPORT_CHECK = """
+import socket, sys
+def refuse(*_):
+    raise AssertionError("a socket was opened")
+socket.getaddrinfo = refuse
+import mbot_agent.daemon, mbot_agent.control_loop, mbot_agent.link, mbot_agent.model_service
+import os
+assert os.environ["ORT_DISABLE_TELEMETRY"] == "1"
+assert os.environ["OPENBLAS_NUM_THREADS"] == "1"
+heavy = {"torch", "mujoco", "gymnasium", "onnx", "mbot_workstation", "rich", "typer"}
+print(sorted(heavy & set(sys.modules)))
+"""
+
+
+def test_the_daemon_imports_nothing_of_the_workstation() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", IMPORT_CHECK], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
+QUIET_CHECK = """
+import os
+from pathlib import Path
+from mbot_agent.policy import Policy
+import numpy as np
+policy = Policy.load(Path(%r))
+policy.act(np.zeros((64, 64, 3), np.uint8))
+links = [os.readlink(f"/proc/self/fd/{fd}") for fd in os.listdir("/proc/self/fd")
+         if os.path.islink(f"/proc/self/fd/{fd}")]
+print([link for link in links if link.startswith("socket:")], len(os.listdir("/proc/self/task")))
+"""
+
+
+def test_inference_opens_no_socket_and_starts_no_thread(tmp_path: Path) -> None:
+    path = tmp_path / "model.onnx"
+    path.write_bytes(constant_model())
+    done = subprocess.run(
+        [sys.executable, "-c", QUIET_CHECK % str(path)], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[] 1"
