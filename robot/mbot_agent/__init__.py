@@ -1,1 +1,5 @@
 """The daemon on the robot."""
+
+from mbot_agent import libraries
+
+libraries.prepare()

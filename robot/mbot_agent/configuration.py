@@ -23,7 +23,6 @@ from mbot_protocol.keys import DEFAULT_ENDPOINT, check_robot_id
 from mbot_protocol.mcore import BAUD_RATE
 from mbot_protocol.policy_contract import DECISION_RATE_HZ
 
-DEFAULT_PATH = Path("/etc/mbot-agent/config.toml")
 DEFAULT_STATE_DIRECTORY = Path("/var/lib/mbot-agent")
 
 Positive = Annotated[float, Meta(gt=0)]

@@ -6,11 +6,15 @@ import logging
 import os
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mbot_agent import termination
-from mbot_agent.configuration import DEFAULT_PATH, Board, Configuration, load
-from mbot_agent.version import VERSION
 from mbot_protocol.errors import ConfigurationError, MbotError
+
+if TYPE_CHECKING:
+    from mbot_agent.configuration import Configuration
+
+DEFAULT_PATH = Path("/etc/mbot-agent/config.toml")
 
 EPILOG = """examples:
   mbot-agent check                       is everything there that driving needs?
@@ -22,6 +26,10 @@ EPILOG = """examples:
 def main() -> None:
     """Run the command line and end the process, whatever threads are left."""
     arguments = _parser().parse_args()
+    if arguments.action == "run":
+        # Before numpy or OpenCV is imported: a thread of theirs that does not inherit the mask
+        # would take the signal, and the process would die with the motors running.
+        termination.block_signals()
     try:
         code = _dispatch(arguments)
     except MbotError as error:
@@ -62,18 +70,28 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--json", action="store_true", help="check: findings for machines")
     parser.add_argument("--verbose", "-v", action="store_true", help="log more")
-    parser.add_argument("--version", action="version", version=f"mbot-agent {VERSION}")
+    parser.add_argument("--version", action=_PrintVersion, nargs=0, help="print it and end")
     return parser
+
+
+class _PrintVersion(argparse.Action):
+    """Looks the version up only when asked: that takes longer than the rest of the start."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from mbot_agent.version import VERSION
+
+        parser.exit(message=f"mbot-agent {VERSION}\n")
 
 
 def _dispatch(arguments: argparse.Namespace) -> int:
     _log_to_stderr(verbose=arguments.verbose)
     if arguments.action == "stop-motors":
         return _stop_motors(arguments.config)
+    from mbot_agent.configuration import load
+
     configuration = load(arguments.config)
     if arguments.action == "check":
         return _check(configuration, as_json=arguments.json)
-    termination.block_signals()
     from mbot_agent import daemon
 
     daemon.run(configuration)
@@ -82,6 +100,7 @@ def _dispatch(arguments: argparse.Namespace) -> int:
 
 def _stop_motors(path: Path) -> int:
     """Even a broken configuration must not keep the motors turning."""
+    from mbot_agent.configuration import Board, load
     from mbot_agent.motor_stop import stop_motors
 
     try:
@@ -93,7 +112,7 @@ def _stop_motors(path: Path) -> int:
     return 0
 
 
-def _check(configuration: Configuration, *, as_json: bool) -> int:
+def _check(configuration: "Configuration", *, as_json: bool) -> int:
     from mbot_agent.doctor import examine
 
     findings = examine(configuration)

@@ -196,11 +196,13 @@ class Motors:
                             self._lost(error)  # the port still stands: shake hands again
             except UnreachableError as error:
                 self._lost(error)
+                self._stopped.set()  # there is nothing left that could be waited for
                 self._sleep(BACK_OFF_S[min(failures, len(BACK_OFF_S) - 1)])
                 failures += 1
             except Exception as error:
                 log.exception("the motor thread stumbled; opening the board anew")
                 self._lost(UnreachableError(f"internal error: {error}"))
+                self._stopped.set()
                 self._sleep(BACK_OFF_S[-1])
 
     def _connected(self, session: BoardSession) -> None:
@@ -218,7 +220,6 @@ class Motors:
                 log.warning("%s", error)
             self._fault, self._version, self._command = fault, "", None
             self._news.notify_all()
-        self._stopped.set()
 
     def _serve(self, session: BoardSession) -> None:
         """Keep the board doing what is in force until the daemon closes or the board is lost."""

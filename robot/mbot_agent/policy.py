@@ -2,14 +2,8 @@
 
 import hashlib
 import math
-import os
 from pathlib import Path
 from typing import Any, cast
-
-# Both are read when the libraries load: a robot does not phone home, and a second thread for a
-# 0.1 ms inference only costs (OpenBLAS takes 10 ms instead of 0.2 for a tiny product).
-os.environ["ORT_DISABLE_TELEMETRY"] = "1"
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import onnxruntime as untyped_onnxruntime  # pyright: ignore[reportMissingTypeStubs]

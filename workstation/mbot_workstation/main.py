@@ -5,6 +5,13 @@ import sys
 import typer
 
 from mbot_protocol.errors import MbotError
+from mbot_workstation.commands.drive import drive, run, stop
+from mbot_workstation.commands.make_servo_policy import make_servo_policy
+from mbot_workstation.commands.models import models, rollback
+from mbot_workstation.commands.push_model import push_model
+from mbot_workstation.commands.robots import robots
+from mbot_workstation.commands.telemetry import telemetry
+from mbot_workstation.commands.virtual_robot import virtual_robot
 
 app = typer.Typer(
     name="workstation",
@@ -13,6 +20,18 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
 )
+
+app.command("robots")(robots)
+app.command("telemetry")(telemetry)
+app.command("push-model")(push_model)
+app.command("models")(models)
+app.command("rollback")(rollback)
+app.command("run")(run)
+app.command("stop")(stop)
+# Otherwise `drive -0.4 0.4` would look for an option -0.
+app.command("drive", context_settings={"ignore_unknown_options": True})(drive)
+app.command("make-servo-policy")(make_servo_policy)
+app.command("virtual-robot")(virtual_robot)
 
 
 def main() -> None:

@@ -111,6 +111,7 @@ _LONGEST_STRING = 32
 """Versions are 7 to 9 characters long; believing a longer length would swallow later replies."""
 
 _BANNER_PREFIX = b"Version: "
+_PRINTABLE_FIRST, _PRINTABLE_LAST = 0x20, 0x7E
 _LONGEST_LINE = 64
 
 
@@ -186,11 +187,12 @@ def _take_banner(buffer: bytearray) -> tuple[int, Reply | None]:
     shared = min(len(buffer), len(_BANNER_PREFIX))
     if not buffer.startswith(_BANNER_PREFIX[:shared]) or len(buffer) > _LONGEST_LINE:
         return 1, None
-    end = buffer.find(END)
-    if end < 0:
+    version, end, _ = buffer[len(_BANNER_PREFIX) :].partition(END)
+    if not all(_PRINTABLE_FIRST <= byte <= _PRINTABLE_LAST for byte in version.rstrip(b"\r")):
+        return 1, None
+    if not end:
         return 0, None
-    version = buffer[len(_BANNER_PREFIX) : end].decode("ascii", "replace").strip()
-    return end + len(END), Banner(version)
+    return len(_BANNER_PREFIX) + len(version) + len(END), Banner(version.decode().strip())
 
 
 _DEADMAN_PREFIX = "mbot-deadman"

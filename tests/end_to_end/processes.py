@@ -1,0 +1,151 @@
+"""The real programs as child processes: the daemon, a camera, a workstation."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from mbot_protocol.v1.messages_pb2 import Status
+from mbot_workstation.remote_control import RemoteControl
+from mbot_workstation.robot_link import RobotLink
+
+HERE = Path(__file__).parent
+ROBOT_ID = "mbot-test"
+PROGRAMS = str(Path(sys.executable).with_name("{}"))
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def until(condition: Callable[[], bool], timeout_s: float = 15.0) -> bool:
+    deadline = time.monotonic() + timeout_s
+    while time.monotonic() < deadline:
+        if condition():
+            return True
+        time.sleep(0.005)
+    return False
+
+
+class Process:
+    """A child process; killed at the end if it is still there. Its output goes to a file."""
+
+    def __init__(self, *command: str, log: Path, environment: dict[str, str] | None = None) -> None:
+        self._log = log
+        with log.open("ab") as output:
+            self._child = subprocess.Popen(
+                command,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                stdin=subprocess.DEVNULL,
+                env=os.environ | (environment or {}),
+            )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._child.poll() is None:
+            self._child.kill()
+            self._child.send_signal(signal.SIGCONT)
+        self._child.wait(10)
+
+    @property
+    def output(self) -> str:
+        return self._log.read_text()
+
+    @property
+    def pid(self) -> int:
+        return self._child.pid
+
+    def signal(self, number: signal.Signals) -> None:
+        self._child.send_signal(number)
+
+    def wait(self, timeout_s: float = 15.0) -> int:
+        return self._child.wait(timeout_s)
+
+    def is_running(self) -> bool:
+        return self._child.poll() is None
+
+
+def camera(port: int, log: Path) -> Process:
+    return Process(sys.executable, str(HERE / "camera_process.py"), str(port), log=log)
+
+
+def workstation(*arguments: str, log: Path) -> Process:
+    return Process(PROGRAMS.format("workstation"), *arguments, log=log)
+
+
+class Daemon:
+    """Everything needed to run mbot-agent in a test, and to talk to it.
+
+    Attributes:
+        address: where it listens.
+        camera_port: where it looks for an MJPEG stream.
+
+    """
+
+    def __init__(self, directory: Path, board: str, *, start: str = "idle") -> None:
+        self.directory = directory
+        self.camera_port = free_port()
+        self.address = f"127.0.0.1:{free_port()}"
+        self.log = directory / "daemon.log"
+        self.config = directory / "robot.toml"
+        self.config.write_text(
+            f"""
+            robot_id = "{ROBOT_ID}"
+            [camera]
+            source = "http://127.0.0.1:{self.camera_port}/stream.mjpg"
+            [board]
+            port = "{board}"
+            accept_no_deadman = true
+            [control]
+            start = "{start}"
+            [models]
+            directory = "{directory / "models"}"
+            [network]
+            listen = ["tcp/{self.address}"]
+            """
+        )
+
+    def start(self, *, environment: dict[str, str] | None = None) -> Process:
+        command = (PROGRAMS.format("mbot-agent"), "run", "--config", str(self.config))
+        return Process(*command, log=self.log, environment=environment)
+
+    def camera(self) -> Process:
+        return camera(self.camera_port, self.directory / "camera.log")
+
+    def link(self) -> RobotLink:
+        return RobotLink(self.address)
+
+    def status(self) -> Status:
+        with self.link() as link:
+            return link.status()
+
+    def is_up(self) -> bool:
+        return until(lambda: "is up" in self.log.read_text(), 20)
+
+    def push(self, model: bytes) -> None:
+        from mbot_workstation.model_push import push
+
+        path = self.directory / "model.onnx"
+        path.write_bytes(model)
+        with self.link() as link:
+            push(link, path)
+
+    def run(self) -> None:
+        with self.link() as link:
+            RemoteControl(link).run()

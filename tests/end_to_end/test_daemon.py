@@ -1,0 +1,328 @@
+"""The real daemon as a process, between a fake board and a camera stream."""
+
+import os
+import signal
+import socket
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+from mbot_protocol.errors import RefusedError
+from mbot_protocol.keys import COMMAND, STATUS
+from mbot_protocol.schema import SCHEMA_VERSION
+from mbot_protocol.v1.messages_pb2 import Command, CommandReply, Run, Stop
+from mbot_workstation.model_store import activate
+from mbot_workstation.remote_control import RemoteControl
+from mbot_workstation.robot_link import RobotLink
+from mbot_workstation.telemetry_stream import TelemetryStream
+
+from ..robot.fake_board import FakeBoard
+from ..robot.tiny_models import constant_model
+from .processes import PROGRAMS, Daemon, Process, until, workstation
+
+FORWARD = constant_model(0.6, 0.6)
+FORWARD_BOARD = (-169, 169)
+
+
+@pytest.fixture
+def daemon(tmp_path: Path, board: FakeBoard) -> Daemon:
+    return Daemon(tmp_path, board.path)
+
+
+def test_from_push_to_driving_to_stop(daemon: Daemon, board: FakeBoard) -> None:
+    with daemon.camera(), daemon.start():
+        assert daemon.is_up()
+        assert not board.moved
+        daemon.push(FORWARD)
+        daemon.run()
+        assert board.wait_for(*FORWARD_BOARD)
+        with daemon.link() as link:
+            with TelemetryStream(link, 2.5) as stream:
+                assert until(lambda: any(True for _ in stream.poll(0.2)))
+            RemoteControl(link).stop()
+        assert board.wait_for(0, 0)
+        time.sleep(1.0)
+        assert board.speeds == (0, 0)
+
+
+def test_a_hand_drives_and_lets_go(daemon: Daemon, board: FakeBoard, tmp_path: Path) -> None:
+    with daemon.camera(), daemon.start():
+        assert daemon.is_up()
+        arguments = ("drive", "0.5", "-0.5", "--for", "1", "--robot", daemon.address)
+        with workstation(*arguments, log=tmp_path / "drive.log") as hand:
+            assert board.wait_for(-148, -148)
+            assert hand.wait() == 0
+        assert board.wait_for(0, 0)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_stops_the_motors_and_ends_the_daemon(
+    daemon: Daemon, board: FakeBoard, number: signal.Signals
+) -> None:
+    with daemon.camera(), daemon.start() as process:
+        assert daemon.is_up()
+        daemon.push(FORWARD)
+        daemon.run()
+        assert board.wait_for(*FORWARD_BOARD)
+        process.signal(number)
+        assert board.wait_for(0, 0)
+        assert process.wait() == 0
+    assert board.speeds == (0, 0)
+    assert "Traceback" not in daemon.log.read_text()
+
+
+def test_a_killed_workstation_changes_nothing_on_the_robot(
+    daemon: Daemon, board: FakeBoard, tmp_path: Path
+) -> None:
+    with daemon.camera(), daemon.start():
+        assert daemon.is_up()
+        daemon.push(FORWARD)
+        daemon.run()
+        with workstation("telemetry", "--robot", daemon.address, log=tmp_path / "t.log") as watcher:
+            assert until(lambda: watcher.output != "")
+            watcher.signal(signal.SIGKILL)
+            watcher.wait()
+        assert board.wait_for(*FORWARD_BOARD)
+        status = daemon.status()
+        time.sleep(1.0)
+        assert daemon.status().decisions > status.decisions
+        assert daemon.status().missed_ticks == status.missed_ticks
+
+
+def test_a_workstation_killed_while_it_drives_by_hand(
+    daemon: Daemon, board: FakeBoard, tmp_path: Path
+) -> None:
+    with daemon.camera(), daemon.start():
+        assert daemon.is_up()
+        arguments = ("drive", "0.5", "0.5", "--for", "60", "--robot", daemon.address)
+        with workstation(*arguments, log=tmp_path / "drive.log") as hand:
+            assert board.wait_for(-148, 148)
+            hand.signal(signal.SIGKILL)
+            hand.wait()
+        assert board.wait_for(0, 0)
+
+
+def test_a_killed_camera_stops_the_robot_until_it_is_back(daemon: Daemon, board: FakeBoard) -> None:
+    with daemon.start():
+        with daemon.camera() as camera:
+            assert daemon.is_up()
+            daemon.push(FORWARD)
+            daemon.run()
+            assert board.wait_for(*FORWARD_BOARD)
+            camera.signal(signal.SIGKILL)
+            assert board.wait_for(0, 0)
+        mark = len(board.commands)
+        assert until(lambda: any("camera" in fault.kind for fault in daemon.status().faults))
+        time.sleep(1.0)
+        assert all(command[1:] == (0, 0) for command in board.commands[mark:])
+        with daemon.camera():
+            assert board.wait_for(*FORWARD_BOARD, timeout_s=15)
+
+
+def test_a_frozen_camera_process_stops_the_robot(daemon: Daemon, board: FakeBoard) -> None:
+    with daemon.camera() as camera, daemon.start():
+        assert daemon.is_up()
+        daemon.push(FORWARD)
+        daemon.run()
+        assert board.wait_for(*FORWARD_BOARD)
+        camera.signal(signal.SIGSTOP)
+        assert board.wait_for(0, 0)
+        camera.signal(signal.SIGCONT)
+        assert board.wait_for(*FORWARD_BOARD, timeout_s=15)
+
+
+def test_a_killed_daemon_finds_the_motors_running_and_stops_them_at_its_next_start(
+    daemon: Daemon, board: FakeBoard
+) -> None:
+    with daemon.camera():
+        with daemon.start() as process:
+            assert daemon.is_up()
+            daemon.push(FORWARD)
+            daemon.run()
+            assert board.wait_for(*FORWARD_BOARD)
+            process.signal(signal.SIGKILL)
+            process.wait()
+        assert board.speeds == FORWARD_BOARD  # stock firmware: nothing stops it by itself
+        mark = len(board.commands)
+        daemon.log.write_text("")
+        with daemon.start():
+            assert daemon.is_up()
+            assert board.commands[mark][1:] == (0, 0)
+            # It starts idle, and the model it had is still the active one.
+            assert board.speeds == (0, 0)
+            assert daemon.status().active_model.name == "constant"
+
+
+def test_stop_motors_is_what_systemd_runs_after_a_crash(daemon: Daemon, board: FakeBoard) -> None:
+    with daemon.camera(), daemon.start() as process:
+        assert daemon.is_up()
+        daemon.push(FORWARD)
+        daemon.run()
+        assert board.wait_for(*FORWARD_BOARD)
+        process.signal(signal.SIGKILL)
+        process.wait()
+    command = [PROGRAMS.format("mbot-agent"), "stop-motors", "--config", str(daemon.config)]
+    assert subprocess.run(command, check=False, capture_output=True).returncode == 0
+    assert board.speeds == (0, 0)
+
+
+def test_a_board_that_vanishes_and_comes_back_stands_still_first(tmp_path: Path) -> None:
+    port = tmp_path / "board"
+    daemon = Daemon(tmp_path, str(port))
+    with FakeBoard() as first, FakeBoard() as second, daemon.camera(), daemon.start():
+        port.symlink_to(first.path)
+        assert daemon.is_up()
+        daemon.push(FORWARD)
+        daemon.run()
+        assert first.wait_for(*FORWARD_BOARD, timeout_s=10)
+        port.unlink()
+        first.unplug()
+        assert until(lambda: any("board" in fault.kind for fault in daemon.status().faults))
+        port.symlink_to(second.path)
+        assert second.wait_for(*FORWARD_BOARD, timeout_s=10)
+        assert second.commands[0][1:] == (0, 0)
+
+
+def test_commands_for_others_or_from_another_time_are_refused(
+    daemon: Daemon, board: FakeBoard
+) -> None:
+    with daemon.camera(), daemon.start():
+        assert daemon.is_up()
+        daemon.push(FORWARD)
+        with daemon.link() as link:
+            status = link.status()
+            good = Command(
+                schema_version=SCHEMA_VERSION,
+                robot_id=status.robot_id,
+                session_id=status.session_id,
+                expires_monotonic_ns=status.now_monotonic_ns + 10**9,
+                run=Run(),
+            )
+            for changes, words in (
+                ({"robot_id": "mbot-9"}, "for robot 'mbot-9'"),
+                ({"session_id": 7}, "before the robot's last start"),
+                ({"expires_monotonic_ns": 1}, "expired"),
+                ({"schema_version": 99}, "speaks schema 99"),
+            ):
+                bad = Command()
+                bad.CopyFrom(good)
+                for name, value in changes.items():
+                    setattr(bad, name, value)
+                reply = link.query(COMMAND, bad, CommandReply)
+                assert not reply.accepted
+                assert words in reply.reason
+            late_stop = Command(
+                schema_version=SCHEMA_VERSION, robot_id=status.robot_id, stop=Stop()
+            )
+            assert link.query(COMMAND, late_stop, CommandReply).accepted
+        time.sleep(0.5)
+        assert not board.moved
+
+
+def test_malformed_queries_get_a_reason_and_the_daemon_lives(daemon: Daemon) -> None:
+    with daemon.camera(), daemon.start():
+        assert daemon.is_up()
+        with daemon.link() as link:
+            send_nonsense(link)
+
+
+def send_nonsense(link: RobotLink) -> None:
+    session = link._open_session()  # pyright: ignore[reportPrivateUsage]
+    for topic in (COMMAND, STATUS):
+        for payload in (b"", b"\xff" * 40, os.urandom(200)):
+            list(session.get(topic.key(link.robot_id), payload=payload, timeout=2.0))
+    list(session.get("mbot/*/models/push/begin", payload=b"\x00\x01", timeout=2.0))
+    assert link.status().robot_id == link.robot_id
+
+
+def test_the_watchdog_is_fed_by_finished_ticks(daemon: Daemon, tmp_path: Path) -> None:
+    address = tmp_path / "notify"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(address))
+        manager.settimeout(15)
+        with daemon.camera(), daemon.start(environment={"NOTIFY_SOCKET": str(address)}) as process:
+            first = manager.recv(4096).decode()
+            assert first == "READY=1"
+            assert "WATCHDOG=1" in manager.recv(4096).decode()
+            process.signal(signal.SIGTERM)
+            process.wait()
+        heard: list[str] = []
+        manager.settimeout(0.1)
+        try:
+            while True:
+                heard.append(manager.recv(4096).decode())
+        except TimeoutError:
+            pass
+    assert heard[-1] == "STOPPING=1"
+
+
+def run_agent(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [PROGRAMS.format("mbot-agent"), *arguments],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "words"),
+    [
+        (None, 2, "no configuration at"),
+        ("robot_id =", 2, "no valid TOML"),
+        ('robot_id = "a"\n[board]\nprot = "x"', 2, "unknown field `prot`"),
+    ],
+)
+def test_a_bad_configuration_ends_with_one_line(
+    tmp_path: Path, text: str | None, code: int, words: str
+) -> None:
+    path = tmp_path / "robot.toml"
+    if text is not None:
+        path.write_text(text)
+    done = run_agent("run", "--config", str(path))
+    assert done.returncode == code
+    assert words in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_a_second_daemon_on_the_same_endpoint_ends_with_one_line(
+    daemon: Daemon, tmp_path: Path
+) -> None:
+    with daemon.camera(), daemon.start():
+        assert daemon.is_up()
+        done = run_agent("run", "--config", str(daemon.config))
+        assert done.returncode == 4
+        assert "is another mbot-agent running" in done.stderr.strip().splitlines()[-1]
+
+
+def test_check_names_what_is_missing(tmp_path: Path) -> None:
+    daemon = Daemon(tmp_path, "/dev/no-board")
+    done = run_agent("check", "--config", str(daemon.config))
+    assert done.returncode == 1
+    lines = {line.split()[1]: line for line in done.stdout.splitlines()}
+    assert lines["camera"].startswith("failed")
+    assert "cannot open the camera" in lines["camera"]
+    assert lines["board"].startswith("failed")
+    assert "is it plugged in" in lines["board"]
+    assert lines["model"].startswith("warning")
+    assert lines["disk"].startswith("ok")
+
+
+def test_check_is_content_with_a_whole_robot(daemon: Daemon, board: FakeBoard) -> None:
+    with daemon.camera() as camera:
+        assert isinstance(camera, Process)
+        time.sleep(1.0)
+        done = run_agent("check", "--json", "--config", str(daemon.config))
+    assert done.returncode == 0, done.stdout
+    assert '"subject": "camera", "verdict": "ok"' in done.stdout
+    assert not board.moved
+
+
+def test_refusals_reach_the_workstation(daemon: Daemon) -> None:
+    with daemon.camera(), daemon.start():
+        assert daemon.is_up()
+        with daemon.link() as link, pytest.raises(RefusedError, match="no previous model"):
+            activate(link)

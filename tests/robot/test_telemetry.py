@@ -1,0 +1,69 @@
+import threading
+import time
+
+import cv2
+import numpy as np
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+
+from mbot_agent.telemetry import BACKLOG, Record, Telemetry
+from mbot_protocol.keys import DECISION, OBSERVATION, Topic
+from mbot_protocol.v1.messages_pb2 import Decision
+
+
+class Wire:
+    """Keeps what is published; can be made as slow as a bad link."""
+
+    def __init__(self) -> None:
+        self.sent: list[tuple[Topic, bytes]] = []
+        self.open = threading.Event()
+        self.open.set()
+
+    def publish(self, topic: Topic, payload: bytes) -> None:
+        self.open.wait(10)
+        self.sent.append((topic, payload))
+
+
+def record(sequence: int, observation: np.ndarray | None = None) -> Record:
+    now_ns = time.monotonic_ns()
+    return Record(Decision(sequence=sequence, started_monotonic_ns=now_ns), observation)
+
+
+def test_a_record_and_its_picture_are_published() -> None:
+    wire = Wire()
+    red = np.zeros((64, 64, 3), np.uint8)
+    red[..., 0] = 250
+    with Telemetry(wire) as telemetry:
+        telemetry.offer(record(7, red))
+    (first, decision_bytes), (second, picture_bytes) = wire.sent
+    assert (first, second) == (DECISION, OBSERVATION)
+    decision = Decision.FromString(decision_bytes)
+    assert decision.sequence == 7
+    assert abs(decision.unix_time_ns - time.time_ns()) < 5e9
+    assert decision.resident_memory_bytes > 1e6
+    picture = CompressedImage.FromString(picture_bytes)
+    assert picture.timestamp.ToNanoseconds() == decision.unix_time_ns
+    bgr = cv2.imdecode(np.frombuffer(picture.data, np.uint8), cv2.IMREAD_COLOR)
+    assert bgr is not None
+    assert bgr[32, 32].tolist()[2] > 200
+    assert bgr[32, 32].tolist()[0] < 50
+
+
+def test_a_slow_link_never_holds_up_the_loop_and_losses_are_counted() -> None:
+    wire = Wire()
+    wire.open.clear()
+    with Telemetry(wire) as telemetry:
+        for sequence in range(50):
+            telemetry.offer(record(sequence))  # returns although nothing can be sent
+        wire.open.set()
+    decisions = [Decision.FromString(data) for _, data in wire.sent]
+    assert decisions[-1].sequence == 49
+    assert len(decisions) <= BACKLOG + 1
+    assert decisions[-1].dropped_records >= 50 - BACKLOG - 2
+
+
+def test_one_bad_record_does_not_end_telemetry() -> None:
+    wire = Wire()
+    with Telemetry(wire) as telemetry:
+        telemetry.offer(record(1, np.zeros((0, 0, 3), np.uint8)))
+        telemetry.offer(record(2))
+    assert Decision.FromString(wire.sent[-1][1]).sequence == 2

@@ -1,0 +1,265 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from mbot_protocol.keys import ACTIVATE, CHUNK_BYTES, COMMAND, PUSH_CHUNK, PUSH_COMMIT, STATUS
+from mbot_protocol.v1.messages_pb2 import Activate, CommandReply, Fault, State, Status
+from mbot_workstation.recording import read_recording
+
+from .fake_robot import OLD_MODEL, FakeRobot, free_port
+from .samples import decision, picture, small_policy
+
+WORKSTATION = (sys.executable, "-c", "from mbot_workstation.main import main; main()")
+LIMIT_S = 30
+HEAVY = ("mujoco", "zenoh", "onnx", "cv2", "torch", "numpy", "google.protobuf", "mcap")
+
+
+def environment(robot: FakeRobot | None) -> dict[str, str]:
+    clean = {name: value for name, value in os.environ.items() if not name.startswith("MBOT_")}
+    clean |= {"TERM": "dumb", "COLUMNS": "200"}
+    return clean | ({"MBOT_ROBOT": robot.address} if robot else {})
+
+
+def workstation(robot: FakeRobot | None, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*WORKSTATION, *arguments],
+        env=environment(robot),
+        capture_output=True,
+        text=True,
+        timeout=LIMIT_S,
+        check=False,
+    )
+
+
+@contextmanager
+def interrupted_after(
+    robot: FakeRobot, count: int, name: str, *arguments: str
+) -> Iterator[subprocess.Popen[str]]:
+    """The command, sent Ctrl-C when the robot has had `count` queries of that name."""
+    command = [*WORKSTATION, *arguments]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(
+        command, env=environment(robot), stdout=pipe, stderr=pipe, text=True
+    ) as process:
+        try:
+            wait_until(lambda: robot.names().count(name) >= count)
+            process.send_signal(signal.SIGINT)
+            process.wait(LIMIT_S)
+            yield process
+        finally:
+            process.kill()
+
+
+def wait_until(condition) -> None:
+    until_s = time.monotonic() + LIMIT_S
+    while not condition():
+        assert time.monotonic() < until_s, "the robot was not asked"
+        time.sleep(0.01)
+
+
+@pytest.fixture
+def policy(tmp_path: Path) -> Path:
+    path = tmp_path / "policy.onnx"
+    path.write_bytes(small_policy(weights_bytes=8 * CHUNK_BYTES).SerializeToString())
+    return path
+
+
+def test_help_is_quick_because_it_loads_nothing_heavy() -> None:
+    script = """
+import sys
+sys.argv = ["workstation", "--help"]
+from mbot_workstation.main import main
+try:
+    main()
+finally:
+    print("loaded:", *sys.modules)
+"""
+    run = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=LIMIT_S
+    )
+    page, _, loaded = run.stdout.partition("loaded:")
+    for command in ("robots", "telemetry", "push-model", "rollback", "drive"):
+        assert command in page
+    assert not set(HEAVY) & set(loaded.split())
+
+
+def test_every_command_explains_itself_with_an_example() -> None:
+    commands = ("robots", "telemetry", "push-model", "models", "rollback", "run", "stop", "drive")
+    processes = {
+        name: subprocess.Popen(
+            [*WORKSTATION, name, "--help"], env=environment(None), stdout=subprocess.PIPE, text=True
+        )
+        for name in commands
+    }
+    for name, process in processes.items():
+        page, _ = process.communicate(timeout=LIMIT_S)
+        assert process.returncode == 0
+        assert f"workstation {name}" in page
+        assert "Example:" in page
+
+
+def test_an_unreachable_robot_is_one_line_and_exit_code_4() -> None:
+    run = workstation(None, "stop", "--robot", f"127.0.0.1:{free_port()}")
+    assert run.returncode == 4
+    assert run.stdout == ""
+    assert run.stderr.startswith("workstation: no connection to tcp/127.0.0.1:")
+    assert run.stderr.count("\n") == 1
+
+
+def test_run_stop_and_refusal(robot: FakeRobot) -> None:
+    assert workstation(robot, "run").stdout == "mbot-1: running\n"
+    assert workstation(robot, "stop", "--id", "mbot-1").stdout == "mbot-1: stopped\n"
+    robot.replies[COMMAND.name] = lambda _data: CommandReply(schema_version=1, reason="no model")
+    run = workstation(robot, "run")
+    assert (run.returncode, run.stderr) == (6, "workstation: robot mbot-1 refused: no model\n")
+
+
+def test_run_into_a_fault_names_it(robot: FakeRobot) -> None:
+    fault = Fault(kind="camera-lost", detail="plug it in")
+    robot.replies[STATUS.name] = lambda _data: Status(schema_version=1, faults=[fault])
+    robot.replies[COMMAND.name] = lambda _data: CommandReply(
+        schema_version=1, accepted=True, state=State.STATE_FAULT
+    )
+    run = workstation(robot, "run")
+    assert (run.returncode, run.stdout) == (0, "mbot-1: fault\n")
+    assert run.stderr == "workstation: camera-lost: plug it in\n"
+
+
+def test_drive_sends_again_and_stops_at_the_end(robot: FakeRobot) -> None:
+    run = workstation(robot, "drive", "-0.5", "0.25", "--for", "0.9")
+    assert (run.returncode, run.stdout) == (0, "mbot-1: stopped\n")
+    *drives, stop = robot.commands()
+    assert 3 <= len(drives) <= 5
+    assert {(c.drive.wheels.left, c.drive.wheels.right) for c in drives} == {(-0.5, 0.25)}
+    assert drives[0].drive.hold_ms == 500
+    assert drives[-1].drive.hold_ms <= 200  # no longer than asked for
+    assert stop.WhichOneof("action") == "stop"
+
+
+def test_drive_stops_on_ctrl_c(robot: FakeRobot) -> None:
+    with interrupted_after(robot, 2, COMMAND.name, "drive", "1", "1", "--for", "60") as process:
+        assert process.returncode == 130
+    assert robot.commands()[-1].WhichOneof("action") == "stop"
+
+
+def test_drive_stops_when_the_robot_refuses(robot: FakeRobot) -> None:
+    answer, count = robot.replies[COMMAND.name], iter(range(100))
+    robot.replies[COMMAND.name] = lambda data: (
+        CommandReply(schema_version=1, reason="too hot") if next(count) == 1 else answer(data)
+    )
+    run = workstation(robot, "drive", "1", "1", "--for", "60")
+    assert (run.returncode, "too hot" in run.stderr) == (6, True)
+    assert robot.commands()[-1].WhichOneof("action") == "stop"
+
+
+@pytest.mark.parametrize("arguments", [("2", "0"), ("nan", "0"), ("0",), ("0", "0", "--far", "1")])
+def test_drive_refuses_nonsense(robot: FakeRobot, arguments: tuple[str, ...]) -> None:
+    assert workstation(robot, "drive", *arguments).returncode == 2
+    assert robot.received == []
+
+
+def test_a_model_is_pushed(robot: FakeRobot, policy: Path) -> None:
+    run = workstation(robot, "push-model", str(policy))
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.startswith("mbot-1 now has new ")
+    assert run.stderr == "workstation: note: made for 5 decisions/s\n"
+    assert robot.active.name == "new"
+    again = json.loads(workstation(robot, "push-model", str(policy), "--json").stdout)
+    assert (again["robot_id"], again["name"], again["active"]) == ("mbot-1", "new", True)
+
+
+def test_a_bad_model_needs_no_robot(tmp_path: Path) -> None:
+    path = tmp_path / "notes.txt"
+    path.write_text("not a model")
+    run = workstation(None, "push-model", str(path), "--robot", f"127.0.0.1:{free_port()}")
+    assert run.returncode == 3
+    assert "no ONNX model" in run.stderr
+
+
+def test_a_push_broken_off_leaves_the_old_model(robot: FakeRobot, policy: Path) -> None:
+    answer = robot.replies[PUSH_CHUNK.name]
+
+    def slow(data: bytes):
+        time.sleep(0.2)
+        return answer(data)
+
+    robot.replies[PUSH_CHUNK.name] = slow
+    with interrupted_after(robot, 2, PUSH_CHUNK.name, "push-model", str(policy)) as process:
+        assert process.returncode == 130
+        assert process.stderr is not None
+        assert "interrupted; the robot keeps the model it had" in process.stderr.read()
+    assert PUSH_COMMIT.name not in robot.names()
+    assert robot.active == OLD_MODEL
+
+
+def test_models_and_rollback(robot: FakeRobot) -> None:
+    assert "active    aaaaaaaaaaaa  old" in workstation(robot, "models").stdout
+    listed = json.loads(workstation(robot, "rollback", "b" * 8, "--json").stdout)
+    assert [model["previous"] for model in listed] == [False, True]
+    sent = [Activate.FromString(data) for name, data in robot.received if name == ACTIVATE.name]
+    assert [activate.sha256 for activate in sent] == ["b" * 8]
+    assert workstation(robot, "rollback", "no-digest").returncode == 2
+
+
+def test_robots_lists_the_living_and_names_the_unreachable(robot: FakeRobot) -> None:
+    nobody = f"127.0.0.1:{free_port()}"
+    run = workstation(robot, "robots", "--robot", robot.address, "--robot", nobody, "--json")
+    assert run.returncode == 4
+    alive, dead = json.loads(run.stdout)
+    assert alive["robot_id"] == "mbot-1"
+    assert alive["board_version"] == "mbot-agent 1"
+    assert alive["decision_rate_hz"] == 10.0
+    assert (dead["robot_id"], dead["state"]) == (None, None)
+    assert "nothing listens" in dead["error"]
+    table = workstation(robot, "robots")
+    assert table.returncode == 0
+    assert "mbot-1" in table.stdout
+    assert "old aaaaaaaaaaaa" in table.stdout
+
+
+def publishing(robot: FakeRobot, process: subprocess.Popen[str], seconds: float) -> None:
+    for sequence in range(round(seconds / 0.1)):
+        if process.poll() is not None:
+            return
+        robot.publish(picture(decision(sequence).unix_time_ns))
+        robot.publish(decision(sequence))
+        time.sleep(0.1)
+
+
+def telemetry(robot: FakeRobot, *arguments: str) -> subprocess.Popen[str]:
+    pipe = subprocess.PIPE
+    command = [*WORKSTATION, "telemetry", *arguments]
+    return subprocess.Popen(command, env=environment(robot), stdout=pipe, stderr=pipe, text=True)
+
+
+def test_telemetry_writes_json_lines(robot: FakeRobot) -> None:
+    with telemetry(robot, "--json", "--seconds", "2") as process:
+        publishing(robot, process, LIMIT_S)
+        out, errors = process.communicate(timeout=LIMIT_S)
+    assert process.returncode == 0, errors
+    sequences = [json.loads(line)["sequence"] for line in out.splitlines()]
+    assert len(sequences) >= 3
+    assert sequences == list(range(sequences[0], sequences[0] + len(sequences)))
+
+
+def test_telemetry_records_until_ctrl_c(robot: FakeRobot, tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    with telemetry(robot, "--record", str(path)) as process:
+        wait_until(path.exists)
+        publishing(robot, process, 3.0)
+        process.send_signal(signal.SIGINT)
+        out, errors = process.communicate(timeout=LIMIT_S)
+    assert process.returncode == 130, errors
+    assert out.startswith("mbot-1: running, decision ")
+    topics = {topic for topic, _ in read_recording(path)}
+    assert topics == {"/mbot/mbot-1/decision", "/mbot/mbot-1/observation"}
+    assert path.read_bytes().endswith(b"MCAP0\r\n")
+    assert workstation(robot, "telemetry", "--record", str(path)).returncode == 2

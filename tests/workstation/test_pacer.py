@@ -1,0 +1,52 @@
+import threading
+import time
+
+import numpy as np
+
+from mbot_workstation.simulation.simulation import SceneState
+from mbot_workstation.virtual.pacer import Pacer
+from mbot_workstation.virtual.scene_history import SceneHistory
+
+
+def test_ticks_keep_to_the_clock_without_drift() -> None:
+    start_s = time.monotonic()
+    pacer = Pacer(0.005, most_at_once=10_000)
+    never = threading.Event()
+    ticks = sum(pacer.wait(never) for _ in range(40))
+    # However late the machine was: as many ticks as periods have passed.
+    elapsed = (time.monotonic() - start_s) / 0.005
+    assert ticks >= 40
+    assert ticks <= elapsed
+
+
+def test_a_stall_gives_no_burst() -> None:
+    pacer = Pacer(0.001, most_at_once=5)
+    never = threading.Event()
+    time.sleep(0.05)
+    assert pacer.wait(never) == 5
+    assert pacer.lost >= 40
+
+
+def test_stopping_ends_the_wait() -> None:
+    stop = threading.Event()
+    stop.set()
+    assert Pacer(1000, 1).wait(stop) == 0
+
+
+def moment(number: int) -> SceneState:
+    return SceneState(np.array([float(number)]), np.zeros((2, 3)), np.zeros((2, 4)))
+
+
+def test_an_exposure_is_spread_over_the_last_moments() -> None:
+    history = SceneHistory(slice_s=0.005)
+    for number in range(100):
+        history.add(number * 0.005, moment(number))
+    assert history.newest().joints[0] == 99
+    exposed = [state.joints[0] for state in history.exposure(0.020, 2)]
+    assert exposed == [96, 98]
+
+
+def test_a_young_history_gives_what_it_has() -> None:
+    history = SceneHistory(slice_s=0.005)
+    history.add(0.0, moment(1))
+    assert [state.joints[0] for state in history.exposure(0.020, 3)] == [1, 1, 1]

@@ -1,0 +1,86 @@
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from mbot_protocol.errors import RefusedError, UnreachableError
+from mbot_protocol.keys import COMMAND
+from mbot_protocol.v1.messages_pb2 import CommandReply
+from mbot_workstation import remote_control
+from mbot_workstation.remote_control import TIME_TO_LIVE_S, RemoteControl, RobotClock
+from mbot_workstation.robot_link import RobotLink
+
+from .fake_robot import SESSION_ID, FakeRobot
+
+
+@pytest.fixture
+def control(robot: FakeRobot) -> Iterator[RemoteControl]:
+    with RobotLink(robot.address) as link:
+        yield RemoteControl(link)
+
+
+def test_the_estimate_of_the_robots_clock_is_never_ahead() -> None:
+    # The reply left the robot at its 1000 and took until our 50; now it is 80 here.
+    clock = RobotClock(robot_ns=1000, arrived_ns=50)
+    assert clock.expiry_ns(now_ns=80, time_to_live_s=2e-9) == 1000 + 30 + 2
+
+
+def test_run_and_drive_carry_session_and_expiry(robot: FakeRobot, control: RemoteControl) -> None:
+    assert control.run() == "running"
+    assert control.drive(0.5, -0.25, 300) == "manual"
+    run, drive = robot.commands()
+    for command in (run, drive):
+        assert command.robot_id == "mbot-1"
+        assert command.session_id == SESSION_ID
+        left_ns = command.expires_monotonic_ns - robot.now_ns()
+        assert left_ns <= TIME_TO_LIVE_S * 1e9
+        assert left_ns > -10e9  # on the robot's clock, which is hours ahead of ours
+    assert (drive.drive.wheels.left, drive.drive.wheels.right) == (0.5, -0.25)
+    assert drive.drive.hold_ms == 300
+    assert robot.names() == ["status", "command", "command"]
+
+
+def test_a_command_that_was_held_up_is_refused(robot: FakeRobot, control: RemoteControl) -> None:
+    answer = robot.replies[COMMAND.name]
+
+    def late(data: bytes):
+        time.sleep(TIME_TO_LIVE_S + 0.1)
+        return answer(data)
+
+    robot.replies[COMMAND.name] = late
+    with pytest.raises(RefusedError, match="mbot-1 refused: it came too late"):
+        control.run()
+
+
+def test_stop_needs_no_status_and_never_expires(robot: FakeRobot, control: RemoteControl) -> None:
+    assert control.stop() == "stopped"
+    assert robot.names() == ["command"]
+    assert robot.commands()[0].WhichOneof("action") == "stop"
+
+
+def test_stop_is_tried_again(
+    robot: FakeRobot, control: RemoteControl, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(remote_control, "STOP_TIMEOUT_S", 0.2)
+    answer = robot.replies[COMMAND.name]
+    deaf = iter([True, True, False])
+    robot.replies[COMMAND.name] = lambda data: None if next(deaf) else answer(data)
+    assert control.stop() == "stopped"
+
+
+def test_a_stop_without_confirmation_says_what_that_means(
+    robot: FakeRobot, control: RemoteControl, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(remote_control, "STOP_TIMEOUT_S", 0.1)
+    robot.replies[COMMAND.name] = lambda _data: None
+    with pytest.raises(UnreachableError, match="STOP was not confirmed, the robot may be driving"):
+        control.stop()
+    assert len(robot.commands()) == 3
+
+
+def test_a_refusal_gives_the_robots_reason(robot: FakeRobot, control: RemoteControl) -> None:
+    robot.replies[COMMAND.name] = lambda _data: CommandReply(
+        schema_version=1, accepted=False, reason="no model:\npush one"
+    )
+    with pytest.raises(RefusedError, match="mbot-1 refused: no model: push one"):
+        control.run()

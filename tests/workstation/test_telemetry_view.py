@@ -1,0 +1,166 @@
+import io
+import json
+import math
+
+import pytest
+from rich.console import Console
+
+from mbot_protocol.v1.messages_pb2 import Decision, Fault, State
+from mbot_workstation.half_blocks import decode_picture, half_blocks
+from mbot_workstation.stage_times import percentile, span_ms, stage_ms
+from mbot_workstation.telemetry_fields import decision_fields
+from mbot_workstation.telemetry_stream import LinkState, Sample
+from mbot_workstation.telemetry_view import bar, plain_line, render
+from mbot_workstation.telemetry_window import WINDOW, TelemetryWindow
+
+from .samples import decision, picture
+
+
+def window_of(count: int) -> TelemetryWindow:
+    window = TelemetryWindow()
+    for sequence in range(count):
+        window.add(Sample(picture(), 0.4 * sequence))
+        window.add(Sample(decision(sequence), 0.4 * sequence))
+    return window
+
+
+def drawn(window: TelemetryWindow, link: LinkState = LinkState.LIVE, silence_s: float = 0) -> str:
+    console = Console(width=120, file=io.StringIO(), record=True, force_terminal=True)
+    console.print(render("mbot-1", window, link, silence_s))
+    return console.export_text()
+
+
+def test_stages_are_relative_to_the_start() -> None:
+    assert stage_ms(decision()) == {
+        "captured": -30.0,
+        "due": -1.0,
+        "observed": 10.0,
+        "decided": 20.0,
+        "written": 30.0,
+        "acknowledged": 40.0,
+    }
+    assert span_ms(decision())["frame to motors"] == 60.0
+
+
+def test_a_stage_that_did_not_happen_is_left_out() -> None:
+    idle = decision()
+    idle.decided_monotonic_ns = 0
+    assert stage_ms(idle)["decided"] is None
+    assert "decide" not in span_ms(idle)
+    assert set(stage_ms(Decision()).values()) == {None}
+
+
+@pytest.mark.parametrize(
+    ("share", "value"), [(0.5, 50), (0.99, 99), (1.0, 100), (0.001, 1), (0.501, 51)]
+)
+def test_percentiles_are_values_that_occurred(share: float, value: float) -> None:
+    assert percentile(range(100, 0, -1), share) == value
+
+
+def test_a_percentile_of_nothing_is_an_error() -> None:
+    with pytest.raises(ValueError, match="0 values"):
+        percentile([], 0.5)
+
+
+def test_the_window_knows_rate_and_latencies_of_the_last_hundred() -> None:
+    window = window_of(WINDOW + 30)
+    assert window.decisions_per_s == pytest.approx(2.5)
+    summaries = {summary.name: summary for summary in window.summaries()}
+    assert summaries["decide"].count == WINDOW
+    assert summaries["decide"].p50_ms == summaries["decide"].p99_ms == 10.0
+
+
+def test_gaps_are_counted_and_a_new_session_begins_anew() -> None:
+    window = window_of(3)
+    window.add(Sample(decision(6), 3.0))
+    assert window.lost == 3
+    window.add(Sample(decision(0, session_id=2), 9.0))
+    assert (window.lost, window.restarts, window.decisions_per_s) == (0, 1, None)
+
+
+def test_the_view_shows_everything_a_person_asks_for() -> None:
+    text = drawn(window_of(20))
+    for expected in (
+        "mbot-1", "running", "+0.500", "step +125", "M1 -147", "20, 2.50/s, missed 3",
+        "lost 0, dropped by the robot 2", "aaaaaaaaaaaa", "52 °C", "load 0.75", "200 MiB",
+        "p99 ms", "frame to motors", "60.0", "▀",
+    ):  # fmt: skip
+        assert expected in text, expected
+
+
+def test_the_view_says_what_is_wrong_without_obeying_it() -> None:
+    window = window_of(1)
+    bad = decision(1)
+    bad.state = State.STATE_FAULT
+    bad.faults.append(Fault(kind="camera-stalled", detail="no frame [bold]since\x1b[2J 1 s"))
+    window.add(Sample(bad, 1.0))
+    text = drawn(window, LinkState.GONE, 12.4)
+    assert "camera-stalled: no frame [bold]since [2J 1 s" in text
+    assert "no telemetry since 12 s, the daemon is gone" in text
+
+
+def test_the_view_draws_before_anything_arrives_and_without_policy() -> None:
+    assert "waiting" in drawn(TelemetryWindow())
+    window = TelemetryWindow()
+    unknown = Decision.FromString(b"\x08\x01\x28\x4d")  # schema 1, state 77
+    window.add(Sample(unknown, 0.0))
+    text = drawn(window)
+    assert "state-77" in text
+    assert "no picture yet" in text
+
+
+def test_a_picture_that_is_none_is_told() -> None:
+    window = window_of(1)
+    broken = picture()
+    broken.data = b"none"
+    window.add(Sample(broken, 0.0))
+    assert "no readable picture (png)" in drawn(window)
+    assert decode_picture(b"") is None
+
+
+def test_half_blocks_have_two_pixels_each() -> None:
+    pixels = decode_picture(picture().data)
+    assert pixels is not None
+    assert tuple(pixels[0, 0]) == (255, 0, 0)
+    text = half_blocks(pixels, 8)
+    assert text.plain == "\n".join(["▀" * 8] * 4)
+    first, last = text.spans[0].style, text.spans[-1].style
+    assert "#ff0000" in str(first)
+    assert "#0000ff" in str(last)
+
+
+def test_bars_grow_from_the_middle() -> None:
+    assert bar(0) == " " * 10 + "│" + " " * 10
+    assert bar(1) == " " * 10 + "│" + "█" * 10
+    assert bar(-0.5) == " " * 5 + "█" * 5 + "│" + " " * 10
+    assert bar(9) == bar(1)
+
+
+def test_the_plain_line_is_one_line() -> None:
+    line = plain_line("mbot-1", window_of(3), LinkState.SILENT, 4.0)
+    assert line == (
+        "mbot-1: running, decision 2, 2.50/s, steps +125 -62, missed 3, model aaaaaaaaaaaa, "
+        "frame to motors p50 60.0 ms, no telemetry since 4 s, the daemon is there"
+    )
+    assert "waiting" in plain_line("mbot-1", TelemetryWindow(), LinkState.LIVE, 0.0)
+
+
+def test_json_names_are_stable() -> None:
+    fields = json.loads(json.dumps(decision_fields(decision(5))))
+    assert list(fields) == [
+        "robot_id", "session_id", "sequence", "unix_time_ns", "state", "faults",
+        "started_monotonic_ns", "captured_ms", "due_ms", "observed_ms", "decided_ms",
+        "written_ms", "acknowledged_ms", "action_left", "action_right", "step_left",
+        "step_right", "board_m1", "board_m2", "model_sha256", "missed_ticks",
+        "cpu_temperature_c", "load_1min", "resident_memory_bytes", "dropped_records",
+    ]  # fmt: skip
+    assert fields["session_id"] == "0000000000000001"
+    assert fields["captured_ms"] == -30.0
+    assert fields["state"] == "running"
+
+
+def test_json_is_null_where_the_robot_said_nothing() -> None:
+    fields = decision_fields(Decision(schema_version=1))
+    for name in ("action_left", "decided_ms", "model_sha256", "cpu_temperature_c", "load_1min"):
+        assert fields[name] is None
+    assert not any(isinstance(v, float) and math.isnan(v) for v in fields.values())

@@ -1,0 +1,203 @@
+"""The virtual robot as the daemon meets it: real pty, real HTTP, real MuJoCo, real time."""
+
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import cv2
+import pytest
+import serial
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.mcore import BAUD_RATE, Joystick
+from mbot_workstation.simulation.fetch_rules import FetchRules
+from mbot_workstation.simulation.fetch_task import Happening
+from mbot_workstation.simulation.room_generator import generate_room
+from mbot_workstation.simulation.scene_renderer import TRAINING
+from mbot_workstation.virtual.camera_stream import CameraSettings
+from mbot_workstation.virtual.live_report import LiveReport
+from mbot_workstation.virtual.session import Outputs, run_session
+from mbot_workstation.virtual.virtual_robot import VirtualRobot, VirtualRobotSettings
+
+ROOM = generate_room(0, 64)
+CAMERA = CameraSettings(width_px=64, height_px=48, latency_s=0.01, quality=TRAINING)
+FORWARD, LEFT_TURN = Joystick(-255, 255), Joystick(255, 255)
+LIMIT_S = 30
+SCRIPT = """
+import sys, typer
+from mbot_protocol.errors import MbotError
+from mbot_workstation.commands.virtual_robot import virtual_robot
+app = typer.Typer()
+app.command()(virtual_robot)
+try:
+    app()
+except MbotError as error:
+    print(f"workstation: {error}", file=sys.stderr)
+    sys.exit(error.exit_code)
+"""
+
+
+def settings(**changes: object) -> VirtualRobotSettings:
+    values = {"room_picture": ROOM, "camera": CAMERA, **changes}
+    return VirtualRobotSettings(**values)  # pyright: ignore
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    until_s = time.monotonic() + LIMIT_S
+    while not condition():
+        assert time.monotonic() < until_s
+        time.sleep(0.01)
+
+
+@contextmanager
+def running(**changes: object) -> Iterator[VirtualRobot]:
+    with VirtualRobot(settings(**changes)) as robot:
+        assert robot.wait_until_ready()
+        yield robot
+
+
+def test_a_command_on_the_port_moves_what_the_camera_sees() -> None:
+    with running() as robot, serial.Serial(str(robot.board.path), BAUD_RATE, timeout=5) as port:
+        capture = cv2.VideoCapture(robot.server.url)
+        found, still = capture.read()
+        assert found
+        assert still.shape == (48, 64, 3)
+        port.write(LEFT_TURN.to_bytes())
+        assert port.read(4)
+        wait_until(lambda: abs(robot.world.status().robot.yaw_rad) > 0.5)
+        assert robot.world.status().motors == LEFT_TURN
+        assert robot.world.status().robot.yaw_rad > 0
+        wait_until(lambda: cv2.absdiff(capture.read()[1], still).mean() > 5)
+        capture.release()
+
+
+def test_no_two_pictures_of_a_standing_robot_are_the_same() -> None:
+    with running() as robot:
+        capture = cv2.VideoCapture(robot.server.url)
+        one, other = capture.read()[1], capture.read()[1]
+        capture.release()
+        assert cv2.absdiff(one, other).max() > 0
+
+
+def test_the_task_waits_until_somebody_drives() -> None:
+    rules = FetchRules(time_limit_s=0.05, ends_on_failure=False)
+    with running(rules=rules) as robot:
+        wait_until(lambda: robot.world.status().time_s > 0.3)
+        assert robot.world.status().result.duration_s == 0
+        with serial.Serial(str(robot.board.path), BAUD_RATE) as port:
+            port.write(FORWARD.to_bytes())
+            event = robot.world.events.get(timeout=LIMIT_S)
+        assert event.happening is Happening.TIME_OUT
+
+
+def test_the_border_puts_it_back_and_it_drives_on() -> None:
+    rules = FetchRules(border_m=0.6, spawn_farthest_m=0.5, objects=0, ends_on_failure=False)
+    with running(rules=rules) as robot, serial.Serial(str(robot.board.path), BAUD_RATE) as port:
+        port.write(FORWARD.to_bytes())
+        while robot.world.events.get(timeout=LIMIT_S).happening is not Happening.BORDER:
+            pass
+        assert robot.world.status().robot.x_m < 0.3
+        assert robot.world.status().motors == FORWARD
+        wait_until(lambda: robot.world.status().robot.x_m > 0.1)
+
+
+def test_a_failing_part_stops_the_whole_and_is_told() -> None:
+    def fail(_stop: threading.Event) -> None:
+        raise ConfigurationError("broken")
+
+    with running() as robot:
+        robot.run_beside("failing", fail)
+        wait_until(robot.stopped.is_set)
+        with pytest.raises(ConfigurationError, match="broken"):
+            robot.raise_failure()
+
+
+def test_a_session_leaves_result_trajectory_and_film(tmp_path: Path) -> None:
+    outputs = Outputs(tmp_path / "result.json", tmp_path / "path.jsonl", tmp_path / "film.mp4")
+    lines = io.StringIO()
+    rules = FetchRules(time_limit_s=0.5, objects=0, ends_on_failure=True)
+    board = tmp_path / "board"
+    stop = threading.Event()
+
+    def drive() -> None:
+        wait_until(board.is_symlink)
+        with serial.Serial(str(board), BAUD_RATE) as port:
+            port.write(LEFT_TURN.to_bytes())
+            stop.wait(LIMIT_S)
+
+    driver = threading.Thread(target=drive)
+    driver.start()
+    try:
+        made = settings(rules=rules, board_link=board)
+        result = run_session(made, outputs, LiveReport(as_json=True, stream=lines), stop, 20)
+    finally:
+        stop.set()
+        driver.join()
+    assert result.time_outs == 1
+    assert json.loads((tmp_path / "result.json").read_text())["time_outs"] == 1
+    path = [json.loads(line) for line in (tmp_path / "path.jsonl").read_text().splitlines()]
+    assert {"t", "x", "y", "yaw", "object"} <= path[0].keys()
+    assert [line["event"] for line in path if "event" in line] == ["time-out"]
+    told = [json.loads(line) for line in lines.getvalue().splitlines()]
+    assert told[0]["type"] == "ready"
+    assert told[-1] == {"type": "result", **json.loads((tmp_path / "result.json").read_text())}
+    capture = cv2.VideoCapture(str(tmp_path / "film.mp4"))
+    assert capture.read()[1].shape == (480, 1120, 3)
+    capture.release()
+
+
+def test_the_command_is_ready_runs_and_ends_on_sigterm(tmp_path: Path) -> None:
+    ready, board = tmp_path / "ready.json", tmp_path / "board"
+    options = ["--board", str(board), "--camera-port", "0", "--ready-file", str(ready), "--plain"]
+    with subprocess.Popen(
+        [sys.executable, "-c", SCRIPT, *options, "--result", str(tmp_path / "result.json")],
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+        try:
+            wait_until(lambda: ready.exists() or process.poll() is not None)
+            told = json.loads(ready.read_text())
+            assert told["board"] == str(board)
+            assert cv2.VideoCapture(told["camera"]).read()[0]
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(LIMIT_S) == 0
+        finally:
+            process.kill()
+        assert process.stdout is not None
+        assert "touched 0" in process.stdout.read()
+    assert (tmp_path / "result.json").exists()
+    assert not ready.exists()
+    assert not os.path.lexists(board)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--size", "big"], "--size is 'big', expected WIDTHxHEIGHT"),
+        (["--radius", "3"], "--radius: objects up to 3 m away"),
+        (["--panorama", "missing.jpg"], "can't read panorama missing.jpg"),
+        (["--view"], "--view needs a display"),
+    ],
+)
+def test_what_can_not_be_is_one_line_and_exit_code_2(options: list[str], told: str) -> None:
+    clean = {n: v for n, v in os.environ.items() if n not in {"DISPLAY", "WAYLAND_DISPLAY"}}
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT, "--camera-port", "0", *options],
+        env=clean,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("workstation: ")
+    assert told in done.stderr
+    assert len(done.stderr.splitlines()) == 1

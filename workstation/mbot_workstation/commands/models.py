@@ -1,0 +1,106 @@
+"""`workstation models` and `workstation rollback`: the models a robot keeps."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mbot_workstation.link_options import (
+    CaOption,
+    CertificateOption,
+    IdOption,
+    JsonOption,
+    KeyOption,
+    RobotOption,
+    robot_link,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbot_protocol.v1.messages_pb2 import Model
+
+
+def models(
+    *,
+    robot: RobotOption = "",
+    robot_id: IdOption = None,
+    ca: CaOption = None,
+    certificate: CertificateOption = None,
+    key: KeyOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """List the models that a robot keeps.
+
+    Example: `workstation models --robot mbot-1.local`
+    """
+    from mbot_workstation.model_store import list_models
+
+    with robot_link(robot, robot_id, ca, certificate, key) as link:
+        _print_models(list_models(link), as_json)
+
+
+def rollback(
+    *,
+    digest: Annotated[
+        str,
+        typer.Argument(
+            metavar="DIGEST",
+            help="First 8 or more digits of the model's digest; the previous model if not given.",
+        ),
+    ] = "",
+    robot: RobotOption = "",
+    robot_id: IdOption = None,
+    ca: CaOption = None,
+    certificate: CertificateOption = None,
+    key: KeyOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Make a model active that the robot had before: the previous one, or any it keeps.
+
+    Example: `workstation rollback 4f1c09ab --robot mbot-1.local`
+    """
+    import re
+
+    from mbot_protocol.errors import ConfigurationError
+    from mbot_workstation.model_store import activate
+
+    if digest and not re.fullmatch(r"[0-9a-f]{8,64}", digest):
+        raise ConfigurationError(
+            f"digest is {digest!r}, expected 8 to 64 of 0-9, a-f, as `workstation models` lists"
+        )
+    with robot_link(robot, robot_id, ca, certificate, key) as link:
+        _print_models(activate(link, digest), as_json)
+
+
+def _print_models(found: "Sequence[Model]", as_json: bool) -> None:
+    import json
+    from datetime import datetime
+
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    from mbot_workstation.model_store import model_fields
+    from mbot_workstation.wording import one_line, short_digest, size_words
+
+    if as_json:
+        print(json.dumps([model_fields(model) for model in found], indent=2))
+        return
+    if not found:
+        print("the robot keeps no models; send one with `workstation push-model`")
+        return
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for heading in ("", "digest", "name", "size", "rate", "stored"):
+        table.add_column(heading)
+    for model in found:
+        stored = datetime.fromtimestamp(model.stored_unix_time_ns / 1e9)
+        table.add_row(
+            "active" if model.active else "previous" if model.previous else "",
+            short_digest(model.sha256),
+            escape(one_line(model.name)) or "-",
+            size_words(model.size_bytes),
+            f"{model.decision_rate_hz:g} Hz" if model.decision_rate_hz else "-",
+            f"{stored:%Y-%m-%d %H:%M}",
+        )
+    console = Console()
+    console.print(table, width=None if console.is_terminal else 200)

@@ -1,0 +1,94 @@
+"""`workstation push-model`: a model onto a robot."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mbot_workstation.link_options import (
+    CaOption,
+    CertificateOption,
+    IdOption,
+    JsonOption,
+    KeyOption,
+    RobotOption,
+    robot_link,
+)
+
+if TYPE_CHECKING:
+    from mbot_workstation.model_check import CheckedModel
+    from mbot_workstation.model_push import Pushed
+    from mbot_workstation.robot_link import RobotLink
+
+
+def push_model(
+    *,
+    model: Annotated[Path, typer.Argument(metavar="MODEL.onnx", help="The policy to send.")],
+    robot: RobotOption = "",
+    robot_id: IdOption = None,
+    ca: CaOption = None,
+    certificate: CertificateOption = None,
+    key: KeyOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Check a policy, send it to a robot and make it active there.
+
+    The robot tries the model before it drives with it, and keeps the one it has if anything is
+    wrong. `workstation rollback` goes back.
+
+    Example: `workstation push-model policy.onnx --robot mbot-1.local`
+    """
+    import json
+    import sys
+
+    from mbot_workstation.model_check import check_model
+    from mbot_workstation.model_store import model_fields
+    from mbot_workstation.wording import one_line, short_digest, size_words
+
+    checked = check_model(model)  # before the robot is looked for: most mistakes are in the file
+    try:
+        with robot_link(robot, robot_id, ca, certificate, key) as link:
+            pushed = _push_with_bar(link, checked)
+            name = link.robot_id
+    except KeyboardInterrupt:
+        print(
+            "workstation: interrupted; the robot keeps the model it had, unless the push was "
+            "complete (see `workstation models`)",
+            file=sys.stderr,
+        )
+        raise
+    active = pushed.model
+    if pushed.advice:
+        print(f"workstation: note: {pushed.advice}", file=sys.stderr)
+    if as_json:
+        print(json.dumps({"robot_id": name, **model_fields(active)}))
+    else:
+        print(
+            f"{name} now has {one_line(active.name)} {short_digest(active.sha256)} active "
+            f"({size_words(active.size_bytes)}, {active.decision_rate_hz:g} decisions/s)"
+        )
+
+
+def _push_with_bar(link: "RobotLink", model: "CheckedModel") -> "Pushed":
+    from rich.console import Console
+    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
+
+    from mbot_workstation.model_push import push_checked
+
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn())
+    with Progress(
+        *columns,
+        TransferSpeedColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    ) as progress:
+        task = progress.add_task(f"sending to {link.robot_id}", total=len(model.data))
+
+        def show(sent_bytes: int, all_bytes: int) -> None:
+            progress.update(task, completed=sent_bytes)
+            if sent_bytes == all_bytes:
+                progress.update(task, description=f"{link.robot_id} tries the model")
+
+        return push_checked(link, model, show)

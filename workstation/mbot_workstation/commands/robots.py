@@ -1,0 +1,78 @@
+"""`workstation robots`: who is alive."""
+
+import sys
+
+import typer
+
+from mbot_workstation.link_options import (
+    CaOption,
+    CertificateOption,
+    JsonOption,
+    KeyOption,
+    RobotsOption,
+)
+
+
+def robots(
+    *,
+    robot: RobotsOption = None,
+    ca: CaOption = None,
+    certificate: CertificateOption = None,
+    key: KeyOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """List the robots that are alive at the given addresses, and how they are doing.
+
+    Exit code 4 if an address or a robot did not answer.
+
+    Example: `workstation robots --robot mbot-1.local --robot mbot-2.local`
+    """
+    import json
+
+    from mbot_protocol.errors import UnreachableError
+    from mbot_workstation.fleet import look_around
+    from mbot_workstation.link_security import link_security
+    from mbot_workstation.wording import fault_lines
+
+    reports = look_around(robot or [""], link_security(ca, certificate, key))
+    if as_json:
+        print(json.dumps([report.fields() for report in reports], indent=2))
+    else:
+        _print_table([report.fields() for report in reports if report.status is not None])
+        for report in reports:
+            for line in fault_lines(report.status.faults if report.status else ()):
+                print(f"{report.robot_id}: {line}")
+            if report.error:
+                print(f"workstation: {report.error}", file=sys.stderr)
+    if any(report.error for report in reports):
+        raise typer.Exit(UnreachableError.exit_code)
+
+
+def _print_table(rows: list[dict[str, object]]) -> None:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    from mbot_workstation.wording import one_line, short_digest
+
+    if not rows:
+        return
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for heading in ("robot", "address", "state", "model", "rate", "missed", "board"):
+        table.add_column(heading)
+    for row in rows:
+        digest = str(row["model_sha256"] or "")
+        name = one_line(str(row["model_name"] or ""))
+        board = one_line(str(row["board_version"] or "not connected"))
+        guard = "" if row["board_has_deadman"] or not row["board_version"] else " (no dead-man)"
+        table.add_row(
+            str(row["robot_id"]),
+            str(row["address"]),
+            str(row["state"]),
+            escape(f"{name} {short_digest(digest)}".strip()),
+            f"{row['decision_rate_hz']} Hz",
+            str(row["missed_ticks"]),
+            escape(board + guard),
+        )
+    console = Console()
+    console.print(table, width=None if console.is_terminal else 200)

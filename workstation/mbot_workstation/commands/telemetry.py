@@ -1,0 +1,81 @@
+"""`workstation telemetry`: watch or record a robot."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mbot_workstation.link_options import (
+    CaOption,
+    CertificateOption,
+    IdOption,
+    JsonOption,
+    KeyOption,
+    RobotOption,
+    robot_link,
+)
+
+if TYPE_CHECKING:
+    from mbot_workstation.telemetry_output import Output
+
+_POLL_S = 0.1
+
+
+def telemetry(
+    *,
+    record: Annotated[
+        Path | None,
+        typer.Option("--record", metavar="FILE.mcap", help="Also record into a new MCAP file."),
+    ] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option("--seconds", metavar="N", min=0.1, help="End by itself after N seconds."),
+    ] = None,
+    robot: RobotOption = "",
+    robot_id: IdOption = None,
+    ca: CaOption = None,
+    certificate: CertificateOption = None,
+    key: KeyOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Watch a robot's decisions live, and record them.
+
+    In a terminal a view that redraws itself; in a pipe a line every two seconds; with --json one
+    object a decision, stage times in ms after the tick's start. Ctrl-C ends; a recording is whole.
+
+    Example: `workstation telemetry --robot mbot-1.local --record drive.mcap`
+    """
+    import time
+    from contextlib import ExitStack
+
+    from mbot_workstation.recording import Recording
+    from mbot_workstation.telemetry_stream import TelemetryStream
+
+    with ExitStack() as stack:
+        link = stack.enter_context(robot_link(robot, robot_id, ca, certificate, key))
+        status = link.status()
+        recording = stack.enter_context(Recording(record, link.robot_id)) if record else None
+        stream = stack.enter_context(TelemetryStream(link, status.decision_rate_hz))
+        output = stack.enter_context(_output(link.robot_id, as_json))
+        until_s = None if seconds is None else time.monotonic() + seconds
+        while until_s is None or time.monotonic() < until_s:
+            for sample in stream.poll(_POLL_S):
+                output.take(sample)
+                if recording is not None:
+                    recording.write(sample.message)
+            output.refresh(stream.state, stream.silence_s)
+            if recording is not None:
+                recording.save_if_due()
+
+
+def _output(robot_id: str, as_json: bool) -> "Output":
+    import sys
+
+    from rich.console import Console
+
+    from mbot_workstation.telemetry_output import JsonLines, LiveView, PlainLines
+
+    if as_json:
+        return JsonLines(sys.stdout, sys.stderr)
+    console = Console()
+    return LiveView(robot_id, console) if console.is_terminal else PlainLines(robot_id, sys.stdout)

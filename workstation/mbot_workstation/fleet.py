@@ -1,0 +1,84 @@
+"""Who is alive at some addresses, and how each one is doing."""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+from mbot_protocol.errors import MbotError, UnreachableError
+from mbot_protocol.v1.messages_pb2 import Status
+from mbot_workstation.address import Endpoint, parse_address
+from mbot_workstation.link_security import LinkSecurity
+from mbot_workstation.robot_link import RobotLink
+from mbot_workstation.robot_session import alive_robots, open_session
+from mbot_workstation.wording import state_word
+
+
+@dataclass(frozen=True, slots=True)
+class RobotReport:
+    """One robot, or an address where none was found.
+
+    Attributes:
+        address: where it was looked for.
+        robot_id: empty if no robot is alive there.
+        status: as the robot told it; None with an error.
+        error: why there is no status; empty with one.
+
+    """
+
+    address: str
+    robot_id: str
+    status: Status | None
+    error: str
+
+    def fields(self) -> dict[str, object]:
+        """The report as a flat JSON object; null where the robot said nothing."""
+        status = self.status or Status()
+        known = self.status is not None
+        return {
+            "address": self.address,
+            "robot_id": self.robot_id or None,
+            "state": state_word(status.state) if known else None,
+            "faults": [{"kind": f.kind, "detail": f.detail} for f in status.faults],
+            "model_sha256": status.active_model.sha256 or None,
+            "model_name": status.active_model.name or None,
+            "decision_rate_hz": round(status.decision_rate_hz, 3) if known else None,
+            "decisions": status.decisions if known else None,
+            "missed_ticks": status.missed_ticks if known else None,
+            "board_version": status.board_version or None,
+            "board_has_deadman": status.board_has_deadman if known else None,
+            "camera": status.camera or None,
+            "software_version": status.software_version or None,
+            "error": self.error or None,
+        }
+
+
+def look_around(addresses: Sequence[str], security: LinkSecurity | None) -> list[RobotReport]:
+    """Reports from all addresses at once, in the order of the addresses.
+
+    Raises:
+        ConfigurationError: an address is unusable.
+
+    """
+    endpoints = [parse_address(text, secured=security is not None) for text in addresses]
+    with ThreadPoolExecutor(max_workers=min(16, max(1, len(endpoints)))) as pool:
+        found = pool.map(lambda endpoint: _look_at(endpoint, security), endpoints)
+        return [report for reports in found for report in reports]
+
+
+def _look_at(endpoint: Endpoint, security: LinkSecurity | None) -> list[RobotReport]:
+    try:
+        with open_session(endpoint, security) as session:
+            robots = alive_robots(session)
+        if not robots:
+            raise UnreachableError(f"no robot is alive at {endpoint}")
+    except MbotError as error:
+        return [RobotReport(str(endpoint), "", None, str(error))]
+    return [_ask(endpoint, robot_id, security) for robot_id in robots]
+
+
+def _ask(endpoint: Endpoint, robot_id: str, security: LinkSecurity | None) -> RobotReport:
+    try:
+        with RobotLink(str(endpoint), robot_id, security) as link:
+            return RobotReport(str(endpoint), robot_id, link.status(), "")
+    except MbotError as error:
+        return RobotReport(str(endpoint), robot_id, None, str(error))

@@ -1,0 +1,185 @@
+"""Telemetry in an MCAP file, which Foxglove, Lichtblick and Rerun open as it is."""
+
+import logging
+import os
+import struct
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, Self
+
+import zstandard
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from google.protobuf.message import DecodeError
+from mcap.exceptions import McapError
+from mcap.reader import NonSeekingReader
+from mcap.well_known import MessageEncoding
+from mcap.writer import MCAP0_MAGIC, Writer
+from mcap_protobuf.schema import register_schema
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.v1.messages_pb2 import Decision
+
+FLUSH_EVERY_S = 0.5
+"""At most this much is lost to a power cut, plus the time to the next write: below 1 s."""
+
+_MESSAGE_TYPES: dict[str, type[Decision] | type[CompressedImage]] = {
+    kind.DESCRIPTOR.full_name: kind for kind in (Decision, CompressedImage)
+}
+
+# All that the libraries raise for a file whose end or middle is missing.
+_DAMAGE = (
+    McapError,
+    DecodeError,
+    zstandard.ZstdError,
+    struct.error,
+    ValueError,
+    KeyError,
+    MemoryError,
+)
+
+_log = logging.getLogger(__name__)
+
+
+class Recording:
+    """Writes telemetry to a new MCAP file; a context manager, which ends the file properly.
+
+    Topics: `/mbot/<id>/decision` (mbot.v1.Decision), `/mbot/<id>/observation`
+    (foxglove.CompressedImage). Times are the robot's wall clock.
+    """
+
+    def __init__(
+        self, path: Path, robot_id: str, monotonic_s: Callable[[], float] = time.monotonic
+    ) -> None:
+        """Create the file.
+
+        Raises:
+            ConfigurationError: it exists already, or can't be written.
+
+        """
+        self._topics = {
+            Decision: f"/mbot/{robot_id}/decision",
+            CompressedImage: f"/mbot/{robot_id}/observation",
+        }
+        self._path = path
+        self._monotonic_s = monotonic_s
+        self._flushed_s = monotonic_s()
+        self._pending = False
+        with ExitStack() as stack:
+            try:
+                self._file = stack.enter_context(path.open("xb"))
+            except FileExistsError:
+                raise ConfigurationError(f"{path} exists already; choose another name") from None
+            except OSError as error:
+                raise ConfigurationError(f"can't write {path}: {error.strerror}") from None
+            self._writer = Writer(self._file)
+            self._writer.start(library="mbot-workstation")
+            self._channels = {kind: self._register(kind) for kind in self._topics}
+            self._stack = stack.pop_all()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        with self._disk_errors(), self._stack:
+            self._writer.finish()
+            self._save()
+
+    def write(self, message: Decision | CompressedImage) -> None:
+        """Add one message, and save to disk what is due.
+
+        Raises:
+            ConfigurationError: the disk is full or gone.
+
+        """
+        if isinstance(message, Decision):
+            time_ns, sequence = message.unix_time_ns, message.sequence % 2**32
+        else:
+            time_ns, sequence = message.timestamp.ToNanoseconds(), 0
+        with self._disk_errors():
+            self._writer.add_message(
+                channel_id=self._channels[type(message)],
+                log_time=max(0, time_ns) or time.time_ns(),
+                publish_time=max(0, time_ns),
+                data=message.SerializeToString(),
+                sequence=sequence,
+            )
+        self._pending = True
+        self.save_if_due()
+
+    def save_if_due(self) -> None:
+        """Save to disk what came in since the last time, at most every 0.5 s.
+
+        To be called also while nothing arrives. Raises as `write`.
+        """
+        now_s = self._monotonic_s()
+        if self._pending and now_s - self._flushed_s >= FLUSH_EVERY_S:
+            with self._disk_errors():
+                self._writer.flush()
+                self._save()
+            self._flushed_s, self._pending = now_s, False
+
+    def _save(self) -> None:
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+    @contextmanager
+    def _disk_errors(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise ConfigurationError(
+                f"can't write {self._path}: {error.strerror}; what was saved can be read"
+            ) from None
+
+    def _register(self, kind: type[Decision] | type[CompressedImage]) -> int:
+        return self._writer.register_channel(
+            topic=self._topics[kind],
+            message_encoding=MessageEncoding.Protobuf,
+            schema_id=register_schema(self._writer, kind),
+        )
+
+
+def read_recording(path: Path) -> Iterator[tuple[str, Decision | CompressedImage]]:
+    """The messages of a recording with their topics, in the order they were written.
+
+    A file that was cut off, as by a power cut, gives all that is whole and a warning in the log.
+    Messages of other types, which another tool may have added, are left out.
+
+    Raises:
+        ConfigurationError: there is no such file, or it is no MCAP file.
+
+    """
+    try:
+        stream = path.open("rb")
+    except OSError as error:
+        raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
+    with stream:
+        if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+            raise ConfigurationError(f"{path} is no MCAP recording")
+        stream.seek(0)
+        count = 0
+        try:
+            for topic, message in _messages(stream):
+                count += 1
+                yield topic, message
+        except _DAMAGE:
+            _log.warning("%s was cut off or damaged; %d messages of it are whole", path, count)
+
+
+def _messages(stream: BinaryIO) -> Iterator[tuple[str, Decision | CompressedImage]]:
+    # The reader that does not seek needs no index at the end, which a cut file lacks.
+    reader = NonSeekingReader(stream, validate_crcs=True)
+    for schema, channel, record in reader.iter_messages(log_time_order=False):
+        kind = None if schema is None else _MESSAGE_TYPES.get(schema.name)
+        if kind is not None:
+            message = kind()
+            message.ParseFromString(record.data)
+            yield channel.topic, message

@@ -1,0 +1,1 @@
+"""The simulated robot, room and task: no real time, no devices, cheap to step."""

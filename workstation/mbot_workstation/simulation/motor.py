@@ -1,0 +1,60 @@
+"""A geared DC motor from what can be measured on the finished robot: speed, dead band, time."""
+
+import math
+from dataclasses import dataclass
+
+from mbot_workstation.simulation.robot_parameters import MotorParameters, RobotParameters
+
+ROTOR_INERTIA_KG_M2 = 2e-5
+"""Of the motor's rotor behind the 1:48 gear, at the wheel; assumed, 4 % of what the wheel has to
+move. Without it the wheels would be so light that the contact solver has to work harder."""
+
+
+@dataclass(frozen=True, slots=True)
+class MotorConstants:
+    """The two constants of an ideal DC motor, seen at the wheel.
+
+    Its torque is constant * (voltage - constant * speed) / resistance.
+
+    Attributes:
+        constant_v_s: back-EMF constant [V s/rad], equal to the torque constant [N m/A].
+        resistance_ohm: of the winding.
+
+    """
+
+    constant_v_s: float
+    resistance_ohm: float
+
+
+def motor_constants(robot: RobotParameters, motor: MotorParameters) -> MotorConstants:
+    """The constants that give the measured free speed and time constant.
+
+    A wheel with inertia J driven by such a motor approaches its free speed V / K with the time
+    constant J R / K^2. J is half the robot's mass at the wheel's rim, the wheel itself (a solid
+    sphere, as simulated) and the rotor. Turning on the spot moves the body's inertia instead,
+    which for these masses makes about the same J, so one time constant serves both.
+    """
+    constant = robot.supply_v / robot.free_speed_rad_s
+    rim_mass_kg = robot.mass_kg / 2 + 2 / 5 * robot.wheel_mass_kg
+    inertia_kg_m2 = rim_mass_kg * robot.wheel_radius_m**2 + ROTOR_INERTIA_KG_M2
+    return MotorConstants(constant, motor.time_constant_s * constant**2 / inertia_kg_m2)
+
+
+def motor_voltage(duty: float, motor: MotorParameters, supply_v: float) -> float:
+    """The voltage that turns the wheel, after what friction takes.
+
+    Up to the dead band the wheel stands; from there the speed rises linearly to the free speed,
+    which was measured with that friction. A duty of 0 is 0 V, not an open circuit: the board's
+    driver shorts the motor, which brakes it.
+
+    Args:
+        duty: PWM duty in [-1, 1], positive is forward; beyond is clipped.
+        motor: the motor's gain scales the result.
+        supply_v: voltage at full duty.
+
+    """
+    size = min(abs(duty), 1.0)
+    if size <= motor.dead_band:
+        return 0.0
+    working = (size - motor.dead_band) / (1 - motor.dead_band)
+    return math.copysign(working * motor.gain * supply_v, duty)

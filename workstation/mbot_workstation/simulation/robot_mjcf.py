@@ -1,0 +1,162 @@
+"""The robot as part of a MuJoCo model: boxes for the mass, two sphere wheels, caster, motors.
+
+Spheres matched the paper's real robot best of the wheel shapes it tried; they touch the floor in
+one point, which makes the wheel radius and the track exact. Axes: x forward, y left, z up, the
+origin on the floor under the axle's centre.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbot_workstation.simulation.engine import MjSpec, mujoco
+from mbot_workstation.simulation.lens_distortion import covering_pinhole
+from mbot_workstation.simulation.motor import ROTOR_INERTIA_KG_M2, motor_constants
+from mbot_workstation.simulation.robot_parameters import CameraMount, RobotParameters
+
+ROBOT = "robot"
+ROBOT_CAMERA = "robot camera"
+WHEELS = ("left wheel", "right wheel")
+
+FLOOR_BIT, WALL_BIT = 1, 2
+"""Collision classes: wheels and caster meet the floor, the bumper meets the walls, nothing else."""
+
+BUMPER_CENTRE_HEIGHT_M = 0.10
+"""Half a wall's height: the bumper is a sphere that reaches neither the floor nor over a wall."""
+
+CASTER_RADIUS_M = 0.010
+TAIL_BEHIND_M, TAIL_CLEARANCE_M = 0.050, 0.0005
+"""The rear end of the chassis, which touches the floor when a full reversal lifts the nose;
+assumed. Without it such a robot would turn over backwards."""
+
+
+def add_robot(spec: MjSpec, robot: RobotParameters) -> None:
+    """Add the robot, its camera and its motors, which take volts, to the model."""
+    base = spec.worldbody.add_body(name=ROBOT)
+    base.add_freejoint(name=ROBOT)
+    for part in robot.bodies:
+        base.add_geom(
+            name=part.name,
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[edge / 2 for edge in part.size_m],
+            pos=part.centre_m,
+            mass=part.mass_kg,
+            rgba=[*part.colour_rgb, 1],
+            contype=0,
+            conaffinity=0,
+        )
+    _add_slider(base, "caster", robot.caster_ahead_m, 0.0)
+    _add_slider(base, "tail", -TAIL_BEHIND_M, TAIL_CLEARANCE_M)
+    base.add_geom(
+        name="bumper",
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        size=[robot.touch_radius_m, 0, 0],
+        pos=[0, 0, BUMPER_CENTRE_HEIGHT_M],
+        mass=0,
+        condim=1,
+        contype=0,
+        conaffinity=WALL_BIT,
+        group=4,  # not drawn
+    )
+    pinhole = covering_pinhole(robot.camera)
+    base.add_camera(
+        name=ROBOT_CAMERA,
+        resolution=[pinhole.width_px, pinhole.height_px],
+        # Any length will do for the sensor: the other two are given in pixels of it.
+        sensor_size=[pinhole.width_px * 1e-6, pinhole.height_px * 1e-6],
+        focal_pixel=[pinhole.focal_x_px, pinhole.focal_y_px],
+        principal_pixel=[
+            (pinhole.width_px - 1) / 2 - pinhole.principal_x_px,
+            (pinhole.height_px - 1) / 2 - pinhole.principal_y_px,
+        ],
+        pos=[robot.camera_mount.ahead_m, robot.camera_mount.left_m, robot.camera_mount.height_m],
+        quat=camera_quaternion(robot.camera_mount),
+    )
+    _add_wheel(spec, base, robot, 0)
+    _add_wheel(spec, base, robot, 1)
+
+
+def _add_slider(base: Any, name: str, ahead_m: float, clearance_m: float) -> None:
+    # Without friction: MuJoCo's soft contacts lift whatever slides with friction, and the robot
+    # would bounce. What a caster costs in speed is `load_loss`, at the wheels.
+    base.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        size=[CASTER_RADIUS_M, 0, 0],
+        pos=[ahead_m, 0, CASTER_RADIUS_M + clearance_m],
+        mass=0,
+        condim=1,
+        priority=1,  # its own lack of friction counts, not the floor's
+        contype=0,
+        conaffinity=FLOOR_BIT,
+        rgba=[0.7, 0.7, 0.7, 1],
+    )
+
+
+def _add_wheel(spec: MjSpec, base: Any, robot: RobotParameters, side: int) -> None:
+    name = WHEELS[side]
+    left_m = robot.track_m / 2 * (1, -1)[side]
+    motor = (robot.left_motor, robot.right_motor)[side]
+    constants = motor_constants(robot, motor)
+    wheel = base.add_body(name=name, pos=[0, left_m, robot.wheel_radius_m])
+    wheel.add_joint(
+        name=name,
+        type=mujoco.mjtJoint.mjJNT_HINGE,
+        axis=[0, 1, 0],  # a positive turn about y rolls towards +x
+        armature=ROTOR_INERTIA_KG_M2,
+        damping=robot.load_loss * constants.constant_v_s**2 / constants.resistance_ohm,
+    )
+    wheel.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        size=[robot.wheel_radius_m, 0, 0],
+        mass=robot.wheel_mass_kg,
+        friction=[robot.wheel_friction, 0, 0],
+        priority=1,
+        contype=0,
+        conaffinity=FLOOR_BIT,
+        group=4,  # a sphere would look odd; a disc is drawn instead
+    )
+    wheel.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        size=[robot.wheel_radius_m, 0.009, 0],
+        quat=[math.sqrt(0.5), math.sqrt(0.5), 0, 0],
+        mass=0,
+        contype=0,
+        conaffinity=0,
+        rgba=[0.1, 0.1, 0.1, 1],
+    )
+    actuator = spec.add_actuator(
+        name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, ctrlspec=0
+    )
+    actuator.set_to_dcmotor(
+        motorconst=[constants.constant_v_s, constants.constant_v_s],
+        resistance=constants.resistance_ohm,
+    )
+
+
+def camera_quaternion(mount: CameraMount) -> NDArray[np.float64]:
+    """The camera's orientation on the robot.
+
+    MuJoCo's cameras look along their -z with +x to the right and +y up.
+
+    Returns:
+        Shape (4,), w x y z.
+
+    """
+    level = np.array([0.5, 0.5, -0.5, -0.5])  # camera x -> -y (right), y -> z (up), -z -> x
+    yaw = _turn((0, 0, 1), mount.yaw_left_deg)
+    pitch = _turn((0, 1, 0), mount.pitch_down_deg)
+    roll = _turn((1, 0, 0), mount.roll_clockwise_deg)
+    result = np.empty(4)
+    mujoco.mju_mulQuat(result, yaw, pitch)
+    mujoco.mju_mulQuat(result, result.copy(), roll)
+    mujoco.mju_mulQuat(result, result.copy(), level)
+    return result
+
+
+def _turn(axis: tuple[int, int, int], angle_deg: float) -> NDArray[np.float64]:
+    half = math.radians(angle_deg) / 2
+    return np.array([math.cos(half), *(math.sin(half) * a for a in axis)])

@@ -1,0 +1,114 @@
+"""Draws a simulated scene from one of its cameras, off-screen, with MuJoCo's OpenGL renderer."""
+
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from mbot_protocol.picture import Picture
+from mbot_workstation.simulation.engine import MjData, MjModel, mujoco, open_gl_context
+from mbot_workstation.simulation.simulation import SceneState, Simulation
+
+MOST_GEOMS = 100
+"""A scene has 25; MuJoCo's usual 10,000 only cost memory."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """What a picture may cost.
+
+    Attributes:
+        shadow_map_px: side of the shadow map; 0 draws no shadows.
+        samples: samples per pixel against jagged edges; 0 is one.
+        reflections: whether the floor mirrors a little.
+
+    """
+
+    shadow_map_px: int
+    samples: int
+    reflections: bool
+
+
+TRAINING = Quality(shadow_map_px=0, samples=0, reflections=False)
+"""Thousands of small pictures a second."""
+
+SHOW = Quality(shadow_map_px=512, samples=4, reflections=True)
+"""A believable picture: soft shadow, minor reflection, as in the paper's simulation."""
+
+
+class SceneRenderer:
+    """One camera at one size. Holds an OpenGL context: close it, or use it in a `with`.
+
+    Use it only in the thread that made it. It has its own copy of what there is to see, so the
+    simulation may go on in another thread meanwhile.
+    """
+
+    def __init__(
+        self, simulation: Simulation, camera: str, width_px: int, height_px: int, quality: Quality
+    ) -> None:
+        model: MjModel = simulation.model
+        self._model = model
+        self._data: MjData = mujoco.MjData(model)
+        self._rows_up = np.empty((height_px, width_px, 3), np.uint8)
+        self._viewport = mujoco.MjrRect(0, 0, width_px, height_px)
+        self._gl = open_gl_context(width_px, height_px)
+        self._gl.make_current()
+        # A context takes its sizes from the model when it is made. A larger buffer than the
+        # picture, or a shadow map nobody looks at, would cost time in every frame.
+        model.vis.global_.offwidth, model.vis.global_.offheight = width_px, height_px
+        model.vis.quality.offsamples = quality.samples
+        model.vis.quality.shadowsize = quality.shadow_map_px
+        self._context: Any = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+        self._scene = mujoco.MjvScene(model, MOST_GEOMS)
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = quality.shadow_map_px > 0
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = quality.reflections
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = False
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_HAZE] = False
+        self._options = mujoco.MjvOption()
+        self._camera = mujoco.MjvCamera()
+        self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+        self._camera.fixedcamid = model.camera(camera).id
+
+    def draw(self, state: SceneState) -> Picture:
+        """Draw one moment. Shape (height_px, width_px, 3), RGB."""
+        if self._context is None:
+            raise RuntimeError("the renderer is closed")
+        self._data.qpos[:] = state.joints
+        self._data.mocap_pos[:] = state.moved_pos
+        self._data.mocap_quat[:] = state.moved_quat
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_camlight(self._model, self._data)
+        mujoco.mjv_updateScene(
+            self._model,
+            self._data,
+            self._options,
+            None,
+            self._camera,
+            mujoco.mjtCatBit.mjCAT_ALL.value,
+            self._scene,
+        )
+        self._gl.make_current()
+        mujoco.mjr_render(self._viewport, self._scene, self._context)
+        mujoco.mjr_readPixels(self._rows_up, None, self._viewport, self._context)
+        return np.ascontiguousarray(self._rows_up[::-1])
+
+    def close(self) -> None:
+        """Give the OpenGL resources back; a second time does nothing."""
+        if self._context is not None:
+            self._gl.make_current()
+            self._context.free()
+            self._gl.free()
+            self._context = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()

@@ -1,0 +1,85 @@
+"""What the virtual robot tells while it runs: for a person, or a JSON object a line."""
+
+import json
+import sys
+from dataclasses import asdict
+from typing import TextIO
+
+from mbot_workstation.simulation.fetch_task import FetchResult
+from mbot_workstation.virtual.live_world import TaskEvent, WorldStatus
+
+
+class LiveReport:
+    """Writes to a stream, standard output if not told otherwise.
+
+    With `as_json` every line is an object with a `type`: ready, status, event or result.
+    """
+
+    def __init__(self, *, as_json: bool, stream: TextIO | None = None) -> None:
+        self._as_json = as_json
+        self._stream = stream or sys.stdout
+
+    def ready(self, board: str, camera: str) -> None:
+        """Board and camera are up."""
+        if self._as_json:
+            self._json("ready", {"board": board, "camera": camera})
+        else:
+            self._text(f"ready: board {board}, camera {camera}")
+
+    def event(self, event: TaskEvent) -> None:
+        """The task has counted something."""
+        if self._as_json:
+            self._json(
+                "event",
+                {
+                    "time_s": round(event.time_s, 3),
+                    "happening": event.happening.value,
+                    "score": round(event.score, 4),
+                    "total_score": event.result.score,
+                    "touches": event.result.touches,
+                },
+            )
+        else:
+            self._text(
+                f"{event.time_s:7.1f} s  {event.happening.value:8}  {event.score:+.2f}  "
+                f"(touched {event.result.touches}, score {event.result.score:.2f})"
+            )
+
+    def status(self, status: WorldStatus, frames: int, commands: int) -> None:
+        """Where things are; a person sees only events."""
+        if self._as_json:
+            left, right = status.wheel_speeds_rad_s
+            self._json(
+                "status",
+                {
+                    "time_s": round(status.time_s, 3),
+                    "x_m": round(status.robot.x_m, 4),
+                    "y_m": round(status.robot.y_m, 4),
+                    "yaw_rad": round(status.robot.yaw_rad, 4),
+                    "wheel_speeds_rad_s": [round(left, 2), round(right, 2)],
+                    "motors": [status.motors.m1, status.motors.m2],
+                    "commands": commands,
+                    "frames": frames,
+                    "touches": status.result.touches,
+                    "score": status.result.score,
+                },
+            )
+
+    def result(self, result: FetchResult) -> None:
+        """The run is over."""
+        if self._as_json:
+            self._json("result", asdict(result))
+            return
+        seconds = result.seconds_per_touch
+        mean = f", {sum(seconds) / len(seconds):.1f} s each" if seconds else ""
+        self._text(
+            f"touched {result.touches}{mean}; border {result.border_contacts}, time-outs "
+            f"{result.time_outs}; score {result.score:.2f}; drove {result.distance_driven_m:.1f} m "
+            f"in {result.duration_s:.1f} s"
+        )
+
+    def _json(self, kind: str, fields: dict[str, object]) -> None:
+        self._text(json.dumps({"type": kind, **fields}))
+
+    def _text(self, line: str) -> None:
+        print(line, file=self._stream, flush=True)

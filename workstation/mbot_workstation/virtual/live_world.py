@@ -1,0 +1,134 @@
+"""The simulation in real time: the board's motors drive it, the task watches it."""
+
+import queue
+import threading
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbot_protocol.mcore import Joystick
+from mbot_workstation.simulation.fetch_rules import FetchRules
+from mbot_workstation.simulation.fetch_task import FetchResult, FetchTask, Happening
+from mbot_workstation.simulation.pose import ORIGIN, Pose
+from mbot_workstation.simulation.simulation import Simulation
+from mbot_workstation.virtual.mcore_board import McoreBoard
+from mbot_workstation.virtual.mcore_firmware import duties
+from mbot_workstation.virtual.pacer import Pacer
+from mbot_workstation.virtual.scene_history import SceneHistory
+
+SLICE_S = 0.005
+"""One physics step: a command waits no longer for its effect."""
+
+MOST_SLICES_AT_ONCE = 20
+"""0.1 s; after a longer stall of this machine the simulated world simply stood still."""
+
+
+@dataclass(frozen=True, slots=True)
+class WorldStatus:
+    """What is going on.
+
+    Attributes:
+        time_s: simulated time.
+        robot, target: poses.
+        motors: the board's speeds.
+        wheel_speeds_rad_s: left and right.
+        result: the run so far.
+        ended: whether the run is over.
+
+    """
+
+    time_s: float
+    robot: Pose
+    target: Pose
+    motors: Joystick
+    wheel_speeds_rad_s: tuple[float, float]
+    result: FetchResult
+    ended: bool
+
+
+@dataclass(frozen=True, slots=True)
+class TaskEvent:
+    """Something the task has counted.
+
+    Attributes:
+        time_s: simulated time.
+        happening: what.
+        score: what it was worth.
+        result: the run including it.
+
+    """
+
+    time_s: float
+    happening: Happening
+    score: float
+    result: FetchResult
+
+
+class LiveWorld:
+    """Steps simulation and task on the clock.
+
+    The task's time starts when the motors are first told to turn: a robot nobody drives yet has
+    not failed.
+
+    Attributes:
+        history: the last moments, for the camera.
+        events: what the task has counted, until somebody takes it out.
+
+    """
+
+    def __init__(
+        self, simulation: Simulation, board: McoreBoard, rules: FetchRules, seed: int
+    ) -> None:
+        self._simulation = simulation
+        self._board = board
+        self._task = FetchTask(rules, np.random.default_rng(seed))
+        self.history = SceneHistory(SLICE_S)
+        self.events: queue.SimpleQueue[TaskEvent] = queue.SimpleQueue()
+        self._lock = threading.Lock()
+        self._driven = False
+        simulation.place_object(self._task.target)
+        self.history.add(time.monotonic(), simulation.snapshot())
+
+    def status(self) -> WorldStatus:
+        """What is going on now; from any thread."""
+        with self._lock:
+            return WorldStatus(
+                time_s=self._simulation.time_s,
+                robot=self._simulation.pose,
+                target=self._task.target,
+                motors=self._board.state.motors,
+                wheel_speeds_rad_s=self._simulation.wheel_speeds_rad_s,
+                result=self._task.result(),
+                ended=self._task.ended,
+            )
+
+    def run(self, stop: threading.Event) -> None:
+        """Step until stopped or until the run has ended."""
+        pacer = Pacer(SLICE_S, MOST_SLICES_AT_ONCE)
+        while (slices := pacer.wait(stop)) > 0:
+            with self._lock:
+                for _ in range(slices):
+                    self._advance()
+                    if self._task.ended:
+                        return
+                self.history.add(time.monotonic(), self._simulation.snapshot())
+
+    def _advance(self) -> None:
+        simulation = self._simulation
+        motors = self._board.state.motors
+        simulation.set_duty(*duties(motors))
+        simulation.step(SLICE_S)
+        self._driven = self._driven or not motors.is_stop
+        if not self._driven:
+            return
+        step = self._task.advance(simulation.pose, SLICE_S)
+        if step.happening is Happening.NOTHING:
+            return
+        if step.robot_to_origin:
+            simulation.place_robot(ORIGIN)
+        if step.object_moved:
+            simulation.place_object(self._task.target)
+        self.events.put(
+            TaskEvent(simulation.time_s, step.happening, step.score, self._task.result())
+        )

@@ -1,0 +1,61 @@
+"""The robot's path as JSON lines, for drawing it later."""
+
+import json
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.virtual.live_world import TaskEvent, WorldStatus
+
+
+class TrajectoryWriter:
+    """Writes a line a moment: `t`, `x`, `y`, `yaw`, `object` [x, y, yaw], in s, m and rad.
+
+    What the task counts becomes a line with `t`, `event` and `score`.
+    """
+
+    def __init__(self, path: Path) -> None:
+        try:
+            self._file = path.open("w", encoding="utf-8")
+        except OSError as error:
+            raise ConfigurationError(
+                f"can't write the trajectory to {path}: {error.strerror}"
+            ) from None
+
+    def add(self, status: WorldStatus) -> None:
+        """Append where everything is."""
+        robot, target = status.robot, status.target
+        self._write(
+            {
+                "t": round(status.time_s, 3),
+                "x": round(robot.x_m, 4),
+                "y": round(robot.y_m, 4),
+                "yaw": round(robot.yaw_rad, 4),
+                "object": [round(v, 4) for v in (target.x_m, target.y_m, target.yaw_rad)],
+            }
+        )
+
+    def add_event(self, event: TaskEvent) -> None:
+        """Append what has happened."""
+        self._write(
+            {
+                "t": round(event.time_s, 3),
+                "event": event.happening.value,
+                "score": round(event.score, 4),
+            }
+        )
+
+    def _write(self, line: dict[str, object]) -> None:
+        self._file.write(json.dumps(line) + "\n")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._file.close()

@@ -1,0 +1,134 @@
+"""The virtual robot: what looks like a robot's hardware from outside, put together.
+
+Threads: the world (physics and task), the camera (drawing), the board (the pty), the server (one
+more for every client). The first three only share what `SceneHistory`, `McoreBoard.state` and
+`LiveWorld.status` hand over.
+"""
+
+import threading
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from mbot_protocol.picture import Picture
+from mbot_workstation.simulation.fetch_rules import FetchRules
+from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_workstation.simulation.scene_parameters import SceneParameters
+from mbot_workstation.simulation.simulation import SceneState, Simulation
+from mbot_workstation.virtual.camera_stream import CameraSettings, CameraStream
+from mbot_workstation.virtual.live_world import LiveWorld
+from mbot_workstation.virtual.mcore_board import McoreBoard
+from mbot_workstation.virtual.mjpeg_server import MjpegServer
+
+
+@dataclass(frozen=True, slots=True)
+class VirtualRobotSettings:
+    """How a virtual robot is made.
+
+    Attributes:
+        robot, scene: what is simulated.
+        room_picture: panorama, shape (h, 2 h, 3), RGB; None generates one.
+        rules: of the task.
+        camera: of the camera.
+        camera_port: TCP port of the stream on loopback; 0 is any free one.
+        board_link: where to put a symbolic link to the board's port.
+        boot_s: how long the board is deaf after its port was opened; 0 is never.
+        seed: of the objects' places.
+
+    """
+
+    robot: RobotParameters = field(default_factory=RobotParameters)
+    scene: SceneParameters = field(default_factory=SceneParameters)
+    room_picture: Picture | None = None
+    rules: FetchRules = field(default_factory=FetchRules)
+    camera: CameraSettings = field(default_factory=CameraSettings)
+    camera_port: int = 0
+    board_link: Path | None = None
+    boot_s: float = 0.0
+    seed: int = 0
+
+
+class VirtualRobot:
+    """A running virtual robot; use it in a `with`.
+
+    Attributes:
+        simulation: read-only for others while it runs; use `world.status()`.
+        board, world, camera, server: its parts.
+        stopped: set when it has ended by itself or failed.
+
+    """
+
+    def __init__(self, settings: VirtualRobotSettings) -> None:
+        self.simulation = Simulation(settings.robot, settings.scene, settings.room_picture)
+        self.server = MjpegServer(settings.camera_port)
+        self.board = McoreBoard(settings.board_link, boot_s=settings.boot_s)
+        self.world = LiveWorld(self.simulation, self.board, settings.rules, settings.seed)
+        self._ready = threading.Event()
+        self.camera = CameraStream(
+            self.simulation, self.world.history, settings.camera, self._publish
+        )
+        self.stopped = threading.Event()
+        self._failure: BaseException | None = None
+        self._resources = ExitStack()
+        self._threads: list[threading.Thread] = []
+
+    def wait_until_ready(self, timeout_s: float = 30.0) -> bool:
+        """Wait for the first picture; False when it does not come in time."""
+        waited_s = 0.0
+        while not self._ready.wait(0.05) and waited_s < timeout_s:
+            if self.stopped.is_set():
+                break
+            waited_s += 0.05
+        self.raise_failure()
+        return self._ready.is_set()
+
+    def raise_failure(self) -> None:
+        """Raise what has ended one of the threads, if anything has."""
+        if self._failure is not None:
+            raise self._failure
+
+    def run_beside(self, name: str, loop: Callable[[threading.Event], None]) -> None:
+        """Run a loop in a thread until `stopped`; what it raises stops the robot."""
+        thread = threading.Thread(target=self._guard, args=(loop,), name=name, daemon=True)
+        self._threads.append(thread)
+        thread.start()
+
+    def scene_state(self) -> SceneState:
+        """What there is to see now."""
+        return self.world.history.newest()
+
+    def __enter__(self) -> Self:
+        self._resources.enter_context(self.server)
+        self._resources.enter_context(self.board)
+        self.run_beside("world", self._run_world)
+        self.run_beside("camera", self.camera.run)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.stopped.set()
+        for thread in self._threads:
+            thread.join()
+        self._resources.close()
+
+    def _publish(self, jpeg: bytes) -> None:
+        self.server.publish(jpeg)
+        self._ready.set()
+
+    def _run_world(self, stop: threading.Event) -> None:
+        self.world.run(stop)
+        stop.set()  # the run is over, so the camera may go as well
+
+    def _guard(self, loop: Callable[[threading.Event], None]) -> None:
+        try:
+            loop(self.stopped)
+        except BaseException as error:
+            self._failure = error
+            self.stopped.set()

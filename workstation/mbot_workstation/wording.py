@@ -1,0 +1,40 @@
+"""How values of the messages are written for people: states, digests, texts from the wire."""
+
+from collections.abc import Iterable
+
+from mbot_protocol.v1.messages_pb2 import Fault, State
+
+LONGEST_TEXT = 400
+"""Longer texts from the wire are cut: an error is one line a person reads."""
+
+
+def one_line(text: str) -> str:
+    """A text from the wire, made safe to print: one line, no control characters, not endless.
+
+    Without this a broken or hostile sender could move the cursor or recolour the terminal.
+    """
+    printable = "".join(c if c.isprintable() else " " for c in text[: LONGEST_TEXT + 1])
+    words = " ".join(printable.split())
+    return words if len(words) <= LONGEST_TEXT else words[: LONGEST_TEXT - 1] + "…"
+
+
+def state_word(state: int) -> str:
+    """`State` in one lower-case word; a state this software does not know by its number."""
+    if state not in State.values():
+        return f"state-{state}"
+    return State.Name(State.ValueType(state)).removeprefix("STATE_").lower()
+
+
+def short_digest(sha256: str) -> str:
+    """The first 12 digits of a digest: enough to tell models apart, and for a roll-back."""
+    return one_line(sha256)[:12] or "none"
+
+
+def size_words(size_bytes: int) -> str:
+    """A file's size: "4.6 kB", "2.41 MB"."""
+    return f"{size_bytes / 1e3:.1f} kB" if size_bytes < 1e6 else f"{size_bytes / 1e6:.2f} MB"
+
+
+def fault_lines(faults: Iterable[Fault]) -> list[str]:
+    """Each fault in one line: kind, what was found, what to do."""
+    return [f"{one_line(fault.kind)}: {one_line(fault.detail)}" for fault in faults]
