@@ -27,6 +27,9 @@ STILL_WHILE_DRIVING_NS = 1_000_000_000
 """For streams that may repeat exactly while the robot stands: so long may it drive before the
 picture must change. Two decisions and the motors' and the camera's delay."""
 
+INTERVAL_WEIGHT = 1 / 32
+"""Of the newest interval in the running mean: about a second at 30 frames/s."""
+
 BACK_OFF_S = (0.2, 0.5, 1.0, 2.0)
 """Waits between attempts to open the camera; the last one repeats."""
 
@@ -111,6 +114,7 @@ class CaptureThread:
         self._stale_after_ns = int(camera.stale_after_ms * 1e6)
         self._newest: Frame | None = None
         self._fault: Fault | None = Fault("camera-starting", "no frame has come yet")
+        self._interval_ns = 0.0
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
 
@@ -130,6 +134,11 @@ class CaptureThread:
     def latest(self) -> Frame | None:
         """The newest good frame, however old."""
         return self._newest
+
+    @property
+    def interval_ns(self) -> int:
+        """Time between two frames, as a running mean; 0 before there are two."""
+        return round(self._interval_ns)
 
     def is_fresh(self) -> bool:
         """Whether the newest good frame is recent enough to drive on."""
@@ -171,6 +180,10 @@ class CaptureThread:
         picture, captured_ns = source.read()
         fault = self.check.judge(picture, captured_ns)
         self._note(fault)
+        if fault is None and self._newest is not None:
+            interval_ns = captured_ns - self._newest.captured_ns
+            weight = INTERVAL_WEIGHT if self._interval_ns else 1.0
+            self._interval_ns += weight * (interval_ns - self._interval_ns)
         # A refused frame must not leave the last good one looking fresh.
         self._newest = Frame(picture, captured_ns) if fault is None else None
 

@@ -10,7 +10,7 @@ from mbot_agent.camera import CaptureThread, Frame
 from mbot_agent.configuration import Configuration
 from mbot_agent.faults import Fault
 from mbot_agent.helm import Helm, Mode, Orders, State, state_of
-from mbot_agent.metronome import Metronome
+from mbot_agent.metronome import Metronome, shift_towards_frames_ns
 from mbot_agent.motors import DriveCommand, Motors
 from mbot_agent.policy import Policy, PolicyError
 from mbot_agent.telemetry import Record, Telemetry
@@ -80,7 +80,7 @@ class ControlLoop:
         self._ticks = 0
         self._observer: Observer | None = None
         self._observer_for: tuple[tuple[int, ...], FieldOfView] | None = None
-        self.situation = Situation(state_of(helm.orders.mode, ()), (), 0, 0)
+        self.situation = Situation(State.IDLE, (), 0, 0)  # until the first tick has looked
 
     @property
     def policy(self) -> Policy | None:
@@ -121,6 +121,11 @@ class ControlLoop:
             state = state_of(orders.mode, faults)
         elif state is not State.MANUAL:
             self._helm.rest(orders)
+        if frame is not None:
+            age_ns = started_ns - frame.captured_ns
+            self._metronome.shift(
+                shift_towards_frames_ns(age_ns, self._camera.interval_ns, self._metronome.period_ns)
+            )
         self._camera.check.drives(record.board_m1 != 0 or record.board_m2 != 0)
         self._finish(record, observation, state, faults)
 

@@ -55,6 +55,7 @@ class FakeCamera:
         self.fault: Fault | None = None
         self.check = FakeCheck()
         self.fresh = True
+        self.interval_ns = 33_333_333
         self.picture: Picture = np.full((240, 320, 3), 90, np.uint8)
 
     def latest(self) -> Frame:

@@ -3,9 +3,16 @@ import threading
 import time
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mbot_agent import metronome
-from mbot_agent.metronome import Metronome
+from mbot_agent.metronome import (
+    FRAME_AGE_TARGET_NS,
+    LARGEST_SHIFT,
+    Metronome,
+    shift_towards_frames_ns,
+)
 
 
 class FakeClock:
@@ -62,3 +69,32 @@ def test_closing_ends_the_wait() -> None:
     started = time.monotonic()
     assert beat.wait(closing) is None
     assert time.monotonic() - started < 1.0
+
+
+@given(st.floats(0.5, 20), st.floats(5, 120), st.floats(0, 1), st.integers(-3_000_000, 3_000_000))
+def test_ticks_come_to_meet_the_frames(
+    rate_hz: float, frame_rate_hz: float, phase: float, jitter_ns: int
+) -> None:
+    """Simulate a camera whose frames divide the period: the age settles at the target."""
+    period_ns = round(1e9 / rate_hz)
+    interval_ns = period_ns / max(1, round(frame_rate_hz / rate_hz))
+    if interval_ns < 4 * FRAME_AGE_TARGET_NS:
+        return
+    offset_ns = phase * interval_ns
+    for tick in range(2000):
+        late_ns = jitter_ns if tick % 2 else -jitter_ns
+        age_ns = round((offset_ns + late_ns) % interval_ns)
+        shift_ns = shift_towards_frames_ns(age_ns, round(interval_ns), period_ns)
+        assert abs(shift_ns) <= period_ns * LARGEST_SHIFT + 1
+        offset_ns += shift_ns
+    age_ns = offset_ns % interval_ns
+    assert abs(age_ns - FRAME_AGE_TARGET_NS) <= 3_500_000 + period_ns * LARGEST_SHIFT
+
+
+def test_a_camera_of_unknown_rate_moves_nothing() -> None:
+    assert shift_towards_frames_ns(20_000_000, 0, 400_000_000) == 0
+
+
+def test_a_frame_that_was_lost_moves_nothing() -> None:
+    age_ns = FRAME_AGE_TARGET_NS + 33_000_000
+    assert shift_towards_frames_ns(age_ns, 33_000_000, 400_000_000) == 0

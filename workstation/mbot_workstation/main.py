@@ -5,6 +5,7 @@ import sys
 import typer
 
 from mbot_protocol.errors import MbotError
+from mbot_workstation.commands.demo import demo
 from mbot_workstation.commands.drive import drive, run, stop
 from mbot_workstation.commands.make_servo_policy import make_servo_policy
 from mbot_workstation.commands.models import models, rollback
@@ -21,6 +22,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+app.command("demo")(demo)
 app.command("robots")(robots)
 app.command("telemetry")(telemetry)
 app.command("push-model")(push_model)

@@ -1,0 +1,51 @@
+# What a person types. Each target does its own set-up; nothing has to be installed by hand first.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test check protocol benchmark lock clean
+
+help: ## Show this help
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@echo "  Options of the demo: make demo DEMO='--panorama my-room.jpg --radius 2.5'"
+
+demo: $(VENV)/.demo ## Drive a virtual robot with the real daemon; leaves pictures in out/demo
+	$(BIN)/workstation demo $(DEMO)
+
+test: $(VENV)/.all ## Run all tests
+	$(BIN)/pytest $(TEST)
+
+check: $(VENV)/.all ## Lint, format, types, imports
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+	PYTHONPATH= $(BIN)/lint-imports
+
+protocol: $(VENV)/.all ## Generate the messages' Python code from the .proto file
+	$(BIN)/python shared/protocol/generate.py
+
+benchmark: $(VENV)/.all ## Measure the daemon; use a quiet machine
+	$(BIN)/python benchmarks/agent.py
+
+lock: $(VENV)/.all ## Write the installed versions into constraints.txt
+	$(BIN)/pip freeze --exclude-editable | sed 's/+cpu$$//' > constraints.txt
+
+clean: ## Remove the virtual environment and what runs have left
+	rm -rf $(VENV) out .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+
+$(VENV)/bin/python:
+	@PYTHON=$(PYTHON) sh deploy/workstation-libraries.sh
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.demo: $(VENV)/bin/python pyproject.toml constraints.txt
+	@PYTHON=$(PYTHON) sh deploy/workstation-libraries.sh
+	$(PIP) install -c constraints.txt -e '.[robot,workstation]'
+	@touch $@
+
+$(VENV)/.all: $(VENV)/bin/python pyproject.toml constraints.txt
+	@PYTHON=$(PYTHON) sh deploy/workstation-libraries.sh test
+	$(PIP) install -c constraints.txt -e '.[robot,workstation,train,dev]'
+	@touch $@ $(VENV)/.demo

@@ -1,0 +1,192 @@
+"""What the daemon costs and how fast it is, on the virtual robot, beside the loop one writes first.
+
+    python benchmarks/agent.py [--minutes 10] [--json]
+
+Prints medians and ratios. Use a quiet machine: the virtual robot draws its camera's pictures on
+the same processor.
+"""
+
+import argparse
+import json
+import platform
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+from mbot_protocol.policy_contract import PolicyMetadata
+from mbot_protocol.v1.messages_pb2 import Decision
+from mbot_workstation.demo.child import Child
+from mbot_workstation.model_push import push
+from mbot_workstation.remote_control import RemoteControl
+from mbot_workstation.robot_link import RobotLink
+from mbot_workstation.servo_policy import ServoGains, servo_model
+from mbot_workstation.stage_times import percentile
+from mbot_workstation.telemetry_stream import TelemetryStream
+
+ADDRESS = "127.0.0.1:17447"
+PLAIN_SECONDS = 30.0
+
+CONFIGURATION = """\
+robot_id = "benchmark"
+[camera]
+source = "{camera}"
+[board]
+port = "{board}"
+accept_no_deadman = true
+[models]
+directory = "{models}"
+[network]
+listen = ["tcp/{address}"]
+"""
+
+BARS = {
+    "decision_p50_ms": 6.0,
+    "decision_p99_ms": 20.0,
+    "frame_p50_ms": 25.0,
+    "frame_p99_ms": 50.0,
+    "missed_ticks": 0.0,
+    "cpu_share": 0.03,
+    "memory_mb": 120.0,
+}
+
+
+def measure(minutes: float) -> dict[str, float]:
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        places = _start_virtual_robot(stack, folder)
+        model = folder / "servo.onnx"
+        policy = servo_model(ServoGains(), PolicyMetadata("servo"))
+        model.write_bytes(policy.SerializeToString(deterministic=True))
+        plain = _run_plain_loop(places, model)
+        figures = _run_daemon(folder, places, model, minutes)
+    return figures | {f"plain_{name}": value for name, value in plain.items()}
+
+
+def _start_virtual_robot(stack: ExitStack, folder: Path) -> dict[str, str]:
+    ready = folder / "ready.json"
+    arguments = ["virtual-robot", "--plain", "--camera-port", "0"]
+    arguments += ["--board", str(folder / "board"), "--ready-file", str(ready)]
+    robot = stack.enter_context(Child("workstation", arguments, folder / "robot.log"))
+    robot.wait_until(ready.exists, 60, "the virtual robot did not start")
+    return json.loads(ready.read_text())
+
+
+def _run_plain_loop(places: dict[str, str], model: Path) -> dict[str, float]:
+    script = Path(__file__).with_name("plain_loop.py")
+    command = [sys.executable, str(script), places["camera"], places["board"], str(model)]
+    done = subprocess.run(
+        [*command, str(PLAIN_SECONDS)], capture_output=True, text=True, check=True
+    )
+    found = json.loads(done.stdout)
+    return {
+        "decision_p50_ms": percentile(found["decision_ms"], 0.5),
+        "decision_p99_ms": percentile(found["decision_ms"], 0.99),
+        "decisions_per_s": found["decisions_per_s"],
+        "cpu_share": found["cpu_share"],
+    }
+
+
+def _run_daemon(
+    folder: Path, places: dict[str, str], model: Path, minutes: float
+) -> dict[str, float]:
+    configuration = folder / "robot.toml"
+    configuration.write_text(
+        CONFIGURATION.format(models=folder / "models", address=ADDRESS, **places)
+    )
+    arguments = ["run", "--config", str(configuration)]
+    with Child("mbot-agent", arguments, folder / "agent.log") as agent:
+        log = folder / "agent.log"
+        agent.wait_until(lambda: "is up" in log.read_text(), 30, "the daemon did not start")
+        with RobotLink(ADDRESS) as link:
+            began_s = time.monotonic()
+            push(link, model)
+            push_s = time.monotonic() - began_s
+            decisions = _watch(link, agent, minutes * 60)
+        cpu_share = decisions.cpu_s / decisions.seconds
+    start_s = _time_to_first_decision(folder, configuration)
+    return decisions.figures() | {
+        "cpu_share": cpu_share,
+        "push_to_active_s": push_s,
+        "start_to_first_decision_s": start_s,
+    }
+
+
+class Watched:
+    """The decisions of a while, and what they cost."""
+
+    def __init__(self) -> None:
+        self.decisions: list[Decision] = []
+        self.cpu_s = 0.0
+        self.seconds = 0.0
+
+    def figures(self) -> dict[str, float]:
+        answered = [d for d in self.decisions if d.acknowledged_monotonic_ns]
+        decision = [(d.acknowledged_monotonic_ns - d.started_monotonic_ns) / 1e6 for d in answered]
+        frame = [(d.acknowledged_monotonic_ns - d.captured_monotonic_ns) / 1e6 for d in answered]
+        first, last = self.decisions[0], self.decisions[-1]
+        elapsed_s = (last.started_monotonic_ns - first.started_monotonic_ns) / 1e9
+        return {
+            "decisions": len(self.decisions),
+            "decisions_per_s": (last.sequence - first.sequence) / elapsed_s,
+            "decision_p50_ms": percentile(decision, 0.5),
+            "decision_p99_ms": percentile(decision, 0.99),
+            "frame_p50_ms": percentile(frame, 0.5),
+            "frame_p99_ms": percentile(frame, 0.99),
+            "missed_ticks": last.missed_ticks - first.missed_ticks,
+            "memory_mb": max(d.resident_memory_bytes for d in self.decisions) / 2**20,
+        }
+
+
+def _watch(link: RobotLink, agent: Child, seconds: float) -> Watched:
+    watched = Watched()
+    with TelemetryStream(link) as stream:
+        RemoteControl(link).run()
+        began_s, cpu_s = time.monotonic(), agent.cpu_s
+        while time.monotonic() - began_s < seconds:
+            watched.decisions += [
+                sample.message
+                for sample in stream.poll(0.2)
+                if isinstance(sample.message, Decision) and sample.message.HasField("action")
+            ]
+        watched.seconds = time.monotonic() - began_s
+        watched.cpu_s = agent.cpu_s - cpu_s
+        RemoteControl(link).stop()
+    return watched
+
+
+def _time_to_first_decision(folder: Path, configuration: Path) -> float:
+    """From starting the process to the first tick in which it drives, with model and all."""
+    configuration.write_text(configuration.read_text() + '[control]\nstart = "running"\n')
+    arguments = ["run", "--config", str(configuration)]
+    log = folder / "agent-again.log"
+    began_s = time.monotonic()
+    with Child("mbot-agent", arguments, log) as agent:
+        agent.wait_until(lambda: "now running" in log.read_text(), 30, "it did not drive")
+        return time.monotonic() - began_s
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--minutes", type=float, default=10.0, help="of driving (default: 10)")
+    parser.add_argument("--json", action="store_true", help="one JSON object")
+    arguments = parser.parse_args()
+    figures = measure(arguments.minutes)
+    if arguments.json:
+        print(json.dumps(figures))
+        return
+    print(f"{platform.machine()}, Python {platform.python_version()}, {arguments.minutes:g} min")
+    print(f"{'':28}{'daemon':>10}{'bar':>8}{'plain loop':>12}{'ratio':>8}")
+    for name, value in figures.items():
+        if name.startswith("plain_"):
+            continue
+        bar = f"{BARS[name]:g}" if name in BARS else ""
+        other = figures.get(f"plain_{name}")
+        beside = f"{other:12.3f}{value / other:8.2f}" if other else ""
+        print(f"{name:28}{value:10.3f}{bar:>8}{beside}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,51 @@
+#!/bin/sh
+# System libraries a workstation needs, checked before anything is installed with pip.
+# As root on Debian or Ubuntu what is missing is installed; anybody else is told the command.
+# With the argument "test" the tests' own needs are looked at as well.
+set -eu
+
+python=${PYTHON:-python3}
+missing=
+
+need() { # PACKAGE TEST...: the package is missing if the test fails
+    package=$1
+    shift
+    "$@" >/dev/null 2>&1 || missing="$missing $package"
+}
+
+library() { # is a shared library known to the loader?
+    ldconfig -p 2>/dev/null | grep -q "$1" || /sbin/ldconfig -p | grep -q "$1"
+}
+
+if [ "$(uname -s)" = Linux ]; then
+    need python3-venv "$python" -c 'import ensurepip, venv'
+    need libegl1 library libEGL.so.1
+    need libgl1-mesa-dri library libEGL_mesa.so.0
+    need libgl1 library libGL.so.1
+    if [ "${1:-}" = test ]; then
+        need systemd command -v systemd-analyze
+        need openssl command -v openssl
+        need git command -v git
+    fi
+fi
+
+if [ -n "$missing" ]; then
+    # libEGL_mesa comes with libegl-mesa0, which libgl1-mesa-dri does not bring by itself.
+    case $missing in *libgl1-mesa-dri*) missing="$missing libegl-mesa0" ;; esac
+    if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
+        echo "installing$missing"
+        apt-get update -qq
+        # shellcheck disable=SC2086 # a list of words
+        DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $missing \
+            >/dev/null
+    else
+        echo "missing system libraries: sudo apt-get install$missing" >&2
+        exit 1
+    fi
+fi
+
+"$python" - <<'PYTHON' || exit 1
+import sys
+if sys.version_info < (3, 11):
+    sys.exit(f"Python {sys.version.split()[0]} is too old, 3.11 or newer is needed: make PYTHON=python3.12 ...")
+PYTHON

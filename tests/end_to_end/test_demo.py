@@ -1,0 +1,64 @@
+"""`workstation demo`, the whole system at once, as a new user runs it."""
+
+import json
+import subprocess
+from pathlib import Path
+
+import cv2
+
+from mbot_workstation.recording import read_recording
+
+from .processes import PROGRAMS
+
+
+def test_the_demo_drives_and_leaves_what_it_promises(tmp_path: Path) -> None:
+    folder = tmp_path / "demo"
+    command = [PROGRAMS.format("workstation"), "demo", "--json", "--seconds", "25"]
+    done = subprocess.run(
+        [*command, "--radius", "0.8", "--output", str(folder)],
+        capture_output=True,
+        text=True,
+        timeout=110,
+        check=False,
+    )
+    assert done.stdout, done.stderr
+    result = json.loads(done.stdout.splitlines()[-1])
+    assert result["touches"] >= 1
+    assert done.returncode == (0 if result["touches"] >= 3 else 1)
+    assert result["decisions"] >= 40
+    picture = cv2.imread(str(folder / "contact-sheet.png"))
+    assert picture is not None
+    assert picture.shape[0] > 600
+    recorded = list(read_recording(folder / "recording.mcap"))
+    assert len(recorded) >= 2 * result["decisions"] - 4
+    assert (folder / "agent.log").read_text().rstrip().endswith("ended")
+
+
+def test_the_demo_does_not_delete_other_peoples_things(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("years of work")
+    done = subprocess.run(
+        [PROGRAMS.format("workstation"), "demo", "--output", str(tmp_path)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "holds other things" in done.stderr
+    assert (tmp_path / "thesis.tex").exists()
+
+
+def test_a_demo_without_its_virtual_robot_says_why(tmp_path: Path) -> None:
+    photo = tmp_path / "square.png"
+    cv2.imwrite(str(photo), cv2.resize(cv2.UMat(8, 8, cv2.CV_8UC3).get(), (64, 64)))
+    command = [PROGRAMS.format("workstation"), "demo", "--panorama", str(photo)]
+    done = subprocess.run(
+        [*command, "--output", str(tmp_path / "demo")],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert "the virtual robot did not start" in done.stderr
+    assert "square.png" in done.stderr
