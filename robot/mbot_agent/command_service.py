@@ -44,13 +44,15 @@ class CommandService:
     def status(self, _: bytes) -> bytes:
         """Reply to a query on `status`."""
         situation = self._loop.situation
+        mode = self._helm.orders.mode
+        faults = self._loop.faults(mode)
         return messages.Status(
             schema_version=SCHEMA_VERSION,
             robot_id=self._robot_id,
             session_id=self._session_id,
             now_monotonic_ns=time.monotonic_ns(),
-            state=WIRE_STATES[state_of(self._helm.orders.mode, situation.faults)],
-            faults=[messages.Fault(kind=f.kind, detail=f.detail) for f in situation.faults],
+            state=WIRE_STATES[state_of(mode, faults)],
+            faults=[messages.Fault(kind=f.kind, detail=f.detail) for f in faults],
             software_version=VERSION,
             board_version=self._motors.version,
             board_has_deadman=self._motors.has_deadman,
@@ -70,8 +72,8 @@ class CommandService:
             reply.accepted = True
         except MbotError as error:
             reply.reason = str(error)
-        faults = self._loop.situation.faults
-        reply.state = WIRE_STATES[state_of(self._helm.orders.mode, faults)]
+        mode = self._helm.orders.mode
+        reply.state = WIRE_STATES[state_of(mode, self._loop.faults(mode))]
         return reply.SerializeToString()
 
     def _obey(self, command: messages.Command) -> None:

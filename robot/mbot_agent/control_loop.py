@@ -3,6 +3,7 @@
 import logging
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -74,7 +75,7 @@ class ControlLoop:
         self._telemetry = telemetry
         self._metronome = Metronome(self._rate_hz)
         self._policy: Policy | None = None
-        self._next_policy: Policy | None = None
+        self._incoming: deque[Policy] = deque()
         self._failures = 0
         self._policy_fault: Fault | None = None
         self._ticks = 0
@@ -84,12 +85,12 @@ class ControlLoop:
 
     @property
     def policy(self) -> Policy | None:
-        """The model in use, or about to be at the next beat."""
-        return self._next_policy or self._policy
+        """The model in use."""
+        return self._policy
 
     def use(self, policy: Policy) -> None:
         """Switch to this model before the next decision."""
-        self._next_policy = policy
+        self._incoming.append(policy)
 
     def run(self, closing: threading.Event, on_tick: Callable[[Situation], None]) -> None:
         """Tick until `closing` is set; `on_tick` hears of every finished tick."""
@@ -105,7 +106,7 @@ class ControlLoop:
         self._helm.end_manual_if_due()
         orders = self._helm.orders
         frame = self._camera.latest()
-        faults = self._faults(orders)
+        faults = self.faults(orders.mode)
         state = state_of(orders.mode, faults)
         record = messages.Decision(
             schema_version=SCHEMA_VERSION,
@@ -130,18 +131,22 @@ class ControlLoop:
         self._finish(record, observation, state, faults)
 
     def _take_next_policy(self) -> None:
-        policy, self._next_policy = self._next_policy, None
-        if policy is not None:
-            self._policy, self._failures, self._policy_fault = policy, 0, None
+        while self._incoming:
+            self._policy, self._failures, self._policy_fault = self._incoming[0], 0, None
+            self._incoming.popleft()
 
-    def _faults(self, orders: Orders) -> tuple[Fault, ...]:
-        """What is in the way of the orders; a person's hand needs neither eyes nor model."""
+    def faults(self, mode: Mode) -> tuple[Fault, ...]:
+        """What is in the way of a mode now; any thread may ask. A person's hand needs neither
+        eyes nor model.
+        """
         found = [self._motors.fault]
-        if orders.mode is not Mode.MANUAL:
+        if mode is not Mode.MANUAL:
             found += [self._camera.fault, self._model_fault()]
         return tuple(fault for fault in found if fault is not None)
 
     def _model_fault(self) -> Fault | None:
+        if self._incoming:
+            return None
         if self._policy is None:
             return Fault("no-model", "no model yet: `workstation push-model` sends one")
         return self._policy_fault

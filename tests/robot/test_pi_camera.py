@@ -1,0 +1,110 @@
+"""The Pi camera's source against a stand-in for picamera2, which only a Raspberry Pi has."""
+
+import sys
+import time
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from mbot_agent.configuration import Camera
+from mbot_agent.frame_sources import SENSOR_MODE, CameraError, PiCameraSource
+
+
+class StandInRequest:
+    def __init__(self, captured_ns: int) -> None:
+        self.captured_ns = captured_ns
+        self.released = False
+
+    def make_array(self, stream: str) -> np.ndarray:
+        assert stream == "main"
+        return np.full((240, 320, 3), 7, np.uint8)
+
+    def get_metadata(self) -> dict[str, int]:
+        return {"SensorTimestamp": self.captured_ns}
+
+    def release(self) -> None:
+        self.released = True
+
+
+class StandIn:
+    """As much of picamera2.Picamera2 as the daemon uses."""
+
+    cameras: list[dict[str, str]]
+    newest: "StandIn"
+
+    def __init__(self) -> None:
+        self.configuration: dict[str, object] = {}
+        self.requests: list[StandInRequest] = []
+        self.hangs = False
+        self.closed = False
+        StandIn.newest = self
+
+    @staticmethod
+    def global_camera_info() -> list[dict[str, str]]:
+        return StandIn.cameras
+
+    def create_video_configuration(self, **settings: object) -> dict[str, object]:
+        return settings
+
+    def configure(self, configuration: dict[str, object]) -> None:
+        self.configuration = configuration
+
+    def start(self) -> None: ...
+
+    def capture_request(self, wait: float) -> StandInRequest:
+        assert 0 < wait <= 2
+        if self.hangs:
+            raise TimeoutError
+        captured_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - 50_000_000
+        self.requests.append(StandInRequest(captured_ns))
+        return self.requests[-1]
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.fixture(autouse=True)
+def picamera2(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = ModuleType("picamera2")
+    module.Picamera2 = StandIn  # pyright: ignore[reportAttributeAccessIssue]
+    monkeypatch.setitem(sys.modules, "picamera2", module)
+    StandIn.cameras = [{"Model": "imx477"}]
+
+
+def test_the_full_view_mode_is_pinned_and_the_colour_order_asked_for() -> None:
+    with PiCameraSource(Camera()):
+        configuration = StandIn.newest.configuration
+        # picamera2 names formats backwards: BGR888 lies as R, G, B in memory.
+        assert configuration["main"] == {"size": (320, 240), "format": "BGR888"}
+        assert configuration["sensor"] == {"output_size": SENSOR_MODE, "bit_depth": 12}
+        assert configuration["controls"] == {"FrameRate": 30.0}
+    assert StandIn.newest.closed
+
+
+def test_frames_carry_the_sensors_time_on_our_clock_and_are_given_back() -> None:
+    with PiCameraSource(Camera()) as source:
+        picture, captured_ns = source.read()
+        age_ms = (time.monotonic_ns() - captured_ns) / 1e6
+    assert picture.shape == (240, 320, 3)
+    assert 49 <= age_ms < 2000
+    assert StandIn.newest.requests[0].released
+
+
+def test_a_configured_size_is_asked_of_the_isp() -> None:
+    with PiCameraSource(Camera(width_px=640, height_px=480)):
+        main = StandIn.newest.configuration["main"]
+    assert main == {"size": (640, 480), "format": "BGR888"}
+
+
+def test_a_hanging_camera_is_an_error_in_time() -> None:
+    with PiCameraSource(Camera()) as source:
+        StandIn.newest.hangs = True
+        with pytest.raises(CameraError, match="delivers no frames"):
+            source.read()
+
+
+def test_no_camera_on_the_cable_is_explained() -> None:
+    StandIn.cameras = []
+    with pytest.raises(CameraError, match="check the cable"):
+        PiCameraSource(Camera()).__enter__()

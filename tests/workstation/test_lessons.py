@@ -1,0 +1,60 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from mbot_workstation.simulation.fetch_rules import spawn
+from mbot_workstation.simulation.pose import ORIGIN
+from mbot_workstation.training.lessons import (
+    BLUR_LESSON,
+    LESSONS,
+    PASS_EPISODES,
+    lesson,
+    passed,
+)
+from mbot_workstation.training.presets import PRESETS
+
+
+def test_there_are_the_papers_ten() -> None:
+    assert [stage.objects for stage in LESSONS] == [1] * 6 + [2] + [10] * 3
+    assert [stage.largest_reward for stage in LESSONS] == [3] * 6 + [5] + [21] * 3
+    assert all(a.spawn_farthest_m < b.spawn_farthest_m for a, b in pairwise(LESSONS))
+    last = LESSONS[-1].rules
+    assert (last.spawn_farthest_m, last.border_m) == (2.5, 2.9)
+    assert last.time_limit_s == pytest.approx(167 * 0.4)
+    assert LESSONS[-1].longest_decisions == 1670
+
+
+def test_the_first_object_is_close_and_in_view() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        cube = spawn(ORIGIN, LESSONS[0].rules, rng)
+        assert 0.4 <= np.hypot(cube.x_m, cube.y_m) <= 0.5
+        assert abs(np.degrees(np.arctan2(cube.y_m, cube.x_m))) < 55.3 / 2
+
+
+@pytest.mark.parametrize("stage", LESSONS, ids=lambda stage: stage.name)
+def test_passing_takes_420_episodes_at_nine_tenths_of_the_largest_reward(stage) -> None:
+    enough = 0.9 * stage.largest_reward + 1e-9
+    assert passed(stage, [enough] * PASS_EPISODES)
+    assert not passed(stage, [enough] * (PASS_EPISODES - 1))
+    assert not passed(stage, [enough - 0.01] * PASS_EPISODES)
+    assert passed(stage, [-1.0] * 500 + [enough] * PASS_EPISODES), "only the last ones count"
+
+
+def test_one_object_of_ten_does_not_pass() -> None:
+    assert not passed(LESSONS[8], [1.9] * PASS_EPISODES)
+
+
+def test_the_blur_lesson_is_the_last_one_with_an_exposure_time() -> None:
+    assert BLUR_LESSON.rules == LESSONS[-1].rules
+    ideal = PRESETS["ideal"]
+    assert BLUR_LESSON.applied_to(ideal).high.exposure_ms > 0 == ideal.high.exposure_ms
+    assert LESSONS[-1].applied_to(ideal) is ideal
+
+
+def test_lessons_are_found_by_name() -> None:
+    assert lesson("7") is LESSONS[6]
+    assert lesson("blur") is BLUR_LESSON
+    with pytest.raises(ValueError, match=r"no lesson '11'.*blur"):
+        lesson("11")

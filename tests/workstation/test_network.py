@@ -1,0 +1,65 @@
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from mbot_workstation.training.network import PIXEL_SCALE, PIXEL_SHIFT, PaperNetwork
+
+SPACE = gymnasium.spaces.Box(0, 255, (64, 64, 3), np.uint8)
+
+
+@pytest.fixture
+def network() -> PaperNetwork:
+    torch.manual_seed(1)
+    return PaperNetwork(SPACE)
+
+
+def pictures(count: int) -> torch.Tensor:
+    return torch.from_numpy(np.random.default_rng(2).integers(0, 256, (count, 64, 64, 3))).float()
+
+
+def test_it_is_the_papers_network(network: PaperNetwork) -> None:
+    textbook = nn.Sequential(
+        network.first,
+        nn.LeakyReLU(),
+        network.second,
+        nn.LeakyReLU(),
+        nn.Flatten(),
+        network.dense,
+        nn.LeakyReLU(),
+    )
+    assert [tuple(p.shape) for p in textbook.parameters()] == [
+        (16, 3, 8, 8),
+        (16,),
+        (32, 16, 4, 4),
+        (32,),
+        (256, 1152),
+        (256,),
+    ]
+    batch = pictures(5)
+    scaled = batch.permute(0, 3, 1, 2).contiguous() * PIXEL_SCALE + PIXEL_SHIFT
+    torch.testing.assert_close(network(batch), textbook(scaled), rtol=1e-4, atol=1e-5)
+
+
+def test_pictures_are_not_copied_on_the_way(network: PaperNetwork) -> None:
+    seen: list[torch.Tensor] = []
+    convolution = nn.functional.conv2d
+
+    def spy(picture: torch.Tensor, *others: object, **named: object) -> torch.Tensor:
+        seen.append(picture)
+        return convolution(picture, *others, **named)  # pyright: ignore[reportCallIssue, reportArgumentType]
+
+    batch = pictures(2)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(nn.functional, "conv2d", spy)
+        network(batch)
+    assert seen[0].data_ptr() == batch.data_ptr()
+    assert seen[0].is_contiguous(memory_format=torch.channels_last)
+
+
+def test_every_weight_learns(network: PaperNetwork) -> None:
+    network(pictures(4)).square().sum().backward()
+    for name, parameter in network.named_parameters():
+        assert parameter.grad is not None, name
+        assert bool(parameter.grad.abs().sum() > 0), name

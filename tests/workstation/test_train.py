@@ -1,0 +1,298 @@
+import io
+import json
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.training.checkpoint import read_state, read_weights
+from mbot_workstation.training.curriculum import CurriculumState
+from mbot_workstation.training.learner import LearnerSettings, make_learner
+from mbot_workstation.training.picture_ppo import PicturePPO
+from mbot_workstation.training.progress_display import LineDisplay
+from mbot_workstation.training.progress_log import Episode, ProgressLog, read_progress
+from mbot_workstation.training.run_directory import RunDirectory
+from mbot_workstation.training.train import TrainingResult, begin_run, train
+from mbot_workstation.training.training_config import TrainingConfig, read_config
+
+TINY = TrainingConfig(
+    steps=128,
+    robots=2,
+    workers=1,
+    preset="ideal",
+    made_up_rooms=1,
+    learner=LearnerSettings(steps_per_robot=32, batch=32, epochs=2),
+    checkpoint_every=64,
+    row_every=64,
+)
+LIMIT_S = 60
+
+
+def run_to_end(run: RunDirectory, config: TrainingConfig) -> TrainingResult:
+    return train(run, config, LineDisplay(), threading.Event())
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> RunDirectory:
+    run = begin_run(tmp_path_factory.mktemp("runs") / "whole", TINY)
+    result = run_to_end(run, TINY)
+    assert (result.step, result.reason, result.lesson) == (128, "steps", "1")
+    return run
+
+
+def test_a_run_leaves_all_that_tells_its_story(finished: RunDirectory) -> None:
+    assert read_config(finished.config_file) == TINY
+    resolved = json.loads(finished.config_file.read_text())
+    assert resolved["effects"]["low"]["exposure_ms"] == 0.0
+    assert [lesson["name"] for lesson in resolved["lessons"]] == [str(n) for n in range(1, 11)]
+    assert "torch" in resolved["libraries"]
+    (session,) = json.loads(finished.git_file.read_text())
+    assert set(session) == {"from_step", "commit", "changed_files"}
+    assert [path.name for path in finished.checkpoints()] == ["000000064", "000000128"]
+    assert list(finished.tensorboard.iterdir())
+
+
+def test_the_same_seed_gives_the_same_run(finished: RunDirectory, tmp_path: Path) -> None:
+    again = begin_run(tmp_path / "again", TINY)
+    run_to_end(again, TINY)
+    assert_same_weights(finished, again)
+    other = begin_run(tmp_path / "other", replace(TINY, seed=1, steps=64))
+    run_to_end(other, replace(TINY, seed=1, steps=64))
+    first, second = finished.checkpoints()[0], other.last_checkpoint()
+    assert any(not torch.equal(a, b) for a, b in pairs(first, second))
+
+
+def test_a_run_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
+    run = begin_run(tmp_path / "short", replace(TINY, steps=64))
+    run_to_end(run, replace(TINY, steps=64))
+    before = read_weights(run.last_checkpoint())
+    (tmp_path / "short" / "checkpoints" / "000000099.unfinished").mkdir()  # a crash's leftover
+    result = run_to_end(run, TINY)
+    assert result.step == 128
+    state = read_state(run.last_checkpoint())
+    assert state.step == 128
+    assert state.wall_s > read_state(run.checkpoints()[0]).wall_s
+    sessions = json.loads(run.git_file.read_text())
+    assert [session["from_step"] for session in sessions] == [0, 64]
+    after = read_weights(run.last_checkpoint())
+    assert any(not torch.equal(before[name], after[name]) for name in after)
+    assert run_to_end(run, TINY).step == 128  # nothing left to do
+
+
+def test_fine_tuning_starts_from_the_parents_weights(
+    finished: RunDirectory, tmp_path: Path
+) -> None:
+    still = replace(TINY.learner, learning_rate=0.0, final_learning_rate=0.0)
+    config = replace(
+        TINY, lessons=("blur",), parent=str(finished.last_checkpoint()), learner=still, steps=64
+    )
+    run = begin_run(tmp_path / "tuned", config)
+    assert run_to_end(run, config).lesson == "blur"
+    assert_same_weights(finished, run)
+
+
+def test_stop_ends_with_a_checkpoint(tmp_path: Path) -> None:
+    run = begin_run(tmp_path / "stopped", TINY)
+    stop = threading.Event()
+    stop.set()
+    result = train(run, TINY, LineDisplay(), stop)
+    assert (result.reason, result.step) == ("interrupted", 2)
+    assert read_state(run.last_checkpoint()).step == 2
+
+
+def test_ctrl_c_saves_and_resume_goes_on(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", COMMAND, "train", "--runs", str(tmp_path), "--name", "run"]
+    options = ["--robots", "2", "--workers", "1", "--made-up-rooms", "1", "--preset", "ideal"]
+    pipe = subprocess.PIPE
+    events = tmp_path / "run" / "tensorboard"
+    with subprocess.Popen(command + options, stdout=pipe, stderr=pipe, text=True) as process:
+        try:
+            wait_until(lambda: events.is_dir() and process.poll() is None)
+            time.sleep(1.0)
+            process.send_signal(signal.SIGINT)
+            out, errors = process.communicate(timeout=LIMIT_S)
+        finally:
+            process.kill()
+    assert process.returncode == 130, errors
+    assert "go on with --resume" in errors
+    assert "decisions in" in out
+    step = read_state(RunDirectory(tmp_path / "run").last_checkpoint()).step
+    assert step > 0
+    resumed = subprocess.run(
+        [*command[:3], "train", "--resume", str(tmp_path / "run"), "--steps", "1", "--json"],
+        capture_output=True,
+        text=True,
+        timeout=LIMIT_S,
+        check=False,
+    )
+    assert resumed.returncode == 0, resumed.stderr
+    assert json.loads(resumed.stdout)["step"] == step
+
+
+COMMAND = """
+import typer
+from mbot_workstation.commands.train import train
+app = typer.Typer()
+app.command("train")(train)
+app.callback()(lambda: None)
+app()
+"""
+
+
+def wait_until(condition: Any) -> None:
+    until_s = time.monotonic() + LIMIT_S
+    while not condition():
+        assert time.monotonic() < until_s
+        time.sleep(0.02)
+
+
+def test_a_crash_while_saving_leaves_the_checkpoint_before(tmp_path: Path) -> None:
+    run = RunDirectory.create(tmp_path / "run")
+    good = run.add_checkpoint(1, lambda folder: (folder / "a").write_text("whole") and None)
+
+    def crash(folder: Path) -> None:
+        (folder / "a").write_text("ha")
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run.add_checkpoint(2, crash)
+    assert run.checkpoints() == [good]
+    for step in (2, 3):
+        run.add_checkpoint(step, lambda folder: (folder / "a").write_text("whole") and None)
+    assert [path.name for path in run.checkpoints()] == ["000000002", "000000003"]
+
+
+class Evil:
+    """Unpickling it would write a file."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> Any:
+        return (Path.write_text, (self.path, "run"))
+
+
+def test_a_strangers_checkpoint_runs_no_code(tmp_path: Path) -> None:
+    proof = tmp_path / "proof"
+    for content in (pickle.dumps(Evil(proof)), torch_file(Evil(proof)), b"", b"nonsense"):
+        with zipfile.ZipFile(tmp_path / "model.zip", "w") as archive:
+            archive.writestr("policy.pth", content)
+            archive.writestr("data", content)
+        with pytest.raises(ConfigurationError, match="damaged"):
+            read_weights(tmp_path)
+    (tmp_path / "model.zip").write_bytes(b"PK")
+    with pytest.raises(ConfigurationError, match="damaged"):
+        read_weights(tmp_path)
+    assert not proof.exists()
+
+
+def torch_file(content: object) -> bytes:
+    data = io.BytesIO()
+    torch.save(content, data)
+    return data.getvalue()
+
+
+def test_what_is_no_run_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="no training run"):
+        RunDirectory.open(tmp_path)
+    with pytest.raises(ConfigurationError, match="exists already"):
+        RunDirectory.create(tmp_path)
+    with pytest.raises(ConfigurationError, match="no checkpoint yet"):
+        RunDirectory(tmp_path).last_checkpoint()
+    with pytest.raises(ConfigurationError, match="expected one of"):
+        TrainingConfig(preset="perfect")
+    with pytest.raises(ConfigurationError, match="robots: 0"):
+        TrainingConfig(robots=0)
+
+
+def test_progress_is_a_row_an_interval_and_forgets_a_lost_future(tmp_path: Path) -> None:
+    path = tmp_path / "progress.csv"
+    log = ProgressLog(path, row_every=100)
+    log.add(Episode(2.0, 10, 1))
+    log.add(Episode(-1.0, 30, 0))
+    assert log.row_if_due(99, 1.0, "1") is None
+    row = log.row_if_due(104, 1.0, "1")
+    assert row is not None
+    assert (row.mean_reward, row.mean_length, row.mean_touches, row.episodes) == (0.5, 20, 0.5, 2)
+    assert log.row_if_due(205, 2.0, "1") is None  # no episode has ended
+    log.add(Episode(3.0, 10, 1))
+    assert log.row_if_due(206, 2.0, "2") is not None
+    assert [row.step for row in read_progress(path)] == [104, 206]
+    ProgressLog(path, step=150, row_every=100)
+    assert [row.step for row in read_progress(path)] == [104]
+    path.write_text("a,b\n1,2\n")
+    with pytest.raises(ConfigurationError, match="columns"):
+        read_progress(path)
+
+
+class Pictures(gymnasium.Env[Any, Any]):
+    """Random pictures and rewards."""
+
+    observation_space = gymnasium.spaces.Box(0, 255, (64, 64, 3), np.uint8)
+    action_space = gymnasium.spaces.Box(-1, 1, (2,), np.float32)
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+        super().reset(seed=seed)
+        return self._picture(), {}
+
+    def step(self, action: Any) -> Any:
+        ended = bool(self.np_random.random() < 0.1)
+        return self._picture(), float(self.np_random.normal()), ended, False, {}
+
+    def _picture(self) -> Any:
+        return self.np_random.integers(0, 256, (64, 64, 3), np.uint8)
+
+
+def test_threads_learn_what_stable_baselines_learns() -> None:
+    settings = LearnerSettings(steps_per_robot=16, batch=16, epochs=3)
+    learned: list[dict[str, torch.Tensor]] = []
+    for update in (PicturePPO.train, PPO.train):
+        environment = DummyVecEnv([Pictures, Pictures])
+        learner = make_learner(environment, settings, seed=3)
+        learner.set_logger(Logger(None, []))
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(PicturePPO, "train", update)
+            learner.learn(64)
+        learned.append(learner.policy.state_dict())
+    start = make_learner(DummyVecEnv([Pictures]), settings, seed=3).policy.state_dict()
+    for name, ours in learned[0].items():
+        torch.testing.assert_close(ours, learned[1][name], rtol=0, atol=2e-5)
+    moved = max(float((learned[0][name] - start[name]).abs().max()) for name in start)
+    assert moved > 1e-3
+
+
+def test_the_learning_rate_falls_evenly() -> None:
+    settings = LearnerSettings(learning_rate=1.0, final_learning_rate=0.2)
+    rates = [settings.learning_rate_at(remaining) for remaining in (1.0, 0.5, 0.0, -0.1)]
+    assert rates == pytest.approx([1.0, 0.6, 0.2, 0.2])
+
+
+def test_a_checkpoint_keeps_the_curriculum(finished: RunDirectory) -> None:
+    state = read_state(finished.last_checkpoint())
+    assert isinstance(state.curriculum, CurriculumState)
+    assert len(state.curriculum.rewards) == state.curriculum.episodes
+
+
+def pairs(first: Path, second: Path) -> list[tuple[torch.Tensor, torch.Tensor]]:
+    ours, theirs = read_weights(first), read_weights(second)
+    return [(ours[name], theirs[name]) for name in ours]
+
+
+def assert_same_weights(first: RunDirectory, second: RunDirectory) -> None:
+    for ours, theirs in pairs(first.last_checkpoint(), second.last_checkpoint()):
+        assert torch.equal(ours, theirs)
