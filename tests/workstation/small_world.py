@@ -12,12 +12,14 @@ from mbot_workstation.training.world_settings import WorldSettings, world_settin
 ROOMS = [generate_room(seed, width_px=64) for seed in (0, 1)]
 
 
-def settings(lesson: str | Lesson = "10", **effects: float | tuple[float, float]) -> WorldSettings:
+def settings(
+    lesson: str | Lesson = "10", /, **effects: float | tuple[float, float]
+) -> WorldSettings:
     """Ideal robots but for these effects."""
     return world_settings(EffectRanges.fixed(IDEAL).changed(**effects), lesson, ROOMS)
 
 
-def world(lesson: str | Lesson = "10", seed: int = 0, **effects: float) -> FetchWorld:
+def world(lesson: str | Lesson = "10", seed: int = 0, /, **effects: float) -> FetchWorld:
     """A world at the start of an episode."""
     made = settings(lesson, **effects)
     result = FetchWorld(made)

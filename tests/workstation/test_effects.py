@@ -11,7 +11,7 @@ from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_mjcf import build_model
 from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.simulation.simulation import Simulation
-from mbot_workstation.training.body_swap import swap_body
+from mbot_workstation.training.body_swap import aim_camera, swap_body
 from mbot_workstation.training.effects import EFFECT_NAMES, IDEAL, EffectRanges, RealWorldEffects
 from mbot_workstation.training.fast_physics import PLACEHOLDER
 from mbot_workstation.training.perturbed_robot import observing_camera, perturbed_robot
@@ -104,10 +104,21 @@ def test_a_swapped_body_is_the_compiled_one_in_every_number() -> None:
         and value.dtype.kind in "fi"
         and not np.allclose(value, getattr(simulation.model, name), atol=1e-9)
     ]
-    # The light follows the robot's centre of mass, and bounding volumes are not used.
-    assert set(differing) <= {"light_poscom0", "light_pos0", "bvh_aabb", "names_map"}
+    # Where the light and the overhead camera are as seen from the robot's centre of mass, of use
+    # only to cameras and lights that track it, which these do not; and bounding volumes.
+    assert set(differing) <= {"light_poscom0", "cam_poscom0", "bvh_aabb"}
     assert simulation.model.stat.meaninertia == pytest.approx(compiled.stat.meaninertia)
     assert simulation.robot is robot
+
+
+def test_an_aimed_camera_is_the_compiled_one() -> None:
+    camera = replace(nominal_pi_camera(64, 64), focal_x_px=50.0, principal_x_px=33.0)
+    robot = replace(RobotParameters(), camera=nominal_pi_camera(64, 64))
+    simulation = Simulation(robot, room_picture=PLACEHOLDER)
+    aim_camera(simulation, camera)
+    compiled = build_model(replace(robot, camera=camera), SceneParameters(), PLACEHOLDER)
+    for name in ("cam_intrinsic", "cam_sensorsize", "cam_resolution"):
+        assert np.allclose(getattr(simulation.model, name), getattr(compiled, name), rtol=1e-6)
 
 
 def test_swapping_back_and_forth_leaves_nothing_behind() -> None:

@@ -162,8 +162,11 @@ def wait_until(condition: Any) -> None:
 
 
 def test_a_crash_while_saving_leaves_the_checkpoint_before(tmp_path: Path) -> None:
+    def whole(folder: Path) -> None:
+        (folder / "a").write_text("whole")
+
     run = RunDirectory.create(tmp_path / "run")
-    good = run.add_checkpoint(1, lambda folder: (folder / "a").write_text("whole") and None)
+    good = run.add_checkpoint(1, whole)
 
     def crash(folder: Path) -> None:
         (folder / "a").write_text("ha")
@@ -173,7 +176,7 @@ def test_a_crash_while_saving_leaves_the_checkpoint_before(tmp_path: Path) -> No
         run.add_checkpoint(2, crash)
     assert run.checkpoints() == [good]
     for step in (2, 3):
-        run.add_checkpoint(step, lambda folder: (folder / "a").write_text("whole") and None)
+        run.add_checkpoint(step, whole)
     assert [path.name for path in run.checkpoints()] == ["000000002", "000000003"]
 
 
@@ -187,6 +190,7 @@ class Evil:
         return (Path.write_text, (self.path, "run"))
 
 
+@pytest.mark.filterwarnings("ignore:Detected pickle protocol")
 def test_a_strangers_checkpoint_runs_no_code(tmp_path: Path) -> None:
     proof = tmp_path / "proof"
     for content in (pickle.dumps(Evil(proof)), torch_file(Evil(proof)), b"", b"nonsense"):

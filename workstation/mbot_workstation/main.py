@@ -7,11 +7,17 @@ import typer
 from mbot_protocol.errors import MbotError
 from mbot_workstation.commands.demo import demo
 from mbot_workstation.commands.drive import drive, run, stop
+from mbot_workstation.commands.evaluate import evaluate
+from mbot_workstation.commands.explain import explain
+from mbot_workstation.commands.export import export
 from mbot_workstation.commands.make_servo_policy import make_servo_policy
 from mbot_workstation.commands.models import models, rollback
 from mbot_workstation.commands.push_model import push_model
 from mbot_workstation.commands.robots import robots
+from mbot_workstation.commands.study import study
 from mbot_workstation.commands.telemetry import telemetry
+from mbot_workstation.commands.train import train
+from mbot_workstation.commands.training_curve import training_curve
 from mbot_workstation.commands.virtual_robot import virtual_robot
 
 app = typer.Typer(
@@ -34,6 +40,12 @@ app.command("stop")(stop)
 app.command("drive", context_settings={"ignore_unknown_options": True})(drive)
 app.command("make-servo-policy")(make_servo_policy)
 app.command("virtual-robot")(virtual_robot)
+app.command("train")(train)
+app.command("export")(export)
+app.command("evaluate")(evaluate)
+app.command("explain")(explain)
+app.command("training-curve")(training_curve)
+app.command("study")(study)
 
 
 def main() -> None:

@@ -79,6 +79,14 @@ def at_border(robot: Pose, rules: FetchRules) -> bool:
     return max(abs(robot.x_m), abs(robot.y_m)) >= rules.border_m
 
 
+def way_to_contact_m(robot: Pose, cube: Pose, rules: FetchRules) -> float:
+    """How far the robot can drive at least, whatever the way, before it touches anything."""
+    distance = math.hypot(robot.x_m - cube.x_m, robot.y_m - cube.y_m)
+    to_cube = distance - rules.cube_edge_m * math.sqrt(0.5) - rules.touch_radius_m
+    to_border = rules.border_m - max(abs(robot.x_m), abs(robot.y_m))
+    return max(0.0, min(to_cube, to_border))
+
+
 def spawn(robot: Pose, rules: FetchRules, rng: np.random.Generator) -> Pose:
     """A place for the next object: distance and angle uniform, clear of the robot, any yaw."""
     while True:

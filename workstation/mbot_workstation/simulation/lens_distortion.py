@@ -14,7 +14,7 @@ from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.picture import Picture
 
 
-def _rays(camera: CameraModel, pixels: NDArray[np.float32]) -> NDArray[np.float64]:
+def rays(camera: CameraModel, pixels: NDArray[np.float32]) -> NDArray[np.float64]:
     """Directions through pixels as slopes x/z, y/z. Shape (n, 2) in and out."""
     slopes = cv2.undistortPoints(
         pixels.reshape(-1, 1, 2), camera.matrix, np.array(camera.distortion)
@@ -35,7 +35,7 @@ def covering_pinhole(camera: CameraModel) -> CameraModel:
         [np.stack(np.broadcast_arrays(across, y), axis=-1) for y in down[[0, -1]]]
         + [np.stack(np.broadcast_arrays(x, down), axis=-1) for x in across[[0, -1]]]
     )
-    slopes = _rays(camera, edge) * (camera.focal_x_px, camera.focal_y_px)
+    slopes = rays(camera, edge) * (camera.focal_x_px, camera.focal_y_px)
     left, top = np.ceil(-slopes.min(axis=0))
     right, bottom = np.ceil(slopes.max(axis=0))
     return CameraModel(
@@ -65,7 +65,7 @@ class LensDistortion:
                 np.arange(camera.width_px, dtype=np.float32),
                 np.arange(camera.height_px, dtype=np.float32),
             )
-            slopes = _rays(camera, np.stack([columns, rows], axis=-1).reshape(-1, 2))
+            slopes = rays(camera, np.stack([columns, rows], axis=-1).reshape(-1, 2))
             slopes = slopes.reshape(camera.height_px, camera.width_px, 2)
             self._maps = (
                 (slopes[..., 0] * pinhole.focal_x_px + pinhole.principal_x_px).astype(np.float32),

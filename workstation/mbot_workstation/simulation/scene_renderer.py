@@ -45,14 +45,31 @@ class SceneRenderer:
     """
 
     def __init__(
-        self, simulation: Simulation, camera: str, width_px: int, height_px: int, quality: Quality
+        self,
+        simulation: Simulation,
+        camera: str,
+        width_px: int,
+        height_px: int,
+        quality: Quality,
+        gl: Any = None,
     ) -> None:
+        """Prepare to draw.
+
+        Args:
+            simulation: the scene; its textures are loaded now.
+            camera: name of the camera to draw from.
+            width_px, height_px: size of the pictures.
+            quality: what a picture may cost.
+            gl: an OpenGL context to share, which whoever opened it frees; None opens an own one.
+
+        """
         model: MjModel = simulation.model
         self._model = model
         self._data: MjData = mujoco.MjData(model)
         self._rows_up = np.empty((height_px, width_px, 3), np.uint8)
         self._viewport = mujoco.MjrRect(0, 0, width_px, height_px)
-        self._gl = open_gl_context(width_px, height_px)
+        self._owns_gl = gl is None
+        self._gl = open_gl_context(width_px, height_px) if gl is None else gl
         self._gl.make_current()
         # A context takes its sizes from the model when it is made. A larger buffer than the
         # picture, or a shadow map nobody looks at, would cost time in every frame.
@@ -60,7 +77,6 @@ class SceneRenderer:
         model.vis.quality.offsamples = quality.samples
         model.vis.quality.shadowsize = quality.shadow_map_px
         self._context: Any = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         self._scene = mujoco.MjvScene(model, MOST_GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = quality.shadow_map_px > 0
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = quality.reflections
@@ -71,17 +87,28 @@ class SceneRenderer:
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
         self._camera.fixedcamid = model.camera(camera).id
 
-    def draw(self, state: SceneState) -> Picture:
-        """Draw one moment. Shape (height_px, width_px, 3), RGB."""
+    def draw(self, state: SceneState, model: MjModel | None = None) -> Picture:
+        """Draw one moment.
+
+        Args:
+            state: the moment.
+            model: of a simulation that differs from the renderer's own only in numbers (camera,
+                sizes, colours), to be drawn with the renderer's textures; None is its own.
+
+        Returns:
+            Shape (height_px, width_px, 3), RGB.
+
+        """
         if self._context is None:
             raise RuntimeError("the renderer is closed")
+        model = self._model if model is None else model
         self._data.qpos[:] = state.joints
         self._data.mocap_pos[:] = state.moved_pos
         self._data.mocap_quat[:] = state.moved_quat
-        mujoco.mj_kinematics(self._model, self._data)
-        mujoco.mj_camlight(self._model, self._data)
+        mujoco.mj_kinematics(model, self._data)
+        mujoco.mj_camlight(model, self._data)
         mujoco.mjv_updateScene(
-            self._model,
+            model,
             self._data,
             self._options,
             None,
@@ -90,6 +117,7 @@ class SceneRenderer:
             self._scene,
         )
         self._gl.make_current()
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         mujoco.mjr_render(self._viewport, self._scene, self._context)
         mujoco.mjr_readPixels(self._rows_up, None, self._viewport, self._context)
         return np.ascontiguousarray(self._rows_up[::-1])
@@ -99,7 +127,8 @@ class SceneRenderer:
         if self._context is not None:
             self._gl.make_current()
             self._context.free()
-            self._gl.free()
+            if self._owns_gl:
+                self._gl.free()
             self._context = None
 
     def __enter__(self) -> Self:

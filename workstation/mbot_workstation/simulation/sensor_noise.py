@@ -33,10 +33,10 @@ class SensorNoise:
             READ_NOISE**2 + SHOT_NOISE**2 * brightness
         ).astype(np.float32)
 
-    def apply(self, picture: Picture) -> Picture:
-        """A noisy copy. Shape (height_px, width_px, 3), uint8."""
+    def apply(self, picture: Picture, strength: float = 1.0) -> Picture:
+        """A noisy copy. Shape (height_px, width_px, 3), uint8; `strength` is for this one."""
         height, width = picture.shape[:2]
         top, left = self._rng.integers(0, SPARE_PX + 1, 2)
         noise = self._field[top : top + height, left : left + width]
-        scaled = cv2.multiply(cv2.LUT(picture, self._deviation), noise)
+        scaled = cv2.multiply(cv2.LUT(picture, self._deviation * np.float32(strength)), noise)
         return cast(Picture, cv2.add(picture, scaled, dtype=cv2.CV_8U))

@@ -53,7 +53,6 @@ class Simulation:
             room_picture = generate_room(seed=0, room=self.scene.room)
         self.model: MjModel = build_model(self.robot, self.scene, room_picture)
         self._data: MjData = mujoco.MjData(self.model)
-        self._timestep_s: float = self.model.opt.timestep
         self._owed_s = 0.0
         wheels = [self.model.joint(name).dofadr[0] for name in WHEELS]
         self._wheel_dofs = np.array(wheels)
@@ -80,17 +79,26 @@ class Simulation:
         left, right = self._data.qvel[self._wheel_dofs]
         return float(left), float(right)
 
-    def set_duty(self, left: float, right: float) -> None:
-        """Set both motors' PWM duty in [-1, 1], positive is forward; it holds until changed."""
-        supply_v = self.robot.supply_v
+    @property
+    def turn_rate_rad_s(self) -> float:
+        """How fast the robot turns, positive to the left."""
+        return float(self._data.qvel[5])  # of the free joint, about the body's own z
+
+    def set_duty(self, left: float, right: float, supply_share: float = 1.0) -> None:
+        """Set both motors' PWM duty in [-1, 1], positive is forward; it holds until changed.
+
+        `supply_share` is what a sagging battery leaves of the supply's voltage.
+        """
+        supply_v = self.robot.supply_v * supply_share
         self._data.ctrl[0] = motor_voltage(left, self.robot.left_motor, supply_v)
         self._data.ctrl[1] = motor_voltage(right, self.robot.right_motor, supply_v)
 
     def step(self, duration_s: float) -> None:
         """Advance by whole time steps; what is left over counts towards the next call."""
         self._owed_s += duration_s
-        steps = round(self._owed_s / self._timestep_s)
-        self._owed_s -= steps * self._timestep_s
+        timestep_s: float = self.model.opt.timestep
+        steps = round(self._owed_s / timestep_s)
+        self._owed_s -= steps * timestep_s
         if steps > 0:
             mujoco.mj_step(self.model, self._data, steps)
 
@@ -102,6 +110,7 @@ class Simulation:
         self._data.qvel[:] = 0
         self._data.qacc_warmstart[:] = 0
         self._data.ctrl[:] = 0
+        self._owed_s = 0.0
         mujoco.mj_forward(self.model, self._data)
 
     def place_object(self, pose: Pose) -> None:

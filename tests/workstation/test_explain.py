@@ -1,0 +1,163 @@
+import os
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read when onnxruntime is imported
+
+import cv2
+import numpy as np
+import pytest
+import torch
+import typer
+from typer.testing import CliRunner
+
+from mbot_protocol.errors import ConfigurationError, ContractError
+from mbot_protocol.policy_contract import FULL_VIEW, PolicyMetadata
+from mbot_workstation.commands.explain import explain
+from mbot_workstation.commands.training_curve import training_curve
+from mbot_workstation.recording import Recording
+from mbot_workstation.servo_policy import ServoGains, servo_model
+from mbot_workstation.training.activations import Microscope
+from mbot_workstation.training.example_frames import (
+    NO_OBJECT,
+    OBJECT_CENTRAL,
+    OBJECT_LEFT,
+    example_frames,
+)
+from mbot_workstation.training.explain import as_observation, mosaic
+from mbot_workstation.training.policy_graph import policy_graph
+
+from .samples import picture
+
+NAMES = {
+    "features_extractor.first": (16, 3, 8, 8),
+    "features_extractor.second": (32, 16, 4, 4),
+    "features_extractor.dense": (256, 1152),
+    "action_net": (2, 256),
+}
+
+
+def weights() -> dict[str, torch.Tensor]:
+    torch.manual_seed(0)
+    made = {f"{name}.weight": torch.randn(shape) * 0.05 for name, shape in NAMES.items()}
+    return made | {f"{name}.bias": torch.randn(shape[0]) * 0.05 for name, shape in NAMES.items()}
+
+
+@pytest.fixture(scope="module")
+def model() -> bytes:
+    return policy_graph(weights(), PolicyMetadata("learned")).SerializeToString()
+
+
+@pytest.fixture
+def model_file(model: bytes, tmp_path: Path) -> Path:
+    path = tmp_path / "learned.onnx"
+    path.write_bytes(model)
+    return path
+
+
+def invoke(command: Any, *arguments: str) -> str:
+    app = typer.Typer()
+    app.command()(command)
+    result = CliRunner().invoke(app, list(arguments), catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def test_the_microscope_shows_what_torch_computes(model: bytes) -> None:
+    frame = np.random.default_rng(1).integers(0, 256, (64, 64, 3)).astype(np.uint8)
+    seen = Microscope(model).look(frame)
+    scaled = torch.from_numpy(frame).permute(2, 0, 1)[None] / 255 - 0.5
+    first = weights()["features_extractor.first.weight"], weights()["features_extractor.first.bias"]
+    expected = torch.nn.functional.conv2d(scaled, *first, stride=4)[0].numpy()
+    assert seen.convolution.shape == (16, 15, 15)
+    np.testing.assert_allclose(seen.convolution, expected, atol=1e-5)
+    leaky = np.where(expected > 0, expected, 0.01 * expected)
+    np.testing.assert_allclose(seen.activation, leaky, atol=1e-5)
+    assert all(-1 <= wheel <= 1 for wheel in seen.action)
+
+
+def test_a_model_without_such_a_layer_is_named() -> None:
+    servo = servo_model(ServoGains(), PolicyMetadata("servo")).SerializeToString()
+    with pytest.raises(ContractError, match="nothing to explain"):
+        Microscope(servo)
+
+
+def test_the_example_frames_show_what_they_say() -> None:
+    frames = example_frames()
+    red = {
+        name: (frame[..., 0] > 90) & (frame[..., 1] < 70) & (frame[..., 2] < 70)
+        for name, frame in frames.items()
+    }
+    assert not red[NO_OBJECT].any()
+    for name, low, high in ((OBJECT_LEFT, 0, 24), (OBJECT_CENTRAL, 24, 40)):
+        columns = np.nonzero(red[name].any(axis=0))[0]
+        assert len(columns) >= 4
+        assert low <= columns.mean() < high
+
+
+def test_without_frames_the_papers_three_are_explained(model_file: Path, tmp_path: Path) -> None:
+    output = tmp_path / "out.png"
+    told = invoke(explain, str(model_file), "-o", str(output))
+    assert all(name in told for name in (NO_OBJECT, OBJECT_LEFT, OBJECT_CENTRAL))
+    image = cv2.imread(str(output))
+    assert image is not None
+    assert image.std() > 10
+
+
+def test_frames_of_any_size_are_explained(model_file: Path, tmp_path: Path) -> None:
+    for name, shape in (("small", (64, 64, 3)), ("camera", (240, 320, 3))):
+        cv2.imwrite(str(tmp_path / f"{name}.png"), np.full(shape, 90, np.uint8))
+    files = [str(tmp_path / "small.png"), str(tmp_path / "camera.png")]
+    told = invoke(
+        explain, str(model_file), "--frames", *files, "-o", str(tmp_path / "o.png"), "--json"
+    )
+    assert '"small"' in told
+    assert '"camera"' in told
+    assert as_observation(np.zeros((240, 320, 3), np.uint8), FULL_VIEW).shape == (64, 64, 3)
+
+
+def test_a_recording_is_explained(model_file: Path, tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    with Recording(path, "mbot-1") as recording:
+        for number in range(11):
+            recording.write(picture(1_700_000_000_000_000_000 + number * 400_000_000))
+    told = invoke(
+        explain,
+        *(str(model_file), "--recording", str(path), "--count", "3"),
+        *("-o", str(tmp_path / "o.png")),
+    )
+    assert [line.split(":")[0] for line in told.splitlines()[:3]] == ["0.0 s", "2.0 s", "4.0 s"]
+
+
+def test_what_cannot_be_explained_is_named(model_file: Path, tmp_path: Path) -> None:
+    text = tmp_path / "a.png"
+    text.write_text("no picture")
+    for arguments, message in (
+        (("--frames", str(tmp_path / "none.png")), "can't read"),
+        (("--frames", str(text)), "no picture"),
+        (("--frames", str(text), "--recording", str(text)), "one of the two"),
+        (("-o", str(tmp_path / "missing" / "o.png")), "can't write"),
+    ):
+        with pytest.raises(ConfigurationError, match=message):
+            invoke(explain, str(model_file), *arguments)
+
+
+def test_maps_are_laid_out_in_rows() -> None:
+    maps = np.arange(16 * 4, dtype=np.float32).reshape(16, 2, 2)
+    wall = mosaic(maps)
+    assert wall.shape == (4 * 3 - 1, 4 * 3 - 1)
+    np.testing.assert_array_equal(wall[3:5, 3:5], maps[5])
+    assert np.isnan(wall[2]).all()
+
+
+def test_the_training_curve_is_drawn(tmp_path: Path) -> None:
+    (tmp_path / "config.json").write_text("{}")
+    progress = tmp_path / "progress.csv"
+    header = "step,wall_s,lesson,mean_reward,mean_length,mean_touches,episodes"
+    progress.write_text(header + "\n")
+    with pytest.raises(ConfigurationError, match="no row"):
+        invoke(training_curve, str(tmp_path))
+    rows = [f"{40_000 * n},{30 * n},{min(n, 10)},{2 * n},{300 - 9 * n},1,50" for n in range(1, 11)]
+    progress.write_text("\n".join([header, *rows]) + "\n")
+    invoke(training_curve, str(tmp_path))
+    assert (tmp_path / "curve.png").read_bytes().startswith(b"\x89PNG")

@@ -1,0 +1,183 @@
+import base64
+import hashlib
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read when onnxruntime is imported
+
+import numpy as np
+import onnx
+import pytest
+import torch
+import typer
+from onnx import numpy_helper
+from stable_baselines3.common.vec_env import DummyVecEnv
+from typer.testing import CliRunner
+
+from mbot_protocol.errors import ConfigurationError, ContractError
+from mbot_protocol.policy_contract import FULL_VIEW, PolicyMetadata
+from mbot_workstation.commands.export import export
+from mbot_workstation.model_check import check_model
+from mbot_workstation.training.checkpoint import (
+    CheckpointState,
+    RandomState,
+    read_weights,
+    write_checkpoint,
+)
+from mbot_workstation.training.curriculum import CurriculumState
+from mbot_workstation.training.fetch_env import FetchEnv
+from mbot_workstation.training.golden_frames import (
+    PROPERTY,
+    check_golden_frames,
+    golden_property,
+)
+from mbot_workstation.training.learner import LearnerSettings, make_learner
+from mbot_workstation.training.onnx_policy import OnnxPolicy
+from mbot_workstation.training.picture_ppo import PicturePPO
+from mbot_workstation.training.policy_export import PROVENANCE
+from mbot_workstation.training.policy_graph import policy_graph
+from mbot_workstation.training.run_directory import RunDirectory, write_json
+from mbot_workstation.training.train import begin_run
+from mbot_workstation.training.training_config import TrainingConfig
+
+PICTURES = np.random.default_rng(5).integers(0, 256, (40, 64, 64, 3)).astype(np.uint8)
+CONFIG = TrainingConfig(panoramas=("/somewhere/private/hall.jpg",), seed=4)
+COMMIT = "c" * 40
+
+
+@pytest.fixture(scope="module")
+def learner() -> PicturePPO:
+    environment = DummyVecEnv([FetchEnv])
+    made = make_learner(environment, LearnerSettings(batch=128), seed=1)
+    environment.close()
+    with torch.no_grad():  # lively enough that actions leave [-1, 1]
+        for parameter in made.policy.parameters():
+            parameter.mul_(1.5).add_(0.02 * torch.randn_like(parameter))
+        made.policy.get_parameter("action_net.weight").mul_(30)
+    return made
+
+
+@pytest.fixture(scope="module")
+def run(learner: PicturePPO, tmp_path_factory: pytest.TempPathFactory) -> RunDirectory:
+    made = begin_run(tmp_path_factory.mktemp("runs") / "first", CONFIG)
+    write_json(
+        made.git_file,
+        [
+            {"from_step": 0, "commit": "b" * 40, "changed_files": []},
+            {"from_step": 40_000, "commit": COMMIT, "changed_files": ["a", "b"]},
+            {"from_step": 90_000, "commit": "d" * 40, "changed_files": []},
+        ],
+    )
+    state = CheckpointState(80_000, 61.2, CurriculumState(index=6), RandomState.now(), 4.5)
+    made.add_checkpoint(80_000, lambda folder: write_checkpoint(folder, learner, state))
+    return made
+
+
+def properties(model: onnx.ModelProto) -> dict[str, str]:
+    return {entry.key: entry.value for entry in model.metadata_props}
+
+
+def invoke(*arguments: str) -> str:
+    app = typer.Typer()
+    app.command()(export)
+    result = CliRunner().invoke(app, list(arguments), catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def test_onnx_decides_as_the_learner_does(learner: PicturePPO, run: RunDirectory) -> None:
+    model = policy_graph(read_weights(run.last_checkpoint()), PolicyMetadata("first"))
+    policy = OnnxPolicy(model.SerializeToString())
+    ours = policy.act(PICTURES)
+    theirs, _ = learner.policy.predict(PICTURES, deterministic=True)
+    np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-5)
+    assert (np.abs(ours) == 1.0).any(), "the test must reach the clipping"
+    assert (np.abs(ours) < 1.0).any()
+    one_by_one = np.concatenate([policy.act(picture[None]) for picture in PICTURES])
+    np.testing.assert_allclose(one_by_one, ours, rtol=0, atol=1e-5)
+
+
+def test_robots_take_the_file(run: RunDirectory, tmp_path: Path) -> None:
+    path = tmp_path / "policy.onnx"
+    told = json.loads(invoke(str(run.path), "-o", str(path), "--json"))
+    data = path.read_bytes()
+    assert told == {
+        "path": str(path),
+        "name": "policy",
+        "sha256": hashlib.sha256(data).hexdigest(),
+        "checkpoint": str(run.last_checkpoint()),
+        "size_bytes": len(data),
+    }
+    assert check_model(path).metadata == PolicyMetadata("policy", FULL_VIEW, 2.5)
+    model = onnx.load_from_string(data)
+    assert model.opset_import[0].version <= 17
+    assert model.ir_version <= 10
+    assert len(data) < 3e6
+    assert path.parent.joinpath("policy.onnx.data").exists() is False
+
+
+def test_the_file_says_where_it_comes_from(run: RunDirectory, tmp_path: Path) -> None:
+    path = tmp_path / "policy.onnx"
+    invoke(str(run.last_checkpoint()), "-o", str(path))
+    model = onnx.load(path)
+    origin = json.loads(properties(model)[PROVENANCE])
+    assert origin["run"] == "first"
+    assert (origin["steps"], origin["seed"], origin["lesson"]) == (80_000, 4, "7")
+    assert (origin["git_commit"], origin["git_changed_files"]) == (COMMIT, 2)
+    assert origin["mean_reward"] == 4.5
+    assert origin["panoramas"] == ["hall.jpg"]
+    assert "private" not in str(model.metadata_props)
+
+
+def test_golden_frames_travel_along_and_are_checked(run: RunDirectory, tmp_path: Path) -> None:
+    path = tmp_path / "policy.onnx"
+    invoke(str(run.path), "-o", str(path), "--name", "golden")
+    model = onnx.load(path)
+    entries = json.loads(properties(model)[PROPERTY])
+    assert [entry["name"] for entry in entries] == ["no object", "object left", "object central"]
+    assert all(base64.b64decode(entry["png"]).startswith(b"\x89PNG") for entry in entries)
+    deviation = check_golden_frames(model)
+    assert deviation is not None
+    assert deviation < 1e-5
+    (bias,) = [tensor for tensor in model.graph.initializer if tensor.name == "second.bias"]
+    bias.CopyFrom(numpy_helper.from_array(numpy_helper.to_array(bias) + 0.5, bias.name))
+    with pytest.raises(ContractError, match="golden frames are off"):
+        check_golden_frames(model)
+
+
+def test_a_model_without_golden_frames_is_no_mistake_but_damaged_ones_are(
+    run: RunDirectory,
+) -> None:
+    model = policy_graph(read_weights(run.last_checkpoint()), PolicyMetadata("plain"))
+    assert check_golden_frames(model) is None
+    entry = model.metadata_props.add()
+    entry.key = PROPERTY
+    good = golden_property(model, {"a": PICTURES[0]})
+    for text in ("{", "[]", "[{}]", good.replace('"png":"', '"png":"AAAA'), "[1]"):
+        entry.value = text
+        with pytest.raises(ContractError, match="damaged"):
+            check_golden_frames(model)
+    entry.value = good
+    assert check_golden_frames(model) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_same_checkpoint_gives_the_same_file(run: RunDirectory, tmp_path: Path) -> None:
+    files = [tmp_path / "one" / "p.onnx", tmp_path / "two" / "p.onnx"]
+    for path in files:
+        path.parent.mkdir()
+        invoke(str(run.path), "-o", str(path))
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_what_cannot_be_exported_is_named(
+    run: RunDirectory, learner: PicturePPO, tmp_path: Path
+) -> None:
+    with pytest.raises(ConfigurationError, match="no training run"):
+        invoke(str(tmp_path))
+    empty = begin_run(tmp_path / "empty", replace(CONFIG, seed=1))
+    with pytest.raises(ConfigurationError, match="no checkpoint yet"):
+        invoke(str(empty.path))
+    with pytest.raises(ConfigurationError, match="can't write"):
+        invoke(str(run.path), "-o", str(tmp_path / "missing" / "p.onnx"))

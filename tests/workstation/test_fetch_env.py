@@ -1,0 +1,283 @@
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env as check_gymnasium_env
+from stable_baselines3.common.env_checker import check_env as check_sb3_env
+
+from mbot_workstation.simulation.fetch_task import Happening
+from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_workstation.training.fetch_env import ENV_ID, FetchEnv
+from mbot_workstation.training.fetch_world import FetchWorld
+from mbot_workstation.training.lessons import BLUR_LESSON
+from mbot_workstation.training.robot_eye import RobotEye
+
+from .small_world import ROOMS, settings, steer_to_target, world
+
+SPIN, STRAIGHT, STAND = (-1.0, 1.0), (1.0, 1.0), (0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def nominal() -> Iterator[FetchEnv]:
+    environment = FetchEnv(preset="nominal", lesson="10", rooms=ROOMS)
+    yield environment
+    environment.close()
+
+
+@pytest.fixture(scope="module")
+def eye() -> Iterator[RobotEye]:
+    with RobotEye(ROOMS) as result:
+        yield result
+
+
+def test_both_checkers_are_content(nominal: FetchEnv) -> None:
+    check_gymnasium_env(nominal)
+    check_sb3_env(nominal)
+
+
+def test_is_made_by_its_name() -> None:
+    environment = gymnasium.make(ENV_ID, preset="ideal", lesson="1", rooms=ROOMS)
+    observation, info = environment.reset(seed=1)
+    assert observation.shape == (64, 64, 3)
+    assert info["lesson"] == "1"
+    environment.close()
+
+
+@pytest.mark.parametrize("preset", ["nominal", "randomised"])
+def test_a_seed_fixes_everything(preset: str) -> None:
+    environment = FetchEnv(preset=preset, lesson="1", rooms=ROOMS)
+    environment.action_space.seed(0)
+    actions = [environment.action_space.sample() for _ in range(12)]
+
+    def run(seed: int) -> list[Any]:
+        seen: list[Any] = [environment.reset(seed=seed)[0]]
+        for action in actions:
+            observation, reward, ended, _, info = environment.step(action)
+            seen += [observation, reward, tuple(info.values())]
+            if ended:
+                seen.append(environment.reset()[0])
+        return seen
+
+    first, again, other = run(7), run(7), run(8)
+    assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
+    assert not np.array_equal(first[0], other[0])
+    environment.close()
+
+
+def drive(robot: FetchWorld, decisions: int) -> list[tuple[float, Happening, bool]]:
+    """Steer to objects until the episode ends."""
+    outcomes = []
+    for _ in range(decisions):
+        outcome = robot.decide(*steer_to_target(robot))
+        outcomes.append((outcome.reward, outcome.happening, outcome.ended))
+        if outcome.ended:
+            break
+    return outcomes
+
+
+def test_one_object_is_worth_up_to_three() -> None:
+    robot = world("1")
+    *before, (reward, happening, ended) = drive(robot, 20)
+    assert (happening, ended, robot.touches) == (Happening.TOUCH, True, 1)
+    used_s = 66.8 - robot.time_left_s
+    assert (len(before) * 0.4) < used_s <= (len(before) + 1) * 0.4 + 1e-6
+    assert reward == pytest.approx(1 + (1 - used_s / 66.8) + 1)
+    assert all(reward == 0 for reward, _, _ in before)
+
+
+def test_ten_objects_make_a_run_near_the_papers_score() -> None:
+    robot = world("10", 1)
+    outcomes = drive(robot, 400)
+    assert robot.touches == 10
+    assert sum(reward for reward, _, _ in outcomes) > 19
+    touched = [reward for reward, happening, _ in outcomes if happening is Happening.TOUCH]
+    assert len(touched) == 10
+    assert all(1 < reward <= 2 for reward in touched[:-1])
+    assert 2 < touched[-1] <= 3, "the complete run is worth one more"
+
+
+def test_the_border_ends_the_episode_with_a_penalty(nominal: FetchEnv) -> None:
+    nominal.reset(seed=3)  # the object is not on the way
+    ahead = np.array(STRAIGHT, np.float32)
+    steps = iter(lambda: nominal.step(ahead), None)
+    _, reward, _, truncated, info = next(step for step in steps if step[2])
+    assert (reward, truncated) == (-1.0, False)
+    assert info["border"]
+    assert info["happening"] == "border"
+    assert max(abs(nominal.world.robot.x_m), abs(nominal.world.robot.y_m)) == pytest.approx(
+        2.9, abs=0.02
+    )
+    with pytest.raises(RuntimeError, match="ended"):
+        nominal.step(ahead)
+
+
+def test_time_out_terminates_after_167_decisions_with_a_penalty() -> None:
+    robot = world("10")
+    outcomes = [robot.decide(*STAND) for _ in range(167)]
+    assert [outcome.ended for outcome in outcomes] == [False] * 166 + [True]
+    assert (outcomes[-1].reward, outcomes[-1].happening) == (-1.0, Happening.TIME_OUT)
+    assert robot.time_left_s == pytest.approx(0, abs=0.01)
+
+
+def test_a_touch_moves_the_object_turns_the_room_and_restarts_the_timer() -> None:
+    robot = world("7", 2)
+    room_before = robot.simulation.snapshot().moved_quat.copy()
+    outcomes = drive(robot, 100)
+    first = [happening for _, happening, _ in outcomes].index(Happening.TOUCH)
+    assert first < len(outcomes) - 1
+    assert not np.allclose(room_before, robot.simulation.snapshot().moved_quat)
+
+    again = world("7", 2)
+    for _ in range(first + 1):
+        again.decide(*steer_to_target(again))
+    assert again.time_left_s > 66.8 - 0.4
+    assert not again._task.ended
+
+
+@pytest.mark.parametrize("latency_ms", [0.0, 150.0, 600.0])
+def test_camera_latency_shows_an_earlier_moment(latency_ms: float) -> None:
+    prompt, late = world(), world(camera_latency_ms=latency_ms)
+    prompt_s: list[float] = []
+    for decision in range(8):
+        prompt.decide(*SPIN)
+        late.decide(*SPIN)
+        prompt_s.append(prompt.glimpse.time_s)
+        assert late.glimpse.time_s == pytest.approx(
+            max(0.0, (decision + 1) * 0.4 - latency_ms / 1000), abs=0.011
+        )
+    assert prompt_s == pytest.approx([0.4 * (decision + 1) for decision in range(8)])
+
+
+def test_a_late_picture_is_the_picture_of_that_moment(eye: RobotEye) -> None:
+    prompt, late = world("10", 4), world("10", 4, camera_latency_ms=400.0)
+    shown = [eye.observe(prompt)]
+    for _ in range(4):
+        prompt.decide(*SPIN)
+        late.decide(*SPIN)
+        assert np.array_equal(eye.observe(late), shown[-1])
+        shown.append(eye.observe(prompt))
+        assert not np.array_equal(shown[-1], shown[-2])
+
+
+def test_action_latency_delays_the_wheels() -> None:
+    prompt, late = world(), world(action_latency_ms=200.0)
+    for robot in (prompt, late):
+        robot.decide(*STRAIGHT)
+    assert prompt.robot.x_m - late.robot.x_m == pytest.approx(0.2 * 0.4, abs=0.015)
+    waiting = world(action_latency_ms=450.0)
+    waiting.decide(*STRAIGHT)
+    assert waiting.robot.x_m == pytest.approx(0, abs=1e-3)
+    waiting.decide(*STRAIGHT)
+    assert waiting.robot.x_m > 0.05
+
+
+def test_blur_comes_with_turning_only(eye: RobotEye) -> None:
+    def edges(action: tuple[float, float], **shutter: float) -> float:
+        robot = world("10", 5, **shutter)
+        robot.decide(*action)
+        return float(np.abs(np.diff(eye.observe(robot).astype(float), axis=1)).mean())
+
+    shutter = {"exposure_ms": 20.0, "readout_ms": 23.0}
+    assert edges(STRAIGHT, **shutter) == edges(STRAIGHT)
+    assert edges(SPIN, **shutter) < 0.8 * edges(SPIN)
+
+
+def test_the_hidden_body_is_never_in_view() -> None:
+    hidden, shown = world(), world()
+    model = shown.simulation.model
+    model.geom_group[:] = np.where(model.geom_group == 4, 0, model.geom_group)
+    wheels = [i for i in range(model.ngeom) if model.geom(i).name.endswith("wheel")]
+    bumper = model.geom("bumper").id
+    model.geom_group[[*wheels, bumper]] = 4
+    with RobotEye(ROOMS) as both:
+        assert np.array_equal(both.observe(hidden), both.observe(shown))
+
+
+def test_gain_brightens_noise_roughens_and_drift_swings(eye: RobotEye) -> None:
+    plain = eye.observe(world("10", 6)).astype(float)
+    dim = eye.observe(world("10", 6, exposure_gain=0.5)).astype(float)
+    assert np.abs(dim - plain / 2).max() <= 1
+    warm = eye.observe(world("10", 6, red_gain=0.8)).astype(float)
+    assert np.abs(warm[..., 0] - 0.8 * plain[..., 0]).max() <= 1
+    assert np.array_equal(warm[..., 1:], plain[..., 1:])
+    noisy = eye.observe(world("10", 6, noise=5.0)).astype(float)
+    assert 1 < np.std(noisy - plain) < 3
+    coded = eye.observe(world("10", 6, jpeg_quality=60.0)).astype(float)
+    assert 0.3 < np.std(coded - plain) < 6
+
+    robot = world("10", 6, exposure_drift=0.2)
+    means = []
+    for _ in range(50):  # 20 s
+        robot.decide(*STAND)
+        means.append(eye.observe(robot).mean() / plain.mean())
+    assert min(means) < 0.85
+    assert max(means) > 1.1 or plain.mean() > 200
+
+
+def test_brightness_of_cube_and_floor(eye: RobotEye) -> None:
+    plain, dark = (eye.observe(world("1", floor_brightness=b)).astype(float) for b in (1.0, 0.7))
+    assert np.allclose(dark[60, :20], 0.7 * plain[60, :20], atol=3)
+    lit = eye.observe(world("1", cube_brightness=0.7)).astype(float)
+    cube = plain[..., 0] - plain[..., 1:].max(axis=2) > 100
+    assert cube.sum() > 50
+    assert lit[cube][:, 0].mean() == pytest.approx(0.7 * plain[cube][:, 0].mean(), rel=0.1)
+    assert np.array_equal(lit[:10], plain[:10])
+
+
+def test_mounting_and_view_move_the_picture(eye: RobotEye) -> None:
+    def cube_at(**effects: float) -> tuple[float, float]:
+        picture = eye.observe(world("1", 3, **effects)).astype(float)
+        red = np.clip(picture[..., 0] - picture[..., 1:].max(axis=2) - 40, 0, None)
+        rows, columns = np.mgrid[:64, :64]
+        return float((red * columns).sum() / red.sum()), float((red * rows).sum() / red.sum())
+
+    column, row = cube_at()
+    px_per_deg = 64 / 55.3
+    assert cube_at(camera_yaw_deg=2.0)[0] == pytest.approx(column + 2 * px_per_deg, abs=0.7)
+    assert cube_at(camera_pitch_deg=2.0)[1] < row - 1.5
+    assert cube_at(principal_right=0.02)[0] == pytest.approx(column + 0.02 * 64, abs=0.3)
+    wider = cube_at(fov_scale=1.1)
+    assert abs(wider[0] - 31.5) == pytest.approx(abs(column - 31.5) / 1.1, abs=0.3)
+
+
+def test_uneven_motors_and_sagging_batteries_show_in_the_way_driven() -> None:
+    weak, sagging, nominal = world(right_gain=0.85), world(battery_sag=0.2), world()
+    for robot in (weak, sagging, nominal):
+        for _ in range(3):
+            robot.decide(*STRAIGHT)
+    assert weak.robot.yaw_rad < -0.3
+    assert abs(nominal.robot.yaw_rad) < 1e-3
+    assert sagging.robot.x_m == pytest.approx(0.8 * nominal.robot.x_m, rel=0.03)
+
+
+def test_compensation_meets_the_dead_band() -> None:
+    def way_m(**effects: float) -> float:
+        robot = world(**effects)
+        for _ in range(3):
+            robot.decide(0.1, 0.1)
+        return robot.robot.x_m
+
+    assert way_m(dead_band=50.0) == pytest.approx(0, abs=1e-3)
+    full = way_m()
+    assert way_m(dead_band=50.0, dead_band_compensation=50.0) == pytest.approx(full, rel=0.1)
+
+
+def test_the_blur_lesson_blurs_an_ideal_robot() -> None:
+    made = settings(BLUR_LESSON)
+    robot = FetchWorld(made)
+    robot.seed(np.random.default_rng(0))
+    robot.begin(BLUR_LESSON)
+    assert robot.camera.view(replace(robot.glimpse, turn_rate_rad_s=3.0)).focal_x_px < 60
+    assert robot._effects is not None
+    assert 10 <= robot._effects.exposure_ms <= 35
+
+
+def test_the_robot_is_the_one_it_was_given() -> None:
+    robot = replace(RobotParameters(), wheel_radius_m=0.030)
+    environment = FetchEnv("ideal", "1", ROOMS, robot)
+    environment.reset(seed=0)
+    assert environment.world.simulation.robot.wheel_radius_m == 0.030
+    environment.close()

@@ -1,0 +1,205 @@
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from stable_baselines3.common.evaluation import evaluate_policy
+
+from mbot_workstation.training.fetch_env import FetchEnv
+from mbot_workstation.training.fetch_vec_env import FetchVecEnv
+from mbot_workstation.training.worker_pool import WorkerError
+
+from .small_world import ROOMS
+
+ROBOTS = 3
+
+
+@pytest.fixture(scope="module")
+def pair() -> Iterator[FetchVecEnv]:
+    with FetchVecEnv(ROBOTS, 5, "randomised", "1", ROOMS, workers=2) as environment:
+        yield environment
+
+
+def actions(steps: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-1, 1, (steps, ROBOTS, 2)).astype(np.float32)
+
+
+def run(environment: FetchVecEnv, seed: int, steps: int = 15) -> list[np.ndarray]:
+    environment.seed(seed)
+    seen = [environment.reset()]
+    for action in actions(steps):
+        observations, rewards, ended, _ = environment.step(action)
+        seen += [observations, rewards, ended]
+    return seen
+
+
+def assert_same_info(found: dict[str, Any], expected: dict[str, Any]) -> None:
+    """Numbers come through shared memory as 32 bit."""
+    for key, value in expected.items():
+        same = value if isinstance(value, str) else pytest.approx(value, rel=1e-5, abs=1e-6)
+        assert found[key] == same, key
+
+
+def test_every_robot_is_the_single_environment_bit_for_bit(pair: FetchVecEnv) -> None:
+    singles = [FetchEnv("randomised", "1", ROOMS) for _ in range(ROBOTS)]
+    pair.seed(5)
+    observations = pair.reset()
+    for row, single in enumerate(singles):
+        first, info = single.reset(seed=5 + row)
+        assert np.array_equal(first, observations[row])
+        assert_same_info(pair.reset_infos[row], info)
+    episodes = 0
+    for action in actions(200):  # 167 decisions are an episode at least
+        observations, rewards, ended, infos = pair.step(action)
+        for row, single in enumerate(singles):
+            expected, reward, is_over, _, info = single.step(action[row])
+            assert rewards[row] == pytest.approx(reward)
+            assert ended[row] == is_over
+            assert_same_info(infos[row], info)
+            if is_over:
+                episodes += 1
+                assert np.array_equal(infos[row]["terminal_observation"], expected)
+                expected, info = single.reset()
+                assert_same_info(pair.reset_infos[row], info)
+            assert np.array_equal(np.asarray(observations)[row], expected)
+    assert episodes >= ROBOTS
+    for single in singles:
+        single.close()
+
+
+def test_the_number_of_workers_changes_nothing(pair: FetchVecEnv) -> None:
+    both = run(pair, seed=9)
+    with FetchVecEnv(ROBOTS, 9, "randomised", "1", ROOMS, workers=1) as alone:
+        assert all(np.array_equal(a, b) for a, b in zip(both, run(alone, 9), strict=True))
+
+
+def test_observations_are_the_callers_to_keep(pair: FetchVecEnv) -> None:
+    before = pair.reset()
+    kept = before.copy()
+    pair.step(actions(1)[0])
+    assert np.array_equal(before, kept)
+
+
+def test_episodes_are_summed_up_when_they_end(pair: FetchVecEnv) -> None:
+    pair.reset()
+    returns, lengths, ends = np.zeros(ROBOTS), np.zeros(ROBOTS, int), 0
+    for _ in range(45):
+        _, rewards, ended, infos = pair.step(np.ones((ROBOTS, 2), np.float32))
+        returns += rewards
+        lengths += 1
+        for row in range(ROBOTS):
+            assert ("episode" in infos[row]) == bool(ended[row])
+            assert ("terminal_observation" in infos[row]) == bool(ended[row])
+            if ended[row]:
+                ends += 1
+                episode = infos[row]["episode"]
+                assert episode["r"] == pytest.approx(returns[row], abs=1e-5)
+                assert episode["l"] == lengths[row]
+                returns[row] = lengths[row] = 0
+    assert ends >= ROBOTS
+
+
+def test_a_lesson_begins_with_the_next_episode() -> None:
+    with FetchVecEnv(2, 0, "ideal", "1", ROOMS, workers=1) as environment:
+        environment.reset()
+        environment.set_lesson("10")
+        names, ended = [], np.zeros(2, bool)
+        forward = np.ones((2, 2), np.float32)
+        for _ in range(30):
+            _, _, ended, infos = environment.step(forward)
+            names.append((infos[0]["lesson"], bool(ended[0])))
+        switch = [name for name, _ in names].index("10")
+        assert names[switch - 1] == ("1", True)
+        assert all(b == "10" for (a, _), (b, _) in pairwise(names) if a == "10")
+        assert environment.lesson.name == "10"
+
+
+def test_stable_baselines_evaluates_a_policy_on_it(pair: FetchVecEnv) -> None:
+    class Ahead:
+        def predict(self, observation: np.ndarray, **_: object) -> tuple[np.ndarray, None]:
+            return np.ones((len(observation), 2), np.float32), None
+
+    returns, lengths = evaluate_policy(
+        Ahead(),  # pyright: ignore[reportArgumentType]
+        pair,
+        n_eval_episodes=4,
+        return_episode_rewards=True,
+        warn=True,
+    )
+    assert len(returns) == len(lengths) == 4  # pyright: ignore[reportArgumentType]
+
+
+def test_a_killed_worker_is_named() -> None:
+    with FetchVecEnv(2, 0, "ideal", "1", ROOMS, workers=2) as environment:
+        environment.reset()
+        victim = next(c for c in multiprocessing.active_children() if c.name == "robots 1 to 1")
+        victim.kill()
+        victim.join()
+        with pytest.raises(WorkerError, match=r"robots 1 to 1 .*-9"):
+            environment.step(np.zeros((2, 2), np.float32))
+
+
+def test_a_failing_worker_sends_its_traceback() -> None:
+    with FetchVecEnv(1, 0, "ideal", "1", ROOMS, workers=1) as environment:
+        environment.reset()
+        with pytest.raises(WorkerError, match=r"(?s)to_steps.*finite"):
+            environment.step(np.full((1, 2), np.nan, np.float32))
+
+
+def test_no_process_is_left(pair: FetchVecEnv) -> None:
+    before = {child.pid for child in multiprocessing.active_children()}
+    environment = FetchVecEnv(2, 0, "ideal", "1", ROOMS, workers=2)
+    started = {child.pid for child in multiprocessing.active_children()} - before
+    assert len(started) == 2
+    environment.close()
+    environment.close()
+    assert {child.pid for child in multiprocessing.active_children()} == before
+    assert not any(os.path.exists(f"/proc/{pid}") for pid in started)  # noqa: PTH110
+
+
+INTERRUPTED = """
+import multiprocessing, os, signal, sys
+import numpy as np
+from mbot_workstation.training.fetch_vec_env import FetchVecEnv
+
+if __name__ == "__main__":
+    room = np.zeros((32, 64, 3), np.uint8)
+    environment = FetchVecEnv(2, 0, "ideal", "1", [room], workers=2)
+    environment.reset()
+    try:
+        print(*(child.pid for child in multiprocessing.active_children()), flush=True)
+        while True:
+            environment.step(np.zeros((2, 2), np.float32))
+    except KeyboardInterrupt:
+        environment.step(np.zeros((2, 2), np.float32))  # workers have not been interrupted
+        environment.close()
+        print("closed", flush=True)
+"""
+
+
+def test_ctrl_c_reaches_only_the_one_who_trains(tmp_path) -> None:
+    script = tmp_path / "train.py"
+    script.write_text(INTERRUPTED)
+    with subprocess.Popen(
+        [sys.executable, str(script)], stdout=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        assert process.stdout is not None
+        workers = process.stdout.readline().split()
+        assert len(workers) == 2
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+        assert process.stdout.readline() == "closed\n"
+        assert process.wait(20) == 0
+    assert not any(os.path.exists(f"/proc/{pid}") for pid in workers)  # noqa: PTH110
+
+
+def test_impossible_settings_are_refused() -> None:
+    with pytest.raises(ValueError, match="robots"):
+        FetchVecEnv(0)
+    with pytest.raises(ValueError, match="foggy"):
+        FetchVecEnv(1, preset="foggy", rooms=ROOMS)

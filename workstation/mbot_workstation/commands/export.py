@@ -1,0 +1,59 @@
+"""`workstation export`: a trained policy as a file for robots."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mbot_workstation.link_options import JsonOption
+
+
+def export(
+    *,
+    source: Annotated[
+        Path, typer.Argument(metavar="RUN", help="A run's folder, or that of one checkpoint.")
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE.onnx", help="What to write; RUN's name if not given."
+        ),
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option(help="What robots call it; the file's name if not given.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Write a trained policy as one ONNX file, ready for `workstation push-model`.
+
+    The file says which run, code, lessons and rooms it comes from, and brings three frames with
+    the actions they should give, so that anyone can check it.
+
+    Example: `workstation export runs/first -o policy.onnx`
+    """
+    import hashlib
+    import json
+
+    from mbot_protocol.errors import ConfigurationError
+    from mbot_workstation.training.policy_export import export_policy
+    from mbot_workstation.training.policy_source import find_source
+    from mbot_workstation.wording import short_digest, size_words
+
+    found = find_source(source)
+    path = output or Path(f"{found.run.path.resolve().name}.onnx")
+    policy_name = name or path.stem
+    data = export_policy(found, policy_name).SerializeToString(deterministic=True)
+    try:
+        path.write_bytes(data)
+    except OSError as error:
+        raise ConfigurationError(f"can't write {path}: {error.strerror}") from None
+    sha256 = hashlib.sha256(data).hexdigest()
+    if as_json:
+        fields = {"path": str(path), "name": policy_name, "sha256": sha256}
+        checkpoint = {"checkpoint": str(found.checkpoint), "size_bytes": len(data)}
+        print(json.dumps({**fields, **checkpoint}))
+    else:
+        print(
+            f"wrote {path}: {policy_name} {short_digest(sha256)}, {size_words(len(data))}; "
+            f"next: workstation evaluate {path}"
+        )

@@ -1,0 +1,152 @@
+"""`workstation study`: what a policy bears, as a table and a picture."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mbot_protocol.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from mbot_workstation.training.evaluation_report import Line
+    from mbot_workstation.training.study import Condition
+
+TOLERANCE = "tolerance"
+NAMES = ("handicap", "blur", "latency", "robots", TOLERANCE)
+
+
+def study(
+    *,
+    name: Annotated[str, typer.Argument(metavar="STUDY", help=f"One of {', '.join(NAMES)}.")],
+    contestants: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="MODEL...", help="ONNX policies, servo, random or oracle; as in evaluate."
+        ),
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FOLDER", help="For the page and the picture.")
+    ] = Path("docs/results"),
+    episodes: Annotated[
+        int | None,
+        typer.Option(min=1, help="For each of them under each condition; 50, or 12 for tolerance."),
+    ] = None,
+    lesson: Annotated[str, typer.Option(metavar="NAME", help="1 to 10, or blur.")] = "10",
+    panorama: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="Room to try it in; may be given several times."),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of rooms, robots and objects.")] = 0,
+    pair: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="A:B",
+            help="For tolerance: two deviations, such as fov_scale:camera_pitch_deg; may be given "
+            "several times; four usual pairs if not.",
+        ),
+    ] = None,
+    cells: Annotated[
+        int, typer.Option(min=2, max=25, help="For tolerance: values of each deviation.")
+    ] = 7,
+    backend: Annotated[
+        str, typer.Option(help="Of joblib: threading (this machine's cores), dask or ray.")
+    ] = "threading",
+) -> None:
+    """Try policies under one condition after the other, and write what comes out.
+
+    - **handicap**: one motor at 50 %
+    - **blur**: exposure from 0 to 60 ms; give the models before and after the blur lesson
+    - **latency**: 0 to 600 ms from picture to wheels
+    - **robots**: all perturbed robots
+    - **tolerance**: maps over pairs of deviations, of the first MODEL
+
+    Examples:
+
+    - `workstation study latency policy.onnx servo`
+    - `workstation study blur before.onnx after.onnx -o docs/results`
+    - `workstation study tolerance policy.onnx --pair track_scale:fov_scale --cells 9`
+    """
+    from mbot_workstation.training.evaluate import Trial
+    from mbot_workstation.training.lessons import lesson as find_lesson
+    from mbot_workstation.training.presets import NOMINAL
+    from mbot_workstation.training.rooms import EVALUATION_ROOMS, gather_rooms
+    from mbot_workstation.training.study import run_study
+    from mbot_workstation.training.study_plans import STUDIES
+    from mbot_workstation.training.study_report import write_report
+
+    if name not in NAMES:
+        raise ConfigurationError(f"no study {name!r}, expected one of {', '.join(NAMES)}")
+    try:
+        stage = find_lesson(lesson)
+    except ValueError as error:
+        raise ConfigurationError(f"--lesson: {error}") from None
+    rooms = gather_rooms(panorama or [], 0 if panorama else 4, EVALUATION_ROOMS)
+    number = episodes or (12 if name == TOLERANCE else 50)
+    trial = Trial(stage, NOMINAL, rooms, number, seed)
+    kind = "photographed" if panorama else "made-up"
+    how = (
+        f"Lesson {lesson}, {number} episodes a line, {len(rooms)} {kind} rooms never trained in, "
+        f"seed {seed}; intervals of 95 %."
+    )
+
+    def run(conditions: "Sequence[Condition]", drivers: "Sequence[str]") -> "list[Line]":
+        words = f"{name}: {len(conditions)} conditions"
+        return _with_bar(
+            words,
+            len(conditions) * len(drivers),
+            lambda ended: run_study(conditions, drivers, trial, backend, ended),
+        )
+
+    if name == TOLERANCE:
+        page = _tolerance(run, contestants[0], pair, cells, output, how, stage.largest_reward)
+    else:
+        plan = STUDIES[name]
+        lines = run(plan.conditions, contestants)
+        page = write_report(plan, lines, output, how, ten_objects=stage.objects == 10)
+    print(f"wrote {page}")
+
+
+def _with_bar(
+    words: str, total: int, work: "Callable[[Callable[[int], None]], list[Line]]"
+) -> "list[Line]":
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(words, total=total)
+        return work(lambda ended: progress.update(task, completed=ended))
+
+
+def _tolerance(
+    run: "Callable[[Sequence[Condition], Sequence[str]], list[Line]]",
+    contestant: str,
+    pairs: list[str] | None,
+    cells: int,
+    folder: Path,
+    how: str,
+    largest_reward: float,
+) -> Path:
+    from mbot_workstation.training.presets import NOMINAL
+    from mbot_workstation.training.study import Condition
+    from mbot_workstation.training.study_plans import PAIRS
+    from mbot_workstation.training.study_report import make_folder
+    from mbot_workstation.training.tolerance_map import ToleranceMap, draw_maps, map_page
+
+    names = [tuple(text.split(":")) for text in pairs] if pairs else list(PAIRS)
+    if any(len(two) != 2 for two in names):
+        raise ConfigurationError(
+            f"--pair is {pairs}, expected two names such as track_scale:fov_scale"
+        )
+    maps = [ToleranceMap.of(across, up, cells) for across, up in names]
+    make_folder(folder)
+    (nominal,) = run([Condition("nominal", NOMINAL)], [contestant])
+    reward = nominal.score.reward.mean
+    found = [(one, one.rewards(run(one.conditions(), [contestant]))) for one in maps]
+    picture = folder / f"{TOLERANCE}.png"
+    draw_maps(found, picture, nominal_reward=reward, largest=largest_reward)
+    page = folder / f"{TOLERANCE}.md"
+    page.write_text(map_page(found, nominal.contestant, reward, how, picture.name))
+    return page

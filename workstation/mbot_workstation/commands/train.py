@@ -1,0 +1,256 @@
+"""`workstation train`: a policy from simulation, or more of one."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.link_options import JsonOption
+
+if TYPE_CHECKING:
+    from mbot_workstation.training.run_directory import RunDirectory
+    from mbot_workstation.training.train import TrainingResult
+    from mbot_workstation.training.training_config import TrainingConfig
+
+_WHAT, _ROOMS, _HOW = "What to learn", "Rooms", "How"
+
+
+def train(
+    *,
+    name: Annotated[
+        str | None,
+        typer.Option(help="Of the run, a folder in --runs; date and time if not given."),
+    ] = None,
+    runs: Annotated[Path, typer.Option(metavar="FOLDER", help="Where runs are kept.")] = Path(
+        "runs"
+    ),
+    resume: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="RUN",
+            help="Go on with this run from its last checkpoint, as it was configured; only "
+            "--steps, --target-reward and --workers can be given anew.",
+        ),
+    ] = None,
+    lesson: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="A single lesson instead of all ten, or several; 1 to 10, or blur, which is "
+            "trained on a trained model.",
+            rich_help_panel=_WHAT,
+        ),
+    ] = None,
+    parent: Annotated[
+        Path | None,
+        typer.Option(
+            "--from",
+            metavar="RUN",
+            help="Start a new run with the weights of this run or checkpoint.",
+            rich_help_panel=_WHAT,
+        ),
+    ] = None,
+    steps: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="Decisions of all robots together; 1,500,000 if not given.",
+            rich_help_panel=_WHAT,
+        ),
+    ] = None,
+    target_reward: Annotated[
+        float | None,
+        typer.Option(
+            metavar="REWARD",
+            help="Stop early when 40,000 decisions of the last lesson have this mean reward, "
+            "exploration included; the paper's plateau is 19.8.",
+            rich_help_panel=_WHAT,
+        ),
+    ] = None,
+    preset: Annotated[
+        str,
+        typer.Option(
+            help="Effects of the real world: ideal, nominal (all at their measured values, as in "
+            "the paper) or randomised.",
+            rich_help_panel=_WHAT,
+        ),
+    ] = "randomised",
+    panorama: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE",
+            help="360-degree photo of a room to train in; may be given several times.",
+            rich_help_panel=_ROOMS,
+        ),
+    ] = None,
+    made_up_rooms: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            metavar="N",
+            help="So many generated rooms besides; 6 without a photo, 0 with one.",
+            rich_help_panel=_ROOMS,
+        ),
+    ] = None,
+    robots: Annotated[
+        int, typer.Option(min=1, help="How many learn in parallel.", rich_help_panel=_HOW)
+    ] = 16,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            help="Processes that simulate them; one a core if not given.",
+            rich_help_panel=_HOW,
+        ),
+    ] = None,
+    seed: Annotated[
+        int, typer.Option(help="The same seed gives the same run.", rich_help_panel=_HOW)
+    ] = 0,
+    device: Annotated[
+        str,
+        typer.Option(
+            help="Where the network learns: cpu, cuda, or auto, which takes a GPU if there is one.",
+            rich_help_panel=_HOW,
+        ),
+    ] = "auto",
+    as_json: JsonOption = False,
+) -> None:
+    """Train a policy in simulation: the paper's ten lessons, PPO, 16 robots at once.
+
+    Everything of a run is in its folder: configuration, state of the code, progress.csv, the last
+    two checkpoints, TensorBoard's files, and at the end the curve. Ctrl-C saves; a crash costs at
+    most 40,000 decisions; `--resume` goes on.
+
+    Examples:
+
+    - `workstation train --name first`
+    - `workstation train --panorama kitchen.jpg --panorama hall.jpg --seed 3`
+    - `workstation train --resume runs/first --steps 2000000`
+    - `workstation train --lesson blur --from runs/first --steps 300000`
+    """
+    import json
+    import sys
+    from dataclasses import asdict
+
+    from mbot_workstation.training.training_config import TrainingConfig
+
+    if resume is not None:
+        if name or lesson or parent or panorama:
+            raise ConfigurationError(
+                "--resume goes on with a run as it was configured; leave out --name, --lesson, "
+                "--from and --panorama, or start a new run with --from"
+            )
+        run, config = _resumed(resume, steps, target_reward, workers)
+    else:
+        made_up = made_up_rooms if made_up_rooms is not None else (0 if panorama else 6)
+        default = TrainingConfig()
+        config = TrainingConfig(
+            steps=steps or default.steps,
+            robots=robots,
+            workers=workers,
+            seed=seed,
+            preset=preset,
+            lessons=tuple(lesson) if lesson else default.lessons,
+            panoramas=tuple(str(path.resolve()) for path in panorama or ()),
+            made_up_rooms=made_up,
+            target_reward=target_reward,
+            device=_device(device),
+        )
+        run, config = _begun(runs, name, config, parent)
+    result = _train_until_stopped(run, config)
+    if as_json:
+        print(json.dumps(asdict(result)))
+    else:
+        reward = "unknown" if result.mean_reward is None else f"{result.mean_reward:.2f}"
+        print(
+            f"{result.run}: {result.step:,} decisions in {result.wall_s / 60:.1f} minutes, lesson "
+            f"{result.lesson}, mean reward {reward}"
+        )
+    if result.reason == "interrupted":
+        print(
+            f"workstation: interrupted and saved; go on with --resume {result.run}",
+            file=sys.stderr,
+        )
+        raise typer.Exit(130)
+    if not as_json:
+        print(f"next: workstation export {result.run}")
+
+
+def _resumed(
+    path: Path, steps: int | None, target_reward: float | None, workers: int | None
+) -> tuple["RunDirectory", "TrainingConfig"]:
+    from dataclasses import replace
+
+    from mbot_workstation.training.run_directory import RunDirectory
+    from mbot_workstation.training.training_config import read_config
+
+    run = RunDirectory.open(path)
+    config = read_config(run.config_file)
+    return run, replace(
+        config,
+        steps=steps or config.steps,
+        target_reward=config.target_reward if target_reward is None else target_reward,
+        workers=config.workers if workers is None else workers,
+    )
+
+
+def _begun(
+    runs: Path, name: str | None, config: "TrainingConfig", parent: Path | None
+) -> tuple["RunDirectory", "TrainingConfig"]:
+    from dataclasses import replace
+    from datetime import datetime
+
+    from mbot_workstation.training.learner import FINE_TUNING
+    from mbot_workstation.training.policy_source import find_source
+    from mbot_workstation.training.train import begin_run
+
+    if parent is not None:
+        checkpoint = find_source(parent).checkpoint
+        config = replace(config, parent=str(checkpoint.resolve()), learner=FINE_TUNING)
+    elif config.lessons == ("blur",):
+        raise ConfigurationError(
+            "--lesson blur trains a trained model on: add --from RUN, such as runs/first"
+        )
+    folder = runs / (name or datetime.now().strftime("%Y-%m-%d-%H%M%S"))
+    return begin_run(folder, config), config
+
+
+def _device(name: str) -> str:
+    import torch
+
+    if name == "auto":
+        return "cuda" if torch.cuda.is_available() else "cpu"
+    if name.startswith("cuda") and not torch.cuda.is_available():
+        raise ConfigurationError("--device cuda: torch finds no CUDA GPU here; use cpu")
+    if name.partition(":")[0] not in ("cpu", "cuda"):
+        raise ConfigurationError(f"--device is {name!r}, expected auto, cpu or cuda")
+    return name
+
+
+def _train_until_stopped(run: "RunDirectory", config: "TrainingConfig") -> "TrainingResult":
+    """Train; the first Ctrl-C ends the run with a checkpoint, the second one at once."""
+    import signal
+    import threading
+    from types import FrameType
+
+    from mbot_workstation.training.progress_display import display
+    from mbot_workstation.training.progress_log import read_progress
+    from mbot_workstation.training.train import train
+    from mbot_workstation.training.training_curve import draw_curve
+
+    stop = threading.Event()
+
+    def ask_to_stop(_number: int, _frame: FrameType | None) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, ask_to_stop)
+    with display() as shown:
+        result = train(run, config, shown, stop)
+    rows = read_progress(run.progress_file)
+    if rows:
+        draw_curve(rows, run.curve_file, run.path.resolve().name)
+    return result

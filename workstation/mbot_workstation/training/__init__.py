@@ -1,0 +1,1 @@
+"""Learning the fetch task in simulation: environment, lessons, effects of the real world."""

@@ -1,0 +1,202 @@
+"""What tells a real robot from an ideal one: every effect a number with a unit and an off value.
+
+Direct transfer as in the paper gives each its measured value; domain randomisation draws each
+from a range. The simulation reads nothing else, so a study changes one field.
+"""
+
+import math
+from dataclasses import astuple, dataclass, fields, replace
+from typing import Self
+
+import numpy as np
+
+_POSITIVE = frozenset(
+    {
+        "left_gain",
+        "right_gain",
+        "speed_scale",
+        "time_constant_ms",
+        "friction_scale",
+        "mass_scale",
+        "wheel_radius_scale",
+        "track_scale",
+        "exposure_gain",
+        "red_gain",
+        "blue_gain",
+        "jpeg_quality",
+        "fov_scale",
+        "cube_brightness",
+        "floor_brightness",
+    }
+)
+"""Of no meaning at 0 or below."""
+
+_SIGNED = frozenset(
+    {
+        "principal_right",
+        "principal_down",
+        "lens_k1",
+        "lens_k2",
+        "camera_up_mm",
+        "camera_pitch_deg",
+        "camera_yaw_deg",
+        "camera_roll_deg",
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class RealWorldEffects:
+    """One robot on one day. The defaults are the off values: an ideal robot.
+
+    Scales are shares of the robot's own parameters (`RobotParameters`), so a calibrated robot
+    keeps its calibration. Origins: facts of a unit as measured or public where said; the rest
+    are estimates.
+
+    Attributes:
+        action_latency_ms: from the decision's tick to the wheels' voltage: inference and serial
+            line. Off 0.
+        action_jitter_ms: drawn evenly from 0 to this at every decision and added. Off 0.
+        dead_band_compensation: the board speed, of 255, above which the robot's `MotorMap` starts
+            its steps: a setting of the robot. Off 0.
+        dead_band: the board speed, of 255, up to which the wheels stand; public notes: 40-60.
+            Off 0.
+        left_gain, right_gain: strength of a motor; +-5 % a side is usual, 0.5 is the paper's
+            handicap. Off 1.
+        speed_scale: free wheel speed of both; other units have 105-132 of 120 rpm. Off 1.
+        time_constant_ms: of a wheel's speed; 60-120. Off 60, the quickest: less than its mass
+            allows a robot would slip and tip.
+        battery_sag: share of the voltage lost at full command on both motors. The paper measured
+            none (3.9 V at 3.7 V rated), thanks to its second battery. Off 0.
+        friction_scale: of the wheels on the floor; 0.25 slips in every start. Off 1.
+        mass_scale: 0.8-1.1 kg of 0.94. Off 1.
+        wheel_radius_scale, track_scale: +-0.6 of 32.5 mm, +-2 of 115 mm. Off 1.
+        camera_latency_ms: from the middle of the exposure until the picture can be used; 40-80.
+            Off 0.
+        frame_interval_ms: the newest frame is older by an even draw from 0 to this: the camera
+            runs on its own clock at 30 frames/s, 33 ms. Off 0.
+        exposure_ms: time a row collects light, during which a turn blurs it; 10-30. Off 0.
+        readout_ms: from the first row's exposure to the last one's, in which a turn shears the
+            picture; about 23 for the IMX477. Off 0.
+        exposure_gain: brightness; 0.8-1.15. Off 1.
+        exposure_drift: the gain swings by this share up and down over 20 s. Off 0.
+        red_gain, blue_gain: white balance against green. Off 1.
+        noise: of the sensor, 1 is `SensorNoise`'s. Off 0.
+        jpeg_quality: of the camera's frames, 1-100. Off 100, which leaves out the coder.
+        fov_scale: focal length is divided by this. Off 1.
+        principal_right, principal_down: of the optical axis in the picture, in shares of its
+            width and height; within 0.02. Off 0.
+        lens_k1, lens_k2: distortion nobody calibrated, as OpenCV counts it; -0.1..0, 0..0.04.
+            Off 0.
+        camera_up_mm: the mount is higher than it should be; +-5. Off 0.
+        camera_pitch_deg, camera_yaw_deg, camera_roll_deg: further down, to the left, clockwise;
+            +-1.5, +-1.5, +-1. Off 0.
+        cube_brightness, floor_brightness: of their colours, as paint and light vary. Off 1.
+
+    Raises:
+        ValueError: a value is not finite or cannot be.
+
+    """
+
+    action_latency_ms: float = 0.0
+    action_jitter_ms: float = 0.0
+    dead_band_compensation: float = 0.0
+    dead_band: float = 0.0
+    left_gain: float = 1.0
+    right_gain: float = 1.0
+    speed_scale: float = 1.0
+    time_constant_ms: float = 60.0
+    battery_sag: float = 0.0
+    friction_scale: float = 1.0
+    mass_scale: float = 1.0
+    wheel_radius_scale: float = 1.0
+    track_scale: float = 1.0
+    camera_latency_ms: float = 0.0
+    frame_interval_ms: float = 0.0
+    exposure_ms: float = 0.0
+    readout_ms: float = 0.0
+    exposure_gain: float = 1.0
+    exposure_drift: float = 0.0
+    red_gain: float = 1.0
+    blue_gain: float = 1.0
+    noise: float = 0.0
+    jpeg_quality: float = 100.0
+    fov_scale: float = 1.0
+    principal_right: float = 0.0
+    principal_down: float = 0.0
+    lens_k1: float = 0.0
+    lens_k2: float = 0.0
+    camera_up_mm: float = 0.0
+    camera_pitch_deg: float = 0.0
+    camera_yaw_deg: float = 0.0
+    camera_roll_deg: float = 0.0
+    cube_brightness: float = 1.0
+    floor_brightness: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in EFFECT_NAMES:
+            value = getattr(self, name)
+            if not math.isfinite(value):
+                raise ValueError(f"{name} is {value}, expected a finite number")
+            if name in _POSITIVE and value <= 0:
+                raise ValueError(f"{name} is {value}, expected above 0")
+            if name not in _SIGNED and value < 0:
+                raise ValueError(f"{name} is {value}, expected at least 0")
+        if self.battery_sag >= 1 or self.exposure_drift >= 1:
+            raise ValueError("battery_sag and exposure_drift are shares, expected below 1")
+        if max(self.dead_band, self.dead_band_compensation) > 200:
+            raise ValueError("a dead band is a board speed, expected at most 200 of 255")
+
+
+EFFECT_NAMES = tuple(field.name for field in fields(RealWorldEffects))
+
+IDEAL = RealWorldEffects()
+
+
+@dataclass(frozen=True, slots=True)
+class EffectRanges:
+    """Every effect between two values; a robot is one draw.
+
+    Attributes:
+        low, high: the two corners; equal fields are fixed.
+
+    Raises:
+        ValueError: a low value is above its high one.
+
+    """
+
+    low: RealWorldEffects
+    high: RealWorldEffects
+
+    def __post_init__(self) -> None:
+        for name in EFFECT_NAMES:
+            low, high = getattr(self.low, name), getattr(self.high, name)
+            if low > high:
+                raise ValueError(f"{name} goes from {low} to {high}, expected a rising range")
+
+    @classmethod
+    def fixed(cls, effects: RealWorldEffects) -> Self:
+        """The same robot always."""
+        return cls(effects, effects)
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether every draw is the same."""
+        return self.low == self.high
+
+    def sample(self, rng: np.random.Generator) -> RealWorldEffects:
+        """Draw a robot, each effect evenly and by itself."""
+        share = rng.random(len(EFFECT_NAMES))
+        low, high = np.array(astuple(self.low)), np.array(astuple(self.high))
+        return RealWorldEffects(*(low + share * (high - low)).tolist())
+
+    def changed(self, **effects: float | tuple[float, float]) -> Self:
+        """The same ranges but for these effects: a number fixes one, a pair is its range."""
+        pairs = {
+            name: value if isinstance(value, tuple) else (value, value)
+            for name, value in effects.items()
+        }
+        return type(self)(
+            replace(self.low, **{name: pair[0] for name, pair in pairs.items()}),
+            replace(self.high, **{name: pair[1] for name, pair in pairs.items()}),
+        )

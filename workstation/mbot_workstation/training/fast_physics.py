@@ -1,0 +1,33 @@
+"""What training may leave out of a simulation without anybody noticing."""
+
+import numpy as np
+
+from mbot_protocol.picture import Picture
+from mbot_workstation.simulation.engine import MjModel, mujoco
+from mbot_workstation.simulation.robot_mjcf import WALL_BIT
+
+TRAINING_TIMESTEP_S = 0.010
+"""Twice the simulation's. Against 1 ms, 300 random decisions between full backward and forward end
+0.8 mm and 1.2 degrees away (median; at most 3.5 mm and 3.5 degrees; 5 ms: 0.4 mm, 0.5 degrees), as
+if the wheels were 5 ms slower, which is a tenth of what is unknown about them; half the work."""
+
+PLACEHOLDER: Picture = np.zeros((4, 8, 3), np.uint8)
+"""The room of simulations that are drawn with another one's textures."""
+
+_UNDRAWN_GROUP = 4
+
+
+def hasten(model: MjModel) -> None:
+    """Make a simulation's model cheap to step."""
+    model.opt.timestep = TRAINING_TIMESTEP_S
+    # No sensors are there, and what finds pairs and islands costs more than it saves with five
+    # shapes that can touch: together a fifth of a step, bit for bit the same result.
+    for flag in ("SENSOR", "MIDPHASE", "ISLAND"):
+        model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))
+    # An episode ends before the bumper can meet a wall.
+    model.geom_contype[model.geom_contype == WALL_BIT] = 0
+
+
+def hide(model: MjModel, geoms: range) -> None:
+    """Leave the robot's shapes undrawn: its camera can't see them, and they cost a third more."""
+    model.geom_group[geoms.start : geoms.stop] = _UNDRAWN_GROUP

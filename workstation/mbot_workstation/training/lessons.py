@@ -1,0 +1,108 @@
+"""The curriculum: the paper's ten lessons as data, and when one has been learned.
+
+The paper gives the order (one object, close and in view; further and further away; a second one;
+ten) and the condition to go on; the distances are ours, lesson 10's derived from its score.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mbot_workstation.simulation.fetch_rules import TIME_LIMIT_DECISIONS, FetchRules
+from mbot_workstation.training.effects import EffectRanges
+
+PASS_EPISODES = 420
+PASS_SHARE = 0.9
+"""The paper: on with the next lesson when 420 episodes reached a mean reward of at least 0.9.
+
+Read as a share of the lesson's largest reward (3, 5 or 21). A plain 0.9 points would let a robot
+out of lesson 9 after one object of ten, while the paper spent 700,000 steps on it.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Lesson:
+    """One stage of the curriculum.
+
+    Attributes:
+        name: what tables and curves call it.
+        spawn_farthest_m: how far from the origin objects appear.
+        spawn_half_angle_deg: within how much to either side of the robot's first heading.
+        objects: how many make a complete run.
+        exposure_ms: range that replaces the preset's exposure time, if given.
+
+    """
+
+    name: str
+    spawn_farthest_m: float
+    spawn_half_angle_deg: float = 180.0
+    objects: int = 1
+    exposure_ms: tuple[float, float] | None = None
+
+    @property
+    def rules(self) -> FetchRules:
+        """The task as this lesson sets it."""
+        return FetchRules(
+            spawn_farthest_m=self.spawn_farthest_m,
+            spawn_half_angle_rad=math.radians(self.spawn_half_angle_deg),
+            objects=self.objects,
+        )
+
+    def applied_to(self, ranges: EffectRanges) -> EffectRanges:
+        """The effects in this lesson."""
+        return ranges if self.exposure_ms is None else ranges.changed(exposure_ms=self.exposure_ms)
+
+    @property
+    def largest_reward(self) -> float:
+        """Of an episode: 2 for every object touched at once, 1 for the complete run."""
+        return 2.0 * self.objects + 1.0
+
+    @property
+    def longest_decisions(self) -> int:
+        """Of an episode."""
+        return TIME_LIMIT_DECISIONS * self.objects
+
+
+LESSONS = (
+    Lesson("1", 0.50, spawn_half_angle_deg=20),
+    Lesson("2", 0.65, spawn_half_angle_deg=45),
+    Lesson("3", 0.80, spawn_half_angle_deg=90),
+    Lesson("4", 1.00),
+    Lesson("5", 1.25),
+    Lesson("6", 1.50),
+    Lesson("7", 1.75, objects=2),
+    Lesson("8", 2.00, objects=10),
+    Lesson("9", 2.25, objects=10),
+    Lesson("10", 2.50, objects=10),
+)
+
+BLUR_LESSON = Lesson("blur", 2.50, objects=10, exposure_ms=(10.0, 35.0))
+"""The paper's remedy: a trained model is trained on, with motion blur."""
+
+_BY_NAME = {lesson.name: lesson for lesson in (*LESSONS, BLUR_LESSON)}
+
+
+def lesson(name: str) -> Lesson:
+    """Look a lesson up.
+
+    Raises:
+        ValueError: there is none of this name.
+
+    """
+    if name not in _BY_NAME:
+        raise ValueError(f"no lesson {name!r}, expected one of {', '.join(_BY_NAME)}")
+    return _BY_NAME[name]
+
+
+def passed(lesson: Lesson, rewards: Sequence[float]) -> bool:
+    """Whether a lesson has been learned.
+
+    Args:
+        lesson: which.
+        rewards: of its episodes so far, oldest first.
+
+    """
+    if len(rewards) < PASS_EPISODES:
+        return False
+    recent = rewards[-PASS_EPISODES:]
+    return math.fsum(recent) / PASS_EPISODES >= PASS_SHARE * lesson.largest_reward

@@ -1,0 +1,70 @@
+"""A robot with the effects put in: other numbers in the same parameters."""
+
+from dataclasses import replace
+
+from mbot_protocol.camera_model import CameraModel
+from mbot_protocol.policy_contract import FULL_VIEW, OBSERVATION_SIDE_PX
+from mbot_workstation.simulation.robot_parameters import (
+    CameraMount,
+    MotorParameters,
+    RobotParameters,
+)
+from mbot_workstation.training.effects import RealWorldEffects
+
+
+def perturbed_robot(robot: RobotParameters, effects: RealWorldEffects) -> RobotParameters:
+    """The robot's body, motors and camera mount under these effects; its camera is left as it is.
+
+    The effects' gains, dead band and time constant replace the robot's; the rest scales it.
+    """
+    scale = effects.mass_scale
+    return replace(
+        robot,
+        bodies=tuple(replace(body, mass_kg=body.mass_kg * scale) for body in robot.bodies),
+        wheel_radius_m=robot.wheel_radius_m * effects.wheel_radius_scale,
+        wheel_friction=robot.wheel_friction * effects.friction_scale,
+        track_m=robot.track_m * effects.track_scale,
+        free_speed_rpm=robot.free_speed_rpm * effects.speed_scale,
+        left_motor=_motor(robot.left_motor, effects.left_gain, effects),
+        right_motor=_motor(robot.right_motor, effects.right_gain, effects),
+        camera_mount=_mount(robot.camera_mount, effects),
+    )
+
+
+def _motor(motor: MotorParameters, gain: float, effects: RealWorldEffects) -> MotorParameters:
+    return replace(
+        motor,
+        gain=gain,
+        dead_band=effects.dead_band / 255,
+        time_constant_s=effects.time_constant_ms / 1000,
+    )
+
+
+def _mount(mount: CameraMount, effects: RealWorldEffects) -> CameraMount:
+    return replace(
+        mount,
+        height_m=mount.height_m + effects.camera_up_mm / 1000,
+        pitch_down_deg=mount.pitch_down_deg + effects.camera_pitch_deg,
+        yaw_left_deg=mount.yaw_left_deg + effects.camera_yaw_deg,
+        roll_clockwise_deg=mount.roll_clockwise_deg + effects.camera_roll_deg,
+    )
+
+
+def observing_camera(effects: RealWorldEffects) -> CameraModel:
+    """The camera as the observation's pixels see through it.
+
+    `Observer` cuts the policy's view out of what it takes the camera for; the effects are the
+    difference between that and the real camera. Without any, this is the policy's view itself.
+    """
+    side = OBSERVATION_SIDE_PX
+    ideal = CameraModel.from_field_of_view(
+        side, side, FULL_VIEW.horizontal_deg, FULL_VIEW.vertical_deg
+    )
+    return replace(
+        ideal,
+        focal_x_px=ideal.focal_x_px / effects.fov_scale,
+        focal_y_px=ideal.focal_y_px / effects.fov_scale,
+        principal_x_px=ideal.principal_x_px + effects.principal_right * side,
+        principal_y_px=ideal.principal_y_px + effects.principal_down * side,
+        distortion=(effects.lens_k1, effects.lens_k2, 0.0, 0.0, 0.0),
+    )

@@ -1,0 +1,76 @@
+"""A checkpoint becomes a policy file: the graph, where it comes from, and frames to check it by."""
+
+import json
+from pathlib import Path
+
+import onnx
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.policy_contract import FULL_VIEW, PolicyMetadata
+from mbot_workstation.training.checkpoint import (
+    CheckpointState,
+    read_state,
+    read_weights,
+)
+from mbot_workstation.training.example_frames import example_frames
+from mbot_workstation.training.golden_frames import PROPERTY, golden_property
+from mbot_workstation.training.policy_graph import policy_graph
+from mbot_workstation.training.policy_source import Source
+from mbot_workstation.training.training_config import TrainingConfig, read_config
+
+PROVENANCE = "mbot.provenance"
+"""Metadata property, a JSON object: which run, code, lessons and rooms made the model."""
+
+
+def export_policy(source: Source, name: str) -> onnx.ModelProto:
+    """Build the policy file's content.
+
+    The same checkpoint gives the same model, on machines that render alike.
+
+    Args:
+        source: what to export.
+        name: what robots call it.
+
+    Raises:
+        ConfigurationError: the checkpoint is unusable, or nothing can be rendered here.
+
+    """
+    config = read_config(source.run.config_file)
+    state = read_state(source.checkpoint)
+    model = policy_graph(
+        read_weights(source.checkpoint),
+        PolicyMetadata(name, FULL_VIEW),
+        {PROVENANCE: _provenance(source, config, state)},
+    )
+    golden = model.metadata_props.add()
+    golden.key, golden.value = PROPERTY, golden_property(model, example_frames())
+    return model
+
+
+def _provenance(source: Source, config: TrainingConfig, state: CheckpointState) -> str:
+    try:
+        sessions = json.loads(source.run.git_file.read_text())
+        code = [session for session in sessions if session["from_step"] <= state.step][-1]
+        commit, changed = code["commit"], len(code["changed_files"])
+    except (OSError, ValueError, KeyError, IndexError, TypeError):
+        raise ConfigurationError(
+            f"{source.run.git_file} does not say which code trained; was the run copied whole?"
+        ) from None
+    return json.dumps(
+        {
+            "run": source.run.path.resolve().name,
+            "seed": config.seed,
+            "steps": state.step,
+            "wall_s": round(state.wall_s),
+            "robots": config.robots,
+            "preset": config.preset,
+            "lessons": config.lessons,
+            "lesson": config.lessons[state.curriculum.index],
+            "mean_reward": state.mean_reward,
+            "panoramas": [Path(panorama).name for panorama in config.panoramas],
+            "made_up_rooms": config.made_up_rooms,
+            "git_commit": commit,
+            "git_changed_files": changed,
+        },
+        separators=(",", ":"),
+    )

@@ -1,0 +1,144 @@
+"""A training run on disk: what it was told, how it went, where it can go on.
+
+runs/<name>/config.json       resolved configuration
+runs/<name>/git.json          state of the code
+runs/<name>/progress.csv      a row every 40,000 decisions, as the paper logged
+runs/<name>/checkpoints/      the last two
+runs/<name>/tensorboard/
+"""
+
+import json
+import os
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mbot_protocol.errors import ConfigurationError
+
+KEPT_CHECKPOINTS = 2
+"""The last one, and the one before in case a disk lied about the last."""
+
+UNFINISHED = ".unfinished"
+
+
+@dataclass(frozen=True, slots=True)
+class RunDirectory:
+    """The folder of one run."""
+
+    path: Path
+
+    @classmethod
+    def create(cls, path: Path) -> "RunDirectory":
+        """Make the folder of a new run.
+
+        Raises:
+            ConfigurationError: it exists already, or can't be made.
+
+        """
+        try:
+            path.mkdir(parents=True)
+        except FileExistsError:
+            raise ConfigurationError(
+                f"{path} exists already; choose another --name, or go on with --resume {path}"
+            ) from None
+        except OSError as error:
+            raise ConfigurationError(f"can't make {path}: {error.strerror}") from None
+        return cls(path)
+
+    @classmethod
+    def open(cls, path: Path) -> "RunDirectory":
+        """The folder of an earlier run.
+
+        Raises:
+            ConfigurationError: this is no run.
+
+        """
+        run = cls(path)
+        if not run.config_file.is_file():
+            raise ConfigurationError(
+                f"{path} is no training run (it has no {run.config_file.name}); expected the "
+                "folder that `workstation train` made, such as runs/first"
+            )
+        return run
+
+    @property
+    def config_file(self) -> Path:
+        """The resolved configuration."""
+        return self.path / "config.json"
+
+    @property
+    def git_file(self) -> Path:
+        """The state of the code."""
+        return self.path / "git.json"
+
+    @property
+    def progress_file(self) -> Path:
+        """How it went."""
+        return self.path / "progress.csv"
+
+    @property
+    def curve_file(self) -> Path:
+        """The same as a picture."""
+        return self.path / "curve.png"
+
+    @property
+    def tensorboard(self) -> Path:
+        """Folder for TensorBoard."""
+        return self.path / "tensorboard"
+
+    def checkpoints(self) -> list[Path]:
+        """The whole checkpoints, oldest first."""
+        folder = self.path / "checkpoints"
+        if not folder.is_dir():
+            return []
+        return sorted(entry for entry in folder.iterdir() if entry.suffix != UNFINISHED)
+
+    def last_checkpoint(self) -> Path:
+        """The checkpoint to go on from.
+
+        Raises:
+            ConfigurationError: there is none yet.
+
+        """
+        checkpoints = self.checkpoints()
+        if not checkpoints:
+            raise ConfigurationError(f"{self.path} has no checkpoint yet; train it again")
+        return checkpoints[-1]
+
+    def add_checkpoint(self, step: int, write: Callable[[Path], None]) -> Path:
+        """Add a checkpoint, or nothing at all if the machine dies meanwhile.
+
+        Args:
+            step: decisions so far.
+            write: puts the checkpoint's files into the folder it is given.
+
+        """
+        folder = self.path / "checkpoints"
+        final = folder / f"{step:09d}"
+        unfinished = final.with_suffix(UNFINISHED)
+        shutil.rmtree(unfinished, ignore_errors=True)
+        unfinished.mkdir(parents=True)
+        write(unfinished)
+        for file in unfinished.iterdir():
+            _to_disk(file)
+        shutil.rmtree(final, ignore_errors=True)
+        unfinished.rename(final)
+        _to_disk(folder)
+        for old in self.checkpoints()[:-KEPT_CHECKPOINTS]:
+            shutil.rmtree(old)
+        return final
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write a JSON file that a person can read too."""
+    path.write_text(json.dumps(content, indent=2, ensure_ascii=False) + "\n")
+
+
+def _to_disk(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
