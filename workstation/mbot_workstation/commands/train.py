@@ -76,6 +76,17 @@ def train(
             rich_help_panel=_WHAT,
         ),
     ] = "randomised",
+    guide: Annotated[
+        int,
+        typer.Option(
+            metavar="N",
+            min=0,
+            help="For the first N decisions learn from a guide as well, which knows where the "
+            "object is while the camera can see it; its weight falls to 0. Not the paper's way, "
+            "but far shorter.",
+            rich_help_panel=_WHAT,
+        ),
+    ] = 0,
     panorama: Annotated[
         list[Path] | None,
         typer.Option(
@@ -127,11 +138,12 @@ def train(
     - `workstation train --name first`
     - `workstation train --panorama kitchen.jpg --panorama hall.jpg --seed 3`
     - `workstation train --resume runs/first --steps 2000000`
+    - `workstation train --name guided --guide 300000`
     - `workstation train --lesson blur --from runs/first --steps 300000`
     """
     import json
     import sys
-    from dataclasses import asdict
+    from dataclasses import asdict, replace
 
     from mbot_workstation.training.training_config import TrainingConfig
 
@@ -157,6 +169,10 @@ def train(
             target_reward=target_reward,
             device=_device(device),
         )
+        if guide:
+            from mbot_workstation.training.learner import GUIDED
+
+            config = replace(config, learner=replace(GUIDED, guided_decisions=guide))
         run, config = _begun(runs, name, config, parent)
     result = _train_until_stopped(run, config)
     if as_json:

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv
 
-from mbot_workstation.training.network import policy_arguments
+from mbot_workstation.training.guidance import GuidedRolloutBuffer
+from mbot_workstation.training.network import INITIAL_LOG_STD, policy_arguments
 from mbot_workstation.training.picture_ppo import PicturePPO
 
 
@@ -30,6 +31,8 @@ class LearnerSettings:
         reward_scale: rewards are multiplied by it before PPO sees them, which brings values from
             about 10 to about 2. A constant, not running statistics: nothing to save, and the
             same reward is worth the same in every lesson.
+        initial_log_std: of the exploration noise, in shares of full speed.
+        guided_decisions: for how long a guide's advice counts; 0 is PPO alone, as in the paper.
 
     """
 
@@ -45,12 +48,17 @@ class LearnerSettings:
     value_weight: float = 0.5
     largest_gradient: float = 0.5
     reward_scale: float = 0.2
+    initial_log_std: float = INITIAL_LOG_STD
+    guided_decisions: int = 0
 
     def learning_rate_at(self, remaining: float) -> float:
         """The learning rate when this share, 1 to 0, of the planned decisions remains."""
         final = self.final_learning_rate
         return final + (self.learning_rate - final) * min(1.0, max(0.0, remaining))
 
+
+GUIDED = LearnerSettings(initial_log_std=-1.6, entropy_weight=0.0)
+"""With a guide there is less to find out, and the noise of 0.2 lets the student drive straight."""
 
 FINE_TUNING = LearnerSettings(learning_rate=1.5e-4, final_learning_rate=2e-5)
 """For a trained policy: small steps, so that it keeps what it knows."""
@@ -60,7 +68,8 @@ def make_learner(
     environment: VecEnv, settings: LearnerSettings, seed: int, device: str = "cpu"
 ) -> PicturePPO:
     """An untrained learner; the seed settles its weights and its exploration."""
-    return PicturePPO(
+    guided = settings.guided_decisions > 0
+    learner = PicturePPO(
         ActorCriticPolicy,
         environment,
         learning_rate=settings.learning_rate_at,
@@ -73,7 +82,10 @@ def make_learner(
         ent_coef=settings.entropy_weight,
         vf_coef=settings.value_weight,
         max_grad_norm=settings.largest_gradient,
-        policy_kwargs=policy_arguments(),
+        policy_kwargs=policy_arguments(settings.initial_log_std),
+        rollout_buffer_class=GuidedRolloutBuffer if guided else None,
         seed=seed,
         device=device,
     )
+    learner.guided_decisions = settings.guided_decisions
+    return learner

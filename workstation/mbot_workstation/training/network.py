@@ -77,7 +77,7 @@ def _leaky(hidden: torch.Tensor) -> torch.Tensor:
     return functional.leaky_relu(hidden, LEAKY_SLOPE)
 
 
-def policy_arguments() -> dict[str, Any]:
+def policy_arguments(initial_log_std: float = INITIAL_LOG_STD) -> dict[str, Any]:
     """What SB3's ActorCriticPolicy needs to be the paper's policy.
 
     The action's mean, with a learned standard deviation a wheel, and the value are each one linear
@@ -87,6 +87,6 @@ def policy_arguments() -> dict[str, Any]:
         "features_extractor_class": PaperNetwork,
         "net_arch": [],
         "normalize_images": False,  # the network does it
-        "log_std_init": INITIAL_LOG_STD,
+        "log_std_init": initial_log_std,
         "optimizer_kwargs": {"fused": True, "eps": 1e-5},  # one pass over the weights, not ten
     }

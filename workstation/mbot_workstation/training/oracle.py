@@ -77,6 +77,10 @@ class Oracle:
         )
         return np.stack(commands, axis=1).astype(np.float32)
 
+    def drove(self, actions: Actions) -> None:
+        """Replace the remembered turns by those of actions that somebody else has taken."""
+        self._last_turn = (actions[:, 1] - actions[:, 0]).astype(np.float64)
+
     def _wheels(
         self, bearing: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

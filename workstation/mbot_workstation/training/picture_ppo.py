@@ -20,6 +20,8 @@ from stable_baselines3.common.vec_env import VecEnv
 from torch.distributions import Normal
 from torch.nn import functional
 
+from mbot_workstation.training.guidance import GuidedSamples, advice_loss, guide_weight
+
 
 @dataclass(frozen=True, slots=True)
 class _Part:
@@ -38,10 +40,13 @@ class PicturePPO(PPO):
     Attributes:
         update_threads: into how many parts a batch is split. It changes results only by rounding,
             and does not depend on the machine, so that a seed gives the same run anywhere.
+        guided_decisions: for how many decisions a guide's advice counts, falling linearly; the
+            rollout buffer must then be a GuidedRolloutBuffer.
 
     """
 
     update_threads = 2
+    guided_decisions = 0
 
     rollout_buffer: RolloutBuffer
 
@@ -91,6 +96,9 @@ class PicturePPO(PPO):
         policy_loss = -torch.min(batch.advantages * ratio, batch.advantages * bounded).sum()
         value_loss = functional.mse_loss(values.flatten(), batch.returns, reduction="sum")
         loss = policy_loss + self.vf_coef * value_loss - self.ent_coef * wheels.entropy().sum()
+        weight = guide_weight(self.num_timesteps, self.guided_decisions)
+        if weight > 0 and isinstance(batch, GuidedSamples):
+            loss = loss + weight * advice_loss(wheels.mean, batch.advice)
         gradients = torch.autograd.grad(loss, list(self.policy.parameters()))
         with torch.no_grad():
             return _Part(
@@ -117,4 +125,4 @@ def _split(batch: RolloutBufferSamples, count: int) -> Iterator[RolloutBufferSam
     whole = batch._replace(advantages=advantages)
     size = -(-len(advantages) // count)
     for part in zip(*(torch.split(field, size) for field in whole), strict=True):
-        yield RolloutBufferSamples(*part)
+        yield type(batch)(*part)

@@ -6,11 +6,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import torch
+from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 
 from mbot_workstation.training.checkpoint import read_state, restore_learner
 from mbot_workstation.training.fetch_vec_env import FetchVecEnv
 from mbot_workstation.training.git_state import git_state
+from mbot_workstation.training.guidance import AskTheGuide
+from mbot_workstation.training.guide import Guide
 from mbot_workstation.training.learner import make_learner
 from mbot_workstation.training.presets import preset
 from mbot_workstation.training.progress_display import Display
@@ -105,7 +108,11 @@ def train(
         learner.set_logger(Logger(str(run.tensorboard), [writer]))
         teacher = Teacher(run, config, environment, display, stop, start)
         if step < config.steps:
-            learner.learn(config.steps - step, callback=teacher, reset_num_timesteps=not start)
+            callbacks: list[BaseCallback] = [teacher]
+            if config.learner.guided_decisions > 0:
+                guide = Guide(config.robots, preset(config.preset))
+                callbacks.append(AskTheGuide(guide, environment))
+            learner.learn(config.steps - step, callback=callbacks, reset_num_timesteps=not start)
             teacher.save()
         return TrainingResult(
             run=str(run.path),

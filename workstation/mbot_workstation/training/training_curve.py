@@ -44,6 +44,9 @@ def draw_curve(rows: Sequence[ProgressRow], path: Path, title: str = "") -> None
     for panel in axes:
         panel.grid(alpha=0.3)
         panel.spines[["top", "right"]].set_visible(False)
+    axes[0].set_ylim(bottom=min(0.0, *(row.mean_reward for row in rows)) - 0.5)
+    axes[1].set_ylim(bottom=0)
+    axes[2].set_xlim(left=0)
     if title:
         figure.suptitle(title)
     try:

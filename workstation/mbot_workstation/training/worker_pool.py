@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from multiprocessing.connection import wait as wait_for_any
 from multiprocessing.process import BaseProcess
 from typing import NoReturn
 
@@ -94,6 +95,9 @@ class WorkerPool:
         """
         while self._owing:
             worker = self._owing[0]
+            # The end of the pipe alone does not tell of a worker that died while it started.
+            if worker.pipe not in wait_for_any([worker.pipe, worker.process.sentinel]):
+                self._raise_gone(worker)
             try:
                 reply = worker.pipe.recv()
             except (EOFError, ConnectionResetError):
