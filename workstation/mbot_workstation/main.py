@@ -48,6 +48,9 @@ app.command("training-curve")(training_curve)
 app.command("study")(study)
 
 
+TRAINING_LIBRARIES = {"gymnasium", "joblib", "matplotlib", "stable_baselines3", "torch"}
+
+
 def main() -> None:
     """Run the command line; an error meant for a person is one line and an exit code."""
     try:
@@ -55,3 +58,12 @@ def main() -> None:
     except MbotError as error:
         print(f"workstation: {error}", file=sys.stderr)
         sys.exit(error.exit_code)
+    except ModuleNotFoundError as error:
+        if error.name not in TRAINING_LIBRARIES:
+            raise
+        print(
+            f"workstation: this command needs {error.name}: pip install -e '.[train]' in the "
+            "checkout",
+            file=sys.stderr,
+        )
+        sys.exit(1)

@@ -1,0 +1,165 @@
+"""How fast the whole training loop is, beside stable-baselines3 as its documentation has it.
+
+    python benchmarks/training.py [--json]
+
+Whole loop: collect with 16 robots, then PPO's update, with the same network, batch and epochs on
+both sides. Plain is `PPO` with `SubprocVecEnv` and `mujoco.Renderer` at the same picture settings
+(benchmarks/training_environment.py measures the environments alone). The bare kernels are physics,
+picture, forward pass and update, each alone on one core, spread over all of them.
+"""
+
+import argparse
+import json
+import os
+import resource
+import statistics
+import time
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from stable_baselines3.common.vec_env import SubprocVecEnv
+from torch import nn
+from training_environment import PlainEnv, kernels
+
+from mbot_workstation.simulation.room_generator import generate_room
+from mbot_workstation.training.fetch_vec_env import FetchVecEnv
+from mbot_workstation.training.learner import LearnerSettings, make_learner
+from mbot_workstation.training.scaled_rewards import ScaledRewards
+
+ROBOTS = 16
+SETTINGS = LearnerSettings()
+PRESETS = ("ideal", "nominal", "randomised")
+
+
+class PlainNetwork(BaseFeaturesExtractor):
+    """The paper's network as SB3's documentation writes one."""
+
+    def __init__(self, observation_space: Any) -> None:
+        super().__init__(observation_space, 256)
+        self.layers = nn.Sequential(
+            nn.Conv2d(3, 16, 8, 4),
+            nn.LeakyReLU(),
+            nn.Conv2d(16, 32, 4, 2),
+            nn.LeakyReLU(),
+            nn.Flatten(),
+            nn.Linear(32 * 6 * 6, 256),
+            nn.LeakyReLU(),
+        )
+
+    def forward(self, observations: torch.Tensor) -> torch.Tensor:
+        return self.layers(observations)
+
+
+def plain_learner(room: Any) -> PPO:
+    environment = SubprocVecEnv([lambda: PlainEnv(room) for _ in range(ROBOTS)])
+    return PPO(
+        "CnnPolicy",
+        environment,
+        n_steps=SETTINGS.steps_per_robot,
+        batch_size=SETTINGS.batch,
+        n_epochs=SETTINGS.epochs,
+        policy_kwargs={"features_extractor_class": PlainNetwork, "net_arch": []},
+        device="cpu",
+    )
+
+
+def our_learner(preset: str, rooms: list[Any]) -> PPO:
+    environment = FetchVecEnv(ROBOTS, 0, preset, "10", rooms)
+    return make_learner(ScaledRewards(environment, SETTINGS.reward_scale), SETTINGS, seed=0)
+
+
+def speed(learner: PPO, iterations: int, *, threads: int) -> float:
+    """Decisions a second over some rounds of collecting and learning."""
+    torch.set_num_threads(threads)
+    decisions = iterations * SETTINGS.steps_per_robot * ROBOTS
+    start_s = time.perf_counter()
+    learner.learn(decisions, reset_num_timesteps=False)
+    return decisions / (time.perf_counter() - start_s)
+
+
+def network_ms(learner: PPO) -> dict[str, float]:
+    """Milliseconds a decision takes one core: forward pass while collecting, update afterwards."""
+    torch.set_num_threads(1)
+    pictures = torch.randint(0, 255, (ROBOTS, 64, 64, 3)).float()
+    rounds = 200
+    with torch.no_grad():
+        start_s = time.perf_counter()
+        for _ in range(rounds):
+            learner.policy(pictures)
+        forward_s = time.perf_counter() - start_s
+    batch = torch.randint(0, 255, (SETTINGS.batch, 64, 64, 3)).float()
+    actions = torch.zeros(SETTINGS.batch, 2)
+    start_s = time.perf_counter()
+    for _ in range(rounds // 10):
+        values, log_prob, entropy = learner.policy.evaluate_actions(batch, actions)
+        assert entropy is not None
+        loss = values.square().mean() - log_prob.mean() - entropy.mean()
+        learner.policy.optimizer.zero_grad()
+        loss.backward()
+        learner.policy.optimizer.step()
+    update_s = time.perf_counter() - start_s
+    return {
+        "forward_ms": 1e3 * forward_s / (rounds * ROBOTS),
+        "update_ms": 1e3 * update_s / (rounds // 10 * SETTINGS.batch) * SETTINGS.epochs,
+    }
+
+
+def measure(rounds: int, iterations: int) -> dict[str, Any]:
+    rooms = [generate_room(seed, 512) for seed in range(6)]
+    cores = os.cpu_count() or 1
+    learners: dict[str, tuple[PPO, int]] = {name: (our_learner(name, rooms), 1) for name in PRESETS}
+    learners["plain"] = (plain_learner(rooms[0]), cores)
+    speeds: dict[str, list[float]] = {name: [] for name in learners}
+    for learner, threads in learners.values():
+        speed(learner, 1, threads=threads)  # caches, first episodes
+    for _ in range(rounds):
+        for name, (learner, threads) in learners.items():
+            speeds[name].append(speed(learner, iterations, threads=threads))
+    kernel = kernels(rooms[0], 480) | network_ms(learners["ideal"][0])
+    for learner, _ in learners.values():
+        environment = learner.get_env()
+        assert environment is not None
+        environment.close()
+    medians = {name: statistics.median(values) for name, values in speeds.items()}
+    bound = cores * 1e3 / sum(kernel.values())
+    children_kib = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+    own_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return {
+        "cores": cores,
+        "load_average": round(os.getloadavg()[0], 2),
+        "decisions_per_s": {name: round(value) for name, value in medians.items()},
+        "best_decisions_per_s": {name: round(max(values)) for name, values in speeds.items()},
+        "times_plain": {name: round(medians[name] / medians["plain"], 2) for name in PRESETS},
+        "kernels_ms": {name: round(value, 3) for name, value in kernel.items()},
+        "kernels_decisions_per_s": round(bound),
+        "share_of_kernels": {name: round(medians[name] / bound, 2) for name in PRESETS},
+        "largest_process_mb": round(max(own_kib, children_kib) / 1024),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--iterations", type=int, default=1, help="of 2,048 decisions, a round")
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    np.random.seed(0)
+    result = measure(options.rounds, options.iterations)
+    if options.json:
+        print(json.dumps(result))
+        return
+    print(f"whole PPO loop, {result['cores']} cores, load {result['load_average']}")
+    for name, value in result["decisions_per_s"].items():
+        best = result["best_decisions_per_s"][name]
+        times = result["times_plain"].get(name, 1.0)
+        print(f"  {name:12} {value:6} decisions/s (best {best}), {times:.2f} x plain")
+    print(f"  bare kernels {result['kernels_decisions_per_s']:6}: {result['kernels_ms']}")
+    print(f"  shares of the kernels {result['share_of_kernels']}")
+    print(f"  largest process {result['largest_process_mb']} MB")
+
+
+if __name__ == "__main__":
+    main()
