@@ -3,10 +3,11 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+FIRMWARE := out/firmware
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check protocol benchmark lock clean
+.PHONY: help demo test check protocol firmware benchmark lock clean
 
 help: ## Show this help
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -26,6 +27,18 @@ check: $(VENV)/.all ## Lint, format, types, imports
 
 protocol: $(VENV)/.all ## Generate the messages' Python code from the .proto file
 	$(BIN)/python shared/protocol/generate.py
+
+firmware: $(FIRMWARE)/mbot-deadman.hex ## Compile the board's firmware with a dead man's switch
+	@avr-size --mcu=atmega328p --format=avr $(FIRMWARE)/mbot-deadman.elf | sed -n '/bytes/p'
+	@echo "$<"
+
+$(FIRMWARE)/mbot-deadman.elf: deploy/firmware/mbot-deadman.c
+	@PYTHON=$(PYTHON) sh deploy/workstation-libraries.sh firmware
+	@mkdir -p $(FIRMWARE)
+	avr-gcc -mmcu=atmega328p -std=c11 -Os -Wall -Wextra -Werror -o $@ $<
+
+$(FIRMWARE)/mbot-deadman.hex: $(FIRMWARE)/mbot-deadman.elf
+	avr-objcopy -O ihex -R .eeprom $< $@
 
 benchmark: $(VENV)/.all ## Measure the daemon; use a quiet machine
 	$(BIN)/python benchmarks/agent.py

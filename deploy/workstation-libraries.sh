@@ -1,7 +1,8 @@
 #!/bin/sh
 # System libraries a workstation needs, checked before anything is installed with pip.
 # As root on Debian or Ubuntu what is missing is installed; anybody else is told the command.
-# With the argument "test" the tests' own needs are looked at as well.
+# The argument "firmware" looks only at what compiles the board's firmware, "test" at that and the
+# tests' own needs as well.
 set -eu
 
 python=${PYTHON:-python3}
@@ -18,14 +19,25 @@ library() { # is a shared library known to the loader?
 }
 
 if [ "$(uname -s)" = Linux ]; then
-    need python3-venv "$python" -c 'import ensurepip, venv'
-    need libegl1 library libEGL.so.1
-    need libgl1-mesa-dri library libEGL_mesa.so.0
-    need libgl1 library libGL.so.1
+    if [ "${1:-}" != firmware ]; then
+        need python3-venv "$python" -c 'import ensurepip, venv'
+        need libegl1 library libEGL.so.1
+        need libgl1-mesa-dri library libEGL_mesa.so.0
+        need libgl1 library libGL.so.1
+    fi
     if [ "${1:-}" = test ]; then
         need systemd command -v systemd-analyze
         need openssl command -v openssl
         need git command -v git
+        need gcc command -v gcc
+        need libc6-dev test -e /usr/include/stdio.h
+        need libsimavr-dev test -e /usr/include/simavr/sim_avr.h
+        need libelf-dev test -e /usr/include/libelf.h
+    fi
+    if [ "${1:-}" = firmware ] || [ "${1:-}" = test ]; then
+        need gcc-avr command -v avr-gcc
+        need binutils-avr command -v avr-objcopy
+        need avr-libc test -e /usr/lib/avr/include/avr/io.h
     fi
 fi
 

@@ -1,4 +1,5 @@
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -6,6 +7,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mbot_workstation.training.advice_memory import AdviceMemory
 from mbot_workstation.training.fetch_vec_env import FetchVecEnv
 from mbot_workstation.training.guidance import (
     AskTheGuide,
@@ -77,3 +79,43 @@ def test_advice_stays_with_its_observation_and_teaches() -> None:
                 wheels, _, _ = learner.policy(batch.observations, deterministic=True)
             distances.append(float(advice_loss(wheels, batch.advice)) / 64)
     assert np.mean(distances[-2:]) < distances[0]
+
+
+def pictures(count: int, level: int) -> np.ndarray:
+    return np.full((count, 4, 4, 3), level, np.uint8)
+
+
+def test_the_memory_keeps_the_newest_known_advice_with_its_pictures() -> None:
+    memory = AdviceMemory(5, (4, 4, 3))
+    unknown = np.array([[0.1, 0.1], [np.nan, np.nan], [0.1, 0.1]], np.float32)
+    memory.add(pictures(3, 1), unknown)
+    assert len(memory) == 2
+    memory.add(pictures(4, 2), np.full((4, 2), 0.2, np.float32))
+    assert len(memory) == 5
+    batch = memory.draw(200)
+    for picture, advised in zip(batch.pictures, batch.advice, strict=True):
+        assert advised[0] == pytest.approx(0.1 * picture[0, 0, 0])
+    assert {int(level) for level in batch.pictures[:, 0, 0, 0]} == {1, 2}
+
+
+def test_rehearsing_moves_the_wheels_and_nothing_else() -> None:
+    settings = LearnerSettings(
+        steps_per_robot=16,
+        batch=16,
+        epochs=1,
+        guided_decisions=10**6,
+        rehearsals=3,
+        learning_rate=1e-9,  # PPO's own steps change nothing that could be seen
+        final_learning_rate=1e-9,
+    )
+    with FetchVecEnv(robots=1, seed=1, preset="ideal", lesson="4", workers=1) as environment:
+        learner = make_learner(environment, settings, seed=0)
+        learner.learn(16, callback=AskTheGuide(Guide(1, preset("ideal")), environment))
+        before = {k: v.clone() for k, v in learner.policy.state_dict().items()}
+        for group in learner.policy.optimizer.param_groups:
+            group["lr"] = 1e-2
+        with ThreadPoolExecutor(2) as threads:
+            learner._rehearse(threads)  # pyright: ignore[reportPrivateUsage]
+        after = learner.policy.state_dict()
+    assert not torch.equal(before["action_net.bias"], after["action_net.bias"])
+    assert "_memory" in learner._excluded_save_params()  # pyright: ignore[reportPrivateUsage]

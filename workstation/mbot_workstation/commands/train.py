@@ -223,7 +223,9 @@ def _begun(
 
     if parent is not None:
         checkpoint = find_source(parent).checkpoint
-        config = replace(config, parent=str(checkpoint.resolve()), learner=FINE_TUNING)
+        config = replace(config, parent=str(checkpoint.resolve()))
+        if not config.learner.guided_decisions:
+            config = replace(config, learner=FINE_TUNING)
     elif config.lessons == ("blur",):
         raise ConfigurationError(
             "--lesson blur trains a trained model on: add --from RUN, such as runs/first"

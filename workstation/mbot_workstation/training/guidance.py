@@ -48,6 +48,10 @@ class GuidedRolloutBuffer(RolloutBuffer):
             self._flat_advice = self.swap_and_flatten(self.advice)
         yield from super().get(batch_size)
 
+    def flat_advice(self) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """All observations and their advice, in one order, once `get` has been used."""
+        return self.observations, self._flat_advice
+
     def _get_samples(self, batch_inds: NDArray[np.int64], env: Any = None) -> Any:
         samples = super()._get_samples(batch_inds, env)
         return GuidedSamples(*samples, advice=self.to_torch(self._flat_advice[batch_inds]))

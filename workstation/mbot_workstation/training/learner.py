@@ -33,6 +33,7 @@ class LearnerSettings:
             same reward is worth the same in every lesson.
         initial_log_std: of the exploration noise, in shares of full speed.
         guided_decisions: for how long a guide's advice counts; 0 is PPO alone, as in the paper.
+        rehearsals: batches of remembered advice learned from in every update meanwhile.
 
     """
 
@@ -50,6 +51,7 @@ class LearnerSettings:
     reward_scale: float = 0.2
     initial_log_std: float = INITIAL_LOG_STD
     guided_decisions: int = 0
+    rehearsals: int = 0
 
     def learning_rate_at(self, remaining: float) -> float:
         """The learning rate when this share, 1 to 0, of the planned decisions remains."""
@@ -57,7 +59,9 @@ class LearnerSettings:
         return final + (self.learning_rate - final) * min(1.0, max(0.0, remaining))
 
 
-GUIDED = LearnerSettings(initial_log_std=-1.6, entropy_weight=0.0)
+GUIDED = LearnerSettings(
+    initial_log_std=-1.6, entropy_weight=0.0, learning_rate=6e-4, rehearsals=96
+)
 """With a guide there is less to find out, and the noise of 0.2 lets the student drive straight."""
 
 FINE_TUNING = LearnerSettings(learning_rate=1.5e-4, final_learning_rate=2e-5)
@@ -88,4 +92,5 @@ def make_learner(
         device=device,
     )
     learner.guided_decisions = settings.guided_decisions
+    learner.rehearsals = settings.rehearsals
     return learner

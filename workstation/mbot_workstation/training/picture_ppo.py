@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.buffers import RolloutBuffer
@@ -20,7 +21,16 @@ from stable_baselines3.common.vec_env import VecEnv
 from torch.distributions import Normal
 from torch.nn import functional
 
-from mbot_workstation.training.guidance import GuidedSamples, advice_loss, guide_weight
+from mbot_workstation.training.advice_memory import AdviceMemory
+from mbot_workstation.training.guidance import (
+    GuidedRolloutBuffer,
+    GuidedSamples,
+    advice_loss,
+    guide_weight,
+)
+
+MEMORY_CAPACITY = 200_000
+"""Pictures with advice; 2.4 GB when full."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,18 +52,24 @@ class PicturePPO(PPO):
             and does not depend on the machine, so that a seed gives the same run anywhere.
         guided_decisions: for how many decisions a guide's advice counts, falling linearly; the
             rollout buffer must then be a GuidedRolloutBuffer.
+        rehearsals: batches of remembered advice that every update learns from besides.
 
     """
 
     update_threads = 2
     guided_decisions = 0
+    rehearsals = 0
 
     rollout_buffer: RolloutBuffer
+    _memory: AdviceMemory | None = None
 
     @staticmethod
     def _wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
         del verbose, monitor_wrapper
         return env
+
+    def _excluded_save_params(self) -> list[str]:
+        return [*super()._excluded_save_params(), "_memory"]  # gigabytes, and soon made anew
 
     def train(self) -> None:
         """Learn from the rollout, as PPO.train; the losses go to the logger."""
@@ -65,7 +81,40 @@ class PicturePPO(PPO):
                 for batch in self.rollout_buffer.get(self.batch_size):
                     parts += self._step(threads, batch)
                 self._n_updates += 1
+            if guide_weight(self.num_timesteps, self.guided_decisions) > 0:
+                self._rehearse(threads)
         self._log(parts)
+
+    def _rehearse(self, threads: ThreadPoolExecutor) -> None:
+        """Learn from advice alone, the newest and what is remembered."""
+        buffer = self.rollout_buffer
+        if not isinstance(buffer, GuidedRolloutBuffer) or self.rehearsals == 0:
+            return
+        if self._memory is None:
+            self._memory = AdviceMemory(MEMORY_CAPACITY, buffer.obs_shape)
+        self._memory.add(*buffer.flat_advice())
+        parameters = list(self.policy.parameters())
+        for _ in range(self.rehearsals):
+            batch = self._memory.draw(self.batch_size)
+            halves = zip(
+                np.array_split(batch.pictures, self.update_threads),
+                np.array_split(batch.advice, self.update_threads),
+                strict=True,
+            )
+            for parameter, *gradients in zip(
+                parameters, *threads.map(self._advice_gradients, halves), strict=True
+            ):
+                parameter.grad = torch.stack(gradients).sum(0) / self.batch_size
+            torch.nn.utils.clip_grad_norm_(parameters, self.max_grad_norm)
+            self.policy.optimizer.step()
+
+    def _advice_gradients(self, part: tuple[Any, Any]) -> tuple[torch.Tensor, ...]:
+        pictures, advice = (torch.from_numpy(field).to(self.device) for field in part)
+        for_wheels, _ = self.policy.mlp_extractor(self.policy.extract_features(pictures.float()))
+        loss = advice_loss(self.policy.action_net(for_wheels), advice)
+        parameters = list(self.policy.parameters())
+        # The value and the noise have no part in it: zeros.
+        return torch.autograd.grad(loss, parameters, allow_unused=True, materialize_grads=True)
 
     def _step(self, threads: ThreadPoolExecutor, batch: RolloutBufferSamples) -> list[_Part]:
         """One gradient step."""
