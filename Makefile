@@ -14,7 +14,7 @@ help: ## Show this help
 	@echo "  Options of the demo: make demo DEMO='--panorama my-room.jpg --radius 2.5'"
 
 demo: $(VENV)/.demo ## Drive a virtual robot with the real daemon; leaves pictures in out/demo
-	$(BIN)/workstation demo $(DEMO)
+	$(BIN)/workstation demo --model models/red-cube.onnx $(DEMO)
 
 test: $(VENV)/.all ## Run all tests
 	$(BIN)/pytest $(TEST)

@@ -7,9 +7,7 @@ import serial
 from serial.tools import list_ports
 
 from mbot_protocol.errors import UnreachableError
-
-CH340 = (0x1A86, 0x7523)
-"""USB vendor and product of the mCore's serial chip (public)."""
+from mbot_protocol.mcore import CH340
 
 _BY_ID = Path("/dev/serial/by-id")
 

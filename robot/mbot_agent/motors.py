@@ -251,7 +251,10 @@ class Motors:
                 if failures >= LOST_AFTER_FAILURES:
                     raise BoardLostError(str(error)) from None
                 self._drop(ticket)
-                driving = True  # the board may or may not have obeyed: stop it for certain
+                # It may or may not have obeyed. Stop it for certain before anything newer is
+                # sent; that also arms a board again whose dead man's switch has latched.
+                session.stop()
+                driving = False
                 continue
             self._wait(session, command, next_write)
 

@@ -10,6 +10,7 @@ from mbot_workstation.commands.drive import drive, run, stop
 from mbot_workstation.commands.evaluate import evaluate
 from mbot_workstation.commands.explain import explain
 from mbot_workstation.commands.export import export
+from mbot_workstation.commands.flash import flash
 from mbot_workstation.commands.make_servo_policy import make_servo_policy
 from mbot_workstation.commands.models import models, rollback
 from mbot_workstation.commands.push_model import push_model
@@ -40,6 +41,7 @@ app.command("stop")(stop)
 app.command("drive", context_settings={"ignore_unknown_options": True})(drive)
 app.command("make-servo-policy")(make_servo_policy)
 app.command("virtual-robot")(virtual_robot)
+app.command("flash")(flash)
 app.command("train")(train)
 app.command("export")(export)
 app.command("evaluate")(evaluate)

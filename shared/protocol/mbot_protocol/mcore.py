@@ -12,6 +12,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 BAUD_RATE = 115_200
+CH340 = (0x1A86, 0x7523)
+"""USB vendor and product of the mCore's serial chip (public)."""
+
 SPEED_LIMIT = 255
 """The board clips speeds to +-255 (measured)."""
 

@@ -1,0 +1,23 @@
+"""A daemon's motor thread in a process of its own, for tests that kill or freeze it.
+
+Usage: driving_process.py PORT. Drives for ever, with a new command five times a second.
+"""
+
+import sys
+import time
+
+from mbot_agent.configuration import Board
+from mbot_agent.motors import DriveCommand, Motors
+from mbot_protocol.mcore import Joystick
+
+
+def main() -> None:
+    with Motors(Board(port=sys.argv[1])) as motors:
+        while True:
+            ten_seconds_ns = time.monotonic_ns() + 10_000_000_000
+            motors.drive(DriveCommand(Joystick(-100, 100), ten_seconds_ns))
+            time.sleep(0.2)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,98 @@
+"""The daemon's motor thread drives the compiled firmware, in real time over a pseudo-terminal."""
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from mbot_agent.configuration import Board
+from mbot_agent.motor_stop import stop_motors
+from mbot_agent.motors import DriveCommand, Motors
+from mbot_protocol.mcore import Joystick, stop_burst
+
+from .frames import DRIVE, DRIVING, OFF
+from .simulated_board import BYTE_US, LiveBoard, Simulator, until
+
+TIMEOUT_MS = 300
+BAR_MS = 50
+"""How much later than the time-out the motors may stand when the host dies."""
+
+
+@pytest.fixture
+def board(simulator: Simulator) -> Iterator[LiveBoard]:
+    with LiveBoard(simulator) as live:
+        yield live
+
+
+@contextmanager
+def driving_process(board: LiveBoard) -> Iterator["subprocess.Popen[bytes]"]:
+    program = Path(__file__).with_name("driving_process.py")
+    child = subprocess.Popen([sys.executable, program, board.path])
+    try:
+        assert board.wait_for(*DRIVING)
+        yield child
+    finally:
+        child.kill()
+        child.wait()
+
+
+def for_s(seconds: float) -> DriveCommand:
+    return DriveCommand(Joystick(*DRIVING), time.monotonic_ns() + int(seconds * 1e9))
+
+
+def silence_ms(board: LiveBoard) -> float:
+    """Simulated time between the last byte the board got and its motors being off."""
+    last_us = max(at for at, _ in board.trace.received if at < board.trace.stopped_us())
+    return (board.trace.stopped_us() - last_us - BYTE_US) / 1000
+
+
+def test_the_daemon_trusts_it_and_drives(board: LiveBoard) -> None:
+    with Motors(Board(port=board.path)) as motors:
+        assert until(lambda: motors.fault is None)
+        assert motors.version == "mbot-deadman 1"
+        assert motors.has_deadman
+        assert motors.delivery(motors.drive(for_s(10)), 1.0) is not None
+        assert board.wait_for(*DRIVING)
+        motors.drive(for_s(0.2))  # and no word after that
+        assert board.wait_for(*OFF)
+        assert motors.fault is None
+        assert motors.delivery(motors.drive(for_s(10)), 1.0) is not None
+        assert board.wait_for(*DRIVING)
+    assert board.wait_for(*OFF)
+
+
+def test_a_killed_daemon_stops_in_time_and_another_takes_over(board: LiveBoard) -> None:
+    with driving_process(board) as child:
+        child.kill()
+        assert board.wait_for(*OFF)
+        assert TIMEOUT_MS - 1 <= silence_ms(board) <= TIMEOUT_MS + BAR_MS
+    with Motors(Board(port=board.path)) as motors:
+        assert until(lambda: motors.fault is None)
+        motors.drive(for_s(10))
+        assert board.wait_for(*DRIVING)
+
+
+def test_a_frozen_daemon_stops_in_time_and_recovers_by_itself(board: LiveBoard) -> None:
+    with driving_process(board) as child:
+        child.send_signal(signal.SIGSTOP)
+        assert board.wait_for(*OFF)
+        assert TIMEOUT_MS - 1 <= silence_ms(board) <= TIMEOUT_MS + BAR_MS
+        heard = len(board.trace.received)
+        child.send_signal(signal.SIGCONT)
+        # Its next command is refused; it sends a stop burst, and a later command is obeyed.
+        assert board.wait_for(*DRIVING)
+        heard_since = bytes(byte for _, byte in board.trace.received[heard:])
+        assert stop_burst() in heard_since[: heard_since.rindex(DRIVE)]
+
+
+def test_the_stop_command_after_a_crash_is_confirmed(board: LiveBoard) -> None:
+    with driving_process(board) as child:
+        child.kill()
+        child.wait()
+        stop_motors(Board(port=board.path))
+        assert board.wait_for(*OFF)
