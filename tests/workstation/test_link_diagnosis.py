@@ -1,6 +1,4 @@
-import json
 import re
-import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,6 +6,8 @@ from pathlib import Path
 import pytest
 import zenoh
 
+from mbot_agent.configuration import Network, Tls
+from mbot_agent.link import zenoh_configuration
 from mbot_protocol.errors import UnreachableError
 from mbot_protocol.keys import ALIVE
 from mbot_workstation import robot_session
@@ -17,8 +17,6 @@ from mbot_workstation.link_security import LinkSecurity
 from mbot_workstation.robot_link import RobotLink
 
 from .fake_robot import FakeRobot, free_port
-
-pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="needs openssl")
 
 
 def openssl(*arguments: str | Path) -> None:
@@ -44,23 +42,12 @@ def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def secured(certificates: Path) -> Iterator[Endpoint]:
-    """A robot that asks for a certificate of its authority."""
+    """A robot that asks for a certificate of its authority: the daemon's own configuration."""
     endpoint = Endpoint("tls", "127.0.0.1", free_port())
-    settings = {
-        "mode": "peer",
-        "listen/endpoints": [str(endpoint)],
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "transport/link/tls/root_ca_certificate": str(certificates / "ca.pem"),
-        "transport/link/tls/listen_certificate": str(certificates / "robot.pem"),
-        "transport/link/tls/listen_private_key": str(certificates / "robot.key"),
-        "transport/link/tls/enable_mtls": True,
-    }
-    configuration = zenoh.Config()
-    for key, value in settings.items():
-        configuration.insert_json5(key, json.dumps(value))
+    tls = Tls(*(str(certificates / name) for name in ("ca.pem", "robot.pem", "robot.key")))
+    network = Network(listen=(str(endpoint),), tls=tls)
     with (
-        zenoh.open(configuration) as session,
+        zenoh.open(zenoh_configuration(network)) as session,
         session.liveliness().declare_token(ALIVE.key("mbot-1")),
     ):
         yield endpoint
