@@ -9,7 +9,9 @@ from mbot_workstation.training.lessons import (
     BLUR_LESSON,
     LESSONS,
     PASS_EPISODES,
+    ROUGH_LESSON,
     lesson,
+    named,
     passed,
 )
 from mbot_workstation.training.presets import PRESETS
@@ -56,5 +58,23 @@ def test_the_blur_lesson_is_the_last_one_with_an_exposure_time() -> None:
 def test_lessons_are_found_by_name() -> None:
     assert lesson("7") is LESSONS[6]
     assert lesson("blur") is BLUR_LESSON
+    assert lesson("rough") is ROUGH_LESSON
     with pytest.raises(ValueError, match=r"no lesson '11'.*blur"):
         lesson("11")
+
+
+def test_the_rough_lesson_goes_beyond_what_the_others_show() -> None:
+    randomised = PRESETS["randomised"]
+    rough = ROUGH_LESSON.applied_to(randomised)
+    assert rough.low.right_gain < randomised.low.right_gain
+    assert rough.high.camera_latency_ms > randomised.high.camera_latency_ms
+    assert rough.low.fov_scale == randomised.low.fov_scale, "the rest stays the preset's"
+
+
+def test_ranges_of_lessons_are_spelt_out() -> None:
+    assert named(["1-10", "rough"]) == (*(stage.name for stage in LESSONS), "rough")
+    assert named(["9-10"]) == ("9", "10")
+    assert named(["4-4", "blur"]) == ("4", "blur")
+    for wrong in ("10-9", "0-3", "8-11", "-3", "3-", "blur-10"):
+        with pytest.raises(ValueError, match="rising range"):
+            named([wrong])

@@ -37,8 +37,8 @@ def train(
         list[str] | None,
         typer.Option(
             metavar="NAME",
-            help="A single lesson instead of all ten, or several; 1 to 10, or blur, which is "
-            "trained on a trained model.",
+            help="Other lessons than all ten: one, a range such as 1-10, or several. Beside 1 to "
+            "10 there are blur and rough (worn robots, poor light), for trained models.",
             rich_help_panel=_WHAT,
         ),
     ] = None,
@@ -138,7 +138,7 @@ def train(
     - `workstation train --name first`
     - `workstation train --panorama kitchen.jpg --panorama hall.jpg --seed 3`
     - `workstation train --resume runs/first --steps 2000000`
-    - `workstation train --name guided --guide 300000`
+    - `workstation train --name guided --guide 400000 --lesson 1-10 --lesson rough`
     - `workstation train --lesson blur --from runs/first --steps 300000`
     """
     import json
@@ -163,7 +163,7 @@ def train(
             workers=workers,
             seed=seed,
             preset=preset,
-            lessons=tuple(lesson) if lesson else default.lessons,
+            lessons=_lessons(lesson) if lesson else default.lessons,
             panoramas=tuple(str(path.resolve()) for path in panorama or ()),
             made_up_rooms=made_up,
             target_reward=target_reward,
@@ -226,12 +226,22 @@ def _begun(
         config = replace(config, parent=str(checkpoint.resolve()))
         if not config.learner.guided_decisions:
             config = replace(config, learner=FINE_TUNING)
-    elif config.lessons == ("blur",):
+    elif config.lessons[0] in ("blur", "rough"):
         raise ConfigurationError(
-            "--lesson blur trains a trained model on: add --from RUN, such as runs/first"
+            f"--lesson {config.lessons[0]} trains a trained model on: add --from RUN, such as "
+            "runs/first"
         )
     folder = runs / (name or datetime.now().strftime("%Y-%m-%d-%H%M%S"))
     return begin_run(folder, config), config
+
+
+def _lessons(selection: list[str]) -> tuple[str, ...]:
+    from mbot_workstation.training.lessons import named
+
+    try:
+        return named(selection)
+    except ValueError as error:
+        raise ConfigurationError(f"--lesson: {error}") from None
 
 
 def _device(name: str) -> str:

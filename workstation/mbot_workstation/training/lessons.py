@@ -29,7 +29,7 @@ class Lesson:
         spawn_farthest_m: how far from the origin objects appear.
         spawn_half_angle_deg: within how much to either side of the robot's first heading.
         objects: how many make a complete run.
-        exposure_ms: range that replaces the preset's exposure time, if given.
+        effects: ranges that replace the preset's, by the effect's name.
 
     """
 
@@ -37,7 +37,7 @@ class Lesson:
     spawn_farthest_m: float
     spawn_half_angle_deg: float = 180.0
     objects: int = 1
-    exposure_ms: tuple[float, float] | None = None
+    effects: tuple[tuple[str, tuple[float, float]], ...] = ()
 
     @property
     def rules(self) -> FetchRules:
@@ -50,7 +50,7 @@ class Lesson:
 
     def applied_to(self, ranges: EffectRanges) -> EffectRanges:
         """The effects in this lesson."""
-        return ranges if self.exposure_ms is None else ranges.changed(exposure_ms=self.exposure_ms)
+        return ranges.changed(**dict(self.effects)) if self.effects else ranges
 
     @property
     def largest_reward(self) -> float:
@@ -76,10 +76,27 @@ LESSONS = (
     Lesson("10", 2.50, objects=10),
 )
 
-BLUR_LESSON = Lesson("blur", 2.50, objects=10, exposure_ms=(10.0, 35.0))
+BLUR_LESSON = Lesson("blur", 2.50, objects=10, effects=(("exposure_ms", (10.0, 35.0)),))
 """The paper's remedy: a trained model is trained on, with motion blur."""
 
-_BY_NAME = {lesson.name: lesson for lesson in (*LESSONS, BLUR_LESSON)}
+ROUGH_LESSON = Lesson(
+    "rough",
+    2.50,
+    objects=10,
+    effects=(
+        ("left_gain", (0.45, 1.1)),
+        ("right_gain", (0.45, 1.1)),
+        ("time_constant_ms", (50.0, 230.0)),
+        ("friction_scale", (0.15, 1.0)),
+        ("camera_latency_ms", (30.0, 190.0)),
+        ("exposure_gain", (0.5, 1.6)),
+        ("noise", (0.5, 5.5)),
+    ),
+)
+"""Robots worse than any unit measured, for a policy that holds where its robot has worn: motors
+that differ by half, slow wheels, a slippery floor, late pictures, poor light."""
+
+_BY_NAME = {lesson.name: lesson for lesson in (*LESSONS, BLUR_LESSON, ROUGH_LESSON)}
 
 
 def lesson(name: str) -> Lesson:
@@ -92,6 +109,26 @@ def lesson(name: str) -> Lesson:
     if name not in _BY_NAME:
         raise ValueError(f"no lesson {name!r}, expected one of {', '.join(_BY_NAME)}")
     return _BY_NAME[name]
+
+
+def named(selection: Sequence[str]) -> tuple[str, ...]:
+    """The names that a selection stands for: ("1-3", "rough") is 1, 2, 3 and rough.
+
+    Raises:
+        ValueError: the range is not one of the paper's ten lessons.
+
+    """
+    names: list[str] = []
+    for text in selection:
+        first, dash, last = text.partition("-")
+        if not dash:
+            names.append(text)
+            continue
+        numbers = [stage.name for stage in LESSONS]
+        if first not in numbers or last not in numbers[numbers.index(first) :]:
+            raise ValueError(f"lessons {text!r}, expected a rising range such as 1-10")
+        names += numbers[numbers.index(first) : numbers.index(last) + 1]
+    return tuple(names)
 
 
 def passed(lesson: Lesson, rewards: Sequence[float]) -> bool:

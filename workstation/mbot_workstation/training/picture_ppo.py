@@ -53,12 +53,14 @@ class PicturePPO(PPO):
         guided_decisions: for how many decisions a guide's advice counts, falling linearly; the
             rollout buffer must then be a GuidedRolloutBuffer.
         rehearsals: batches of remembered advice that every update learns from besides.
+        rehearsal_batch: samples of each.
 
     """
 
     update_threads = 2
     guided_decisions = 0
     rehearsals = 0
+    rehearsal_batch = 256
 
     rollout_buffer: RolloutBuffer
     _memory: AdviceMemory | None = None
@@ -95,7 +97,7 @@ class PicturePPO(PPO):
         self._memory.add(*buffer.flat_advice())
         parameters = list(self.policy.parameters())
         for _ in range(self.rehearsals):
-            batch = self._memory.draw(self.batch_size)
+            batch = self._memory.draw(self.rehearsal_batch)
             halves = zip(
                 np.array_split(batch.pictures, self.update_threads),
                 np.array_split(batch.advice, self.update_threads),
@@ -104,7 +106,7 @@ class PicturePPO(PPO):
             for parameter, *gradients in zip(
                 parameters, *threads.map(self._advice_gradients, halves), strict=True
             ):
-                parameter.grad = torch.stack(gradients).sum(0) / self.batch_size
+                parameter.grad = torch.stack(gradients).sum(0) / self.rehearsal_batch
             torch.nn.utils.clip_grad_norm_(parameters, self.max_grad_norm)
             self.policy.optimizer.step()
 
