@@ -50,9 +50,9 @@ def test_one_object_of_ten_does_not_pass() -> None:
 
 def test_the_blur_lesson_is_the_last_one_with_an_exposure_time() -> None:
     assert BLUR_LESSON.rules == LESSONS[-1].rules
-    ideal = PRESETS["ideal"]
-    assert BLUR_LESSON.applied_to(ideal).high.exposure_ms > 0 == ideal.high.exposure_ms
-    assert LESSONS[-1].applied_to(ideal) is ideal
+    ideal, rng = PRESETS["ideal"], np.random.default_rng(0)
+    assert BLUR_LESSON.draw_robot(ideal, rng).exposure_ms >= 10
+    assert LESSONS[-1].draw_robot(ideal, rng) == ideal.low
 
 
 def test_lessons_are_found_by_name() -> None:
@@ -63,12 +63,16 @@ def test_lessons_are_found_by_name() -> None:
         lesson("11")
 
 
-def test_the_rough_lesson_goes_beyond_what_the_others_show() -> None:
-    randomised = PRESETS["randomised"]
-    rough = ROUGH_LESSON.applied_to(randomised)
-    assert rough.low.right_gain < randomised.low.right_gain
-    assert rough.high.camera_latency_ms > randomised.high.camera_latency_ms
-    assert rough.low.fov_scale == randomised.low.fov_scale, "the rest stays the preset's"
+def test_the_rough_lesson_shows_usual_robots_and_worse_ones() -> None:
+    rng = np.random.default_rng(0)
+    usual = PRESETS["randomised"]
+    robots = [ROUGH_LESSON.draw_robot(usual, rng) for _ in range(400)]
+    assert 60 < sum(robot.right_gain < 0.7 <= robot.left_gain for robot in robots) < 200
+    assert 60 < sum(robot.left_gain < 0.7 <= robot.right_gain for robot in robots) < 200
+    assert max(robot.camera_latency_ms for robot in robots) > usual.high.camera_latency_ms
+    inside = [usual.low.left_gain <= min(robot.left_gain, robot.right_gain) for robot in robots]
+    assert sum(inside) > 100
+    assert all(usual.low.fov_scale <= robot.fov_scale <= usual.high.fov_scale for robot in robots)
 
 
 def test_ranges_of_lessons_are_spelt_out() -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mbot_protocol.actions import MotorMap, WheelMaps, to_steps
+from mbot_protocol.actions import to_steps
 from mbot_workstation.simulation.fetch_rules import DECISION_S, way_to_contact_m
 from mbot_workstation.simulation.fetch_task import FetchTask, Happening
 from mbot_workstation.simulation.pose import ORIGIN, Pose
@@ -21,7 +21,11 @@ from mbot_workstation.training.effects import IDEAL, RealWorldEffects
 from mbot_workstation.training.fast_physics import PLACEHOLDER, hasten, hide
 from mbot_workstation.training.lessons import Lesson
 from mbot_workstation.training.paint import Paint
-from mbot_workstation.training.perturbed_robot import observing_camera, perturbed_robot
+from mbot_workstation.training.perturbed_robot import (
+    observing_camera,
+    perturbed_robot,
+    perturbed_wheel_maps,
+)
 from mbot_workstation.training.robot_camera import Glimpse, RobotCamera
 from mbot_workstation.training.world_settings import WorldSettings
 from mbot_workstation.virtual.mcore_firmware import duties
@@ -30,7 +34,11 @@ CONTACT_GRID_S = 0.020
 """Near the object or the border contacts are looked for this often: every 8 mm at full speed."""
 
 FASTEST_M_S = 0.6
-"""No robot of any preset drives faster: until that speed can bridge the gap, nothing is met."""
+"""No robot of any preset drives faster: until that speed can bridge the gap, nothing is met. A
+calibrated one may."""
+
+OVERSHOOT = 1.1
+"""Of a robot's free speed, for its front is further out than its wheels."""
 
 SLACK_S = 1e-6
 """Sums of decimal seconds are not exact."""
@@ -68,7 +76,7 @@ class FetchWorld:
         self._ranges = settings.ranges
         self._rooms = len(settings.rooms)
         self._nominal = replace(settings.robot, camera=observing_camera(IDEAL))
-        self.simulation = Simulation(self._nominal, room_picture=PLACEHOLDER)
+        self.simulation = Simulation(self._nominal, settings.scene, room_picture=PLACEHOLDER)
         hasten(self.simulation.model)
         hide(self.simulation.model, robot_geoms(self.simulation.model))
         self._paint = Paint(self.simulation.model)
@@ -81,7 +89,7 @@ class FetchWorld:
 
     def begin(self, lesson: Lesson) -> None:
         """Start an episode: another robot in another room, standing in the origin."""
-        effects = lesson.applied_to(self._ranges).sample(self._rng)
+        effects = lesson.draw_robot(self._ranges, self._rng)
         if effects != self._effects:
             self._become(effects)
         self.lesson = lesson
@@ -152,11 +160,10 @@ class FetchWorld:
         self.camera.become(effects, robot.camera_mount.pitch_down_deg)
         swap_body(self.simulation, robot)
         self._paint.apply(effects.cube_brightness, effects.floor_brightness)
-        dead_band = round(effects.dead_band_compensation)
-        self._wheels = WheelMaps(
-            left=MotorMap(reversed=True, dead_band=dead_band),
-            right=MotorMap(reversed=False, dead_band=dead_band),
-        )
+        self._wheels = perturbed_wheel_maps(robot.wheel_maps, effects)
+        gain = max(effects.left_gain, effects.right_gain)
+        free_m_s = robot.free_speed_rad_s * robot.wheel_radius_m * gain
+        self._fastest_m_s = max(FASTEST_M_S, free_m_s * OVERSHOOT)
         self._effects = effects
 
     def _command(self, left: float, right: float) -> None:
@@ -200,7 +207,7 @@ class FetchWorld:
         score, happening = 0.0, Happening.NOTHING
         while (left_s := until_s - self._now_s) > SLACK_S:
             way_m = way_to_contact_m(self._pose, self._task.target, self._task.rules)
-            step_s = min(left_s, max(CONTACT_GRID_S, way_m / FASTEST_M_S))
+            step_s = min(left_s, max(CONTACT_GRID_S, way_m / self._fastest_m_s))
             self.simulation.step(step_s)
             self._now_s += step_s
             self._pose = self.simulation.pose

@@ -8,8 +8,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from mbot_workstation.simulation.fetch_rules import TIME_LIMIT_DECISIONS, FetchRules
-from mbot_workstation.training.effects import EffectRanges
+from mbot_workstation.training.effects import EffectRanges, RealWorldEffects
 
 PASS_EPISODES = 420
 PASS_SHARE = 0.9
@@ -18,6 +20,12 @@ PASS_SHARE = 0.9
 Read as a share of the lesson's largest reward (3, 5 or 21). A plain 0.9 points would let a robot
 out of lesson 9 after one object of ten, while the paper spent 700,000 steps on it.
 """
+
+
+Kind = tuple[tuple[str, tuple[float, float]], ...]
+"""Robots that differ from a preset: ranges by the effect's name."""
+
+USUAL: Kind = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +37,8 @@ class Lesson:
         spawn_farthest_m: how far from the origin objects appear.
         spawn_half_angle_deg: within how much to either side of the robot's first heading.
         objects: how many make a complete run.
-        effects: ranges that replace the preset's, by the effect's name.
+        kinds: of robots; each episode draws one. What differs from the preset: ranges by the
+            effect's name.
 
     """
 
@@ -37,7 +46,7 @@ class Lesson:
     spawn_farthest_m: float
     spawn_half_angle_deg: float = 180.0
     objects: int = 1
-    effects: tuple[tuple[str, tuple[float, float]], ...] = ()
+    kinds: tuple[Kind, ...] = (USUAL,)
 
     @property
     def rules(self) -> FetchRules:
@@ -48,9 +57,11 @@ class Lesson:
             objects=self.objects,
         )
 
-    def applied_to(self, ranges: EffectRanges) -> EffectRanges:
-        """The effects in this lesson."""
-        return ranges.changed(**dict(self.effects)) if self.effects else ranges
+    def draw_robot(self, ranges: EffectRanges, rng: np.random.Generator) -> RealWorldEffects:
+        """A robot for one episode, of one of this lesson's kinds and otherwise in these ranges."""
+        several = len(self.kinds) > 1
+        kind = self.kinds[int(rng.integers(len(self.kinds))) if several else 0]
+        return ranges.changed(**dict(kind)).sample(rng)
 
     @property
     def largest_reward(self) -> float:
@@ -76,25 +87,27 @@ LESSONS = (
     Lesson("10", 2.50, objects=10),
 )
 
-BLUR_LESSON = Lesson("blur", 2.50, objects=10, effects=(("exposure_ms", (10.0, 35.0)),))
+BLUR_LESSON = Lesson("blur", 2.50, objects=10, kinds=((("exposure_ms", (10.0, 35.0)),),))
 """The paper's remedy: a trained model is trained on, with motion blur."""
+
+_WORN: Kind = (
+    ("left_gain", (0.6, 1.1)),
+    ("right_gain", (0.6, 1.1)),
+    ("time_constant_ms", (50.0, 230.0)),
+    ("friction_scale", (0.15, 1.0)),
+    ("camera_latency_ms", (30.0, 190.0)),
+    ("exposure_gain", (0.5, 1.6)),
+    ("noise", (0.5, 5.5)),
+)
 
 ROUGH_LESSON = Lesson(
     "rough",
     2.50,
     objects=10,
-    effects=(
-        ("left_gain", (0.45, 1.1)),
-        ("right_gain", (0.45, 1.1)),
-        ("time_constant_ms", (50.0, 230.0)),
-        ("friction_scale", (0.15, 1.0)),
-        ("camera_latency_ms", (30.0, 190.0)),
-        ("exposure_gain", (0.5, 1.6)),
-        ("noise", (0.5, 5.5)),
-    ),
+    kinds=(USUAL, _WORN, (("left_gain", (0.4, 0.7)),), (("right_gain", (0.4, 0.7)),)),
 )
-"""Robots worse than any unit measured, for a policy that holds where its robot has worn: motors
-that differ by half, slow wheels, a slippery floor, late pictures, poor light."""
+"""Robots worse than any unit measured, among usual ones: one weak motor; or uneven motors, slow
+wheels, a slippery floor, late pictures, poor light. For a policy that holds when a robot wears."""
 
 _BY_NAME = {lesson.name: lesson for lesson in (*LESSONS, BLUR_LESSON, ROUGH_LESSON)}
 
