@@ -13,13 +13,13 @@ CAMERA = nominal_pi_camera(320, 240)
 def test_without_distortion_nothing_changes() -> None:
     picture = np.zeros((240, 320, 3), np.uint8)
     assert covering_pinhole(CAMERA) is CAMERA
-    assert LensDistortion(CAMERA).apply(picture) is picture
+    assert LensDistortion(CAMERA, 320, 240).apply(picture) is picture
 
 
 @pytest.mark.parametrize("k1", [-0.2, -0.05, 0.1])
 def test_the_pinhole_sees_all_the_lens_sees(k1: float) -> None:
     camera = replace(CAMERA, distortion=(k1, 0.0, 0.0, 0.0, 0.0))
-    lens = LensDistortion(camera)
+    lens = LensDistortion(camera, 320, 240)
     ones = np.full((lens.drawn.height_px, lens.drawn.width_px, 3), 255, np.uint8)
     assert lens.apply(ones).shape == (240, 320, 3)
     assert lens.apply(ones).min() == 255

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from mbot_protocol.picture import Picture
+from mbot_workstation.simulation.colour_levels import levels
 from mbot_workstation.simulation.lens_distortion import LensDistortion
 from mbot_workstation.simulation.robot_mjcf import ROBOT_CAMERA
 from mbot_workstation.simulation.scene_renderer import TRAINING, Quality, SceneRenderer
@@ -33,6 +34,7 @@ class CameraRenderer:
         quality: Quality = TRAINING,
         *,
         noise_seed: int | None = None,
+        gains: tuple[float, float, float] = (1.0, 1.0, 1.0),
     ) -> None:
         """Prepare to draw.
 
@@ -42,10 +44,12 @@ class CameraRenderer:
             width_px, height_px: the size; the whole view of the camera is in it at any size.
             quality: what a picture may cost.
             noise_seed: seed of the sensor's noise; None is a sensor without noise.
+            gains: of red, green and blue: exposure and white balance.
 
         """
         self.width_px, self.height_px = width_px, height_px
-        self._lens = LensDistortion(simulation.robot.camera.scaled_to(width_px, height_px))
+        self._lens = LensDistortion(simulation.robot.camera, width_px, height_px)
+        self._levels = None if gains == (1.0, 1.0, 1.0) else levels(gains)
         self._noise = None if noise_seed is None else SensorNoise(width_px, height_px, noise_seed)
         drawn = self._lens.drawn
         self._renderer = SceneRenderer(
@@ -64,6 +68,8 @@ class CameraRenderer:
         """
         moments = [states] if isinstance(states, SceneState) else states
         picture = self._lens.apply(_mean([self._renderer.draw(moment) for moment in moments]))
+        if self._levels is not None:
+            picture = cast(Picture, cv2.LUT(picture, self._levels))
         return picture if self._noise is None else self._noise.apply(picture)
 
     def close(self) -> None:

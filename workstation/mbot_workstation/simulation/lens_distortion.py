@@ -56,11 +56,25 @@ class LensDistortion:
 
     """
 
-    def __init__(self, camera: CameraModel) -> None:
-        pinhole = covering_pinhole(camera)
+    def __init__(self, camera: CameraModel, width_px: int, height_px: int) -> None:
+        """Prepare for pictures of one size.
+
+        Args:
+            camera: at any size; its own covering pinhole is the one in the MuJoCo model, which
+                sees the same at every size it is drawn at. One chosen anew for this size would
+                be a fraction of a pixel wider or narrower.
+            width_px, height_px: of the pictures, the whole view of the camera.
+
+        """
+        wide = covering_pinhole(camera)
+        pinhole = wide.scaled_to(
+            round(width_px * wide.width_px / camera.width_px),
+            round(height_px * wide.height_px / camera.height_px),
+        )
+        camera = camera.scaled_to(width_px, height_px)
         self.drawn = pinhole
         self._maps: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
-        if pinhole is not camera:
+        if any(camera.distortion):
             columns, rows = np.meshgrid(
                 np.arange(camera.width_px, dtype=np.float32),
                 np.arange(camera.height_px, dtype=np.float32),

@@ -41,7 +41,7 @@ def motor_constants(robot: RobotParameters, motor: MotorParameters) -> MotorCons
 
 
 def motor_voltage(duty: float, motor: MotorParameters, supply_v: float) -> float:
-    """The voltage that turns the wheel, after what friction takes.
+    """The voltage at which the simulated wheel, with its dry friction, has the speed it should.
 
     Up to the dead band the wheel stands; from there the speed rises linearly to the free speed,
     which was measured with that friction. A duty of 0 is 0 V, not an open circuit: the board's
@@ -57,4 +57,4 @@ def motor_voltage(duty: float, motor: MotorParameters, supply_v: float) -> float
     if size <= motor.dead_band:
         return 0.0
     working = (size - motor.dead_band) / (1 - motor.dead_band)
-    return math.copysign(working * motor.gain * supply_v, duty)
+    return math.copysign((working * motor.gain + motor.dry_friction) * supply_v, duty)

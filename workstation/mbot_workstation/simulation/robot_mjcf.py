@@ -107,6 +107,10 @@ def _add_wheel(spec: MjSpec, base: Any, robot: RobotParameters, side: int) -> No
         axis=[0, 1, 0],  # a positive turn about y rolls towards +x
         armature=ROTOR_INERTIA_KG_M2,
         damping=robot.load_loss * constants.constant_v_s**2 / constants.resistance_ohm,
+        frictionloss=motor.dry_friction
+        * robot.supply_v
+        * constants.constant_v_s
+        / constants.resistance_ohm,
     )
     wheel.add_geom(
         name=name,

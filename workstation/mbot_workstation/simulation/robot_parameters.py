@@ -7,6 +7,7 @@ the paper gives no figure they are assumptions, marked so, with the spread a rea
 import math
 from dataclasses import dataclass, field
 
+from mbot_protocol.actions import WheelMaps
 from mbot_protocol.camera_model import CameraModel, nominal_pi_camera
 
 
@@ -53,12 +54,16 @@ class MotorParameters:
             255; 50 is the middle.
         time_constant_s: of the wheel's speed after a step of the duty, with the robot's own mass
             to move. Assumed; 0.060-0.120.
+        dry_friction: torque with which gear and bearing resist whatever the speed, as a share of
+            the nominal motor's at standstill and full duty. It stops the wheel sooner and holds
+            it; what it takes from a driven wheel is in the other three. 0 if not identified.
 
     """
 
     gain: float = 1.0
     dead_band: float = 50 / 255
     time_constant_s: float = 0.090
+    dry_friction: float = 0.0
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.gain) and self.gain > 0):
@@ -67,6 +72,8 @@ class MotorParameters:
             raise ValueError(f"dead_band is {self.dead_band}, expected from 0 to below 1")
         if not 0.005 <= self.time_constant_s <= 2:
             raise ValueError(f"time constant is {self.time_constant_s} s, expected 0.005 to 2")
+        if not 0 <= self.dry_friction < 1:
+            raise ValueError(f"dry_friction is {self.dry_friction}, expected from 0 to below 1")
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +117,7 @@ class RobotParameters:
             other units 105-132.
         supply_v: the voltage it was measured at (paper).
         left_motor, right_motor: see MotorParameters.
+        wheel_maps: how its daemon turns a policy's steps into the board's speeds.
         camera: intrinsics, data sheet until calibrated. Its size only sets their scale.
         camera_mount: see CameraMount.
         touch_radius_m: the body as the task sees it, a circle about the axle's centre; assumed.
@@ -127,6 +135,7 @@ class RobotParameters:
     supply_v: float = 3.7
     left_motor: MotorParameters = field(default_factory=MotorParameters)
     right_motor: MotorParameters = field(default_factory=MotorParameters)
+    wheel_maps: WheelMaps = field(default_factory=WheelMaps)
     camera: CameraModel = field(default_factory=lambda: nominal_pi_camera(320, 240))
     camera_mount: CameraMount = field(default_factory=CameraMount)
     touch_radius_m: float = 0.090

@@ -25,7 +25,14 @@ _OF_BODIES = (
 )
 _OF_GEOMS = ("geom_size", "geom_aabb", "geom_rbound", "geom_pos", "geom_quat", "geom_friction")
 _OF_JOINTS = ("jnt_pos", "jnt_axis", "qpos0", "qpos_spring")
-_OF_DOFS = ("dof_armature", "dof_damping", "dof_invweight0", "dof_M0", "dof_length")
+_OF_DOFS = (
+    "dof_armature",
+    "dof_damping",
+    "dof_frictionloss",
+    "dof_invweight0",
+    "dof_M0",
+    "dof_length",
+)
 _OF_ACTUATORS = ("actuator_gainprm", "actuator_biasprm", "actuator_dynprm", "actuator_acc0")
 _OF_CAMERAS = (
     "cam_pos",

@@ -7,9 +7,11 @@ import numpy as np
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.policy_contract import PolicyMetadata
+from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.training.effects import EffectRanges
 from mbot_workstation.training.onnx_policy import Actions, OnnxPolicy, Pictures
 from mbot_workstation.training.oracle import Oracle, Targets, middle
+from mbot_workstation.training.perturbed_robot import trimmed
 
 Driver = Callable[[Pictures, Targets], Actions]
 """From what all robots see, and where their objects are, to their wheels. Only the oracle uses the
@@ -19,7 +21,13 @@ SERVO, RANDOM, ORACLE = "servo", "random", "oracle"
 BUILT_IN = (SERVO, RANDOM, ORACLE)
 
 
-def driver(contestant: str, robots: int, seed: int, preset: EffectRanges) -> Driver:
+def driver(
+    contestant: str,
+    robots: int,
+    seed: int,
+    preset: EffectRanges,
+    robot: RobotParameters | None = None,
+) -> Driver:
     """A fresh driver for so many robots.
 
     Args:
@@ -27,6 +35,7 @@ def driver(contestant: str, robots: int, seed: int, preset: EffectRanges) -> Dri
         robots: how many it drives.
         seed: of the random one.
         preset: what the robots are like, for the oracle.
+        robot: what the preset starts from, for the oracle; the nominal one when None.
 
     Raises:
         ConfigurationError: there is no such contestant or file.
@@ -34,7 +43,8 @@ def driver(contestant: str, robots: int, seed: int, preset: EffectRanges) -> Dri
 
     """
     if contestant == ORACLE:
-        oracle = Oracle(robots, middle(preset))
+        robot = robot or RobotParameters()
+        oracle = Oracle(robots, middle(trimmed(preset, robot.wheel_maps)), robot)
         return lambda _pictures, targets: oracle.act(targets)
     if contestant == RANDOM:
         rng = np.random.default_rng(seed)

@@ -31,6 +31,9 @@ _POSITIVE = frozenset(
 )
 """Of no meaning at 0 or below."""
 
+MOST_DEAD_BAND = 200
+"""Of 255, a board speed."""
+
 _SIGNED = frozenset(
     {
         "principal_right",
@@ -144,7 +147,7 @@ class RealWorldEffects:
                 raise ValueError(f"{name} is {value}, expected at least 0")
         if self.battery_sag >= 1 or self.exposure_drift >= 1:
             raise ValueError("battery_sag and exposure_drift are shares, expected below 1")
-        if max(self.dead_band, self.dead_band_compensation) > 200:
+        if max(self.dead_band, self.dead_band_compensation) > MOST_DEAD_BAND:
             raise ValueError("a dead band is a board speed, expected at most 200 of 255")
 
 
@@ -189,6 +192,32 @@ class EffectRanges:
         share = rng.random(len(EFFECT_NAMES))
         low, high = np.array(astuple(self.low)), np.array(astuple(self.high))
         return RealWorldEffects(*(low + share * (high - low)).tolist())
+
+    def moved(self, origin: RealWorldEffects, to: RealWorldEffects) -> Self:
+        """The same ranges around another robot.
+
+        What is of no meaning at 0 is scaled by what the two robots differ, the rest is shifted,
+        though never below 0 where that can't be.
+
+        Args:
+            origin: the robot the ranges are around.
+            to: the robot they shall be around; effects in which the two agree stay as they are.
+
+        """
+        pairs: dict[str, float | tuple[float, float]] = {}
+        for name in EFFECT_NAMES:
+            here, there = getattr(origin, name), getattr(to, name)
+            if here == there:
+                continue
+            ends = getattr(self.low, name), getattr(self.high, name)
+            if name in _POSITIVE:
+                low, high = (end * there / here for end in ends)
+            else:
+                least = -math.inf if name in _SIGNED else 0.0
+                most = MOST_DEAD_BAND if name.startswith("dead_band") else math.inf
+                low, high = (min(max(end + there - here, least), most) for end in ends)
+            pairs[name] = low, high
+        return self.changed(**pairs)
 
     def changed(self, **effects: float | tuple[float, float]) -> Self:
         """The same ranges but for these effects: a number fixes one, a pair is its range."""

@@ -1,7 +1,7 @@
 """Seeded episodes of the task for one driver, and what they amount to."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
 from mbot_protocol.picture import Picture
+from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.training.contestants import driver
 from mbot_workstation.training.effects import EffectRanges
 from mbot_workstation.training.fetch_vec_env import FetchVecEnv
@@ -81,6 +83,7 @@ class Trial:
         seed: of robots, rooms, objects and noise. Every driver meets the same at the beginning of
             its episodes.
         workers: processes that simulate; None is one a core.
+        robot, scene: what the preset starts from, and what is around it.
 
     """
 
@@ -90,6 +93,8 @@ class Trial:
     episodes: int = 100
     seed: int = 0
     workers: int | None = None
+    robot: RobotParameters = field(default_factory=RobotParameters)
+    scene: SceneParameters = field(default_factory=SceneParameters)
 
 
 def evaluate(
@@ -105,7 +110,7 @@ def evaluate(
     """
     robots = min(MOST_ROBOTS, trial.episodes)
     # Before anything slow: a path may be wrong.
-    drive = driver(contestant, robots, trial.seed, trial.preset)
+    drive = driver(contestant, robots, trial.seed, trial.preset, trial.robot)
     environment = FetchVecEnv(
         robots=robots,
         seed=trial.seed,
@@ -113,6 +118,8 @@ def evaluate(
         lesson=trial.lesson,
         rooms=trial.rooms,
         workers=trial.workers,
+        robot=trial.robot,
+        scene=trial.scene,
     )
     try:
         return _episodes(environment, drive, trial, ended)

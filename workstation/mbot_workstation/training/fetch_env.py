@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from mbot_protocol.picture import Picture
 from mbot_protocol.policy_contract import OBSERVATION_SIDE_PX
 from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.training.effects import EffectRanges
 from mbot_workstation.training.fetch_info import fetch_info
 from mbot_workstation.training.fetch_world import FetchWorld
@@ -57,6 +58,7 @@ class FetchEnv(gymnasium.Env[Any, Any]):
         lesson: str | Lesson = "10",
         rooms: Sequence[Picture] | None = None,
         robot: RobotParameters | None = None,
+        scene: SceneParameters | None = None,
         render_mode: str | None = None,
     ) -> None:
         """Build the world.
@@ -66,16 +68,17 @@ class FetchEnv(gymnasium.Env[Any, Any]):
             lesson: by name or as itself; the paper's last one if not given.
             rooms: panoramas, shape (h, 2 h, 3), RGB; generated when None.
             robot: what the effects start from; the nominal one when None.
+            scene: what is around it; likewise.
             render_mode: "rgb_array" renders the last observation.
 
         """
-        settings = world_settings(preset, lesson, rooms, robot)
+        settings = world_settings(preset, lesson, rooms, robot, scene)
         self.observation_space = observation_space()
         self.action_space = action_space()
         self.render_mode = render_mode
         self.lesson = settings.lesson
         self.world = FetchWorld(settings)
-        self._eye = RobotEye(settings.rooms)
+        self._eye = RobotEye(settings.rooms, settings.robot, settings.scene)
         self._observation: Picture | None = None
         self._is_seeded = False
 

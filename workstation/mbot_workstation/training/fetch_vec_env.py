@@ -14,6 +14,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvS
 from mbot_protocol.picture import Picture
 from mbot_workstation.simulation.fetch_task import Happening
 from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.training.effects import EffectRanges
 from mbot_workstation.training.fetch_env import action_space, observation_space
 from mbot_workstation.training.fetch_info import HAPPENINGS
@@ -39,6 +40,7 @@ class FetchVecEnv(VecEnv):
         rooms: Sequence[Picture] | None = None,
         workers: int | None = None,
         robot: RobotParameters | None = None,
+        scene: SceneParameters | None = None,
     ) -> None:
         """Start the workers.
 
@@ -50,11 +52,12 @@ class FetchVecEnv(VecEnv):
             rooms: panoramas, shape (h, 2 h, 3), RGB; generated when None.
             workers: processes; one for each core this process may use when None.
             robot: what the effects start from; the nominal one when None.
+            scene: what is around it; likewise.
 
         """
         if robots < 1:
             raise ValueError(f"robots is {robots}, expected at least 1")
-        settings = world_settings(preset, lesson, rooms, robot)
+        settings = world_settings(preset, lesson, rooms, robot, scene)
         workers = len(os.sched_getaffinity(0)) if workers is None else workers
         self._pool = WorkerPool(robots, max(1, min(workers, robots)), settings)
         self._arrays = self._pool.arrays

@@ -19,6 +19,7 @@ from mbot_workstation.simulation.simulation import Simulation
 from mbot_workstation.training.body_swap import robot_geoms, swap_body
 from mbot_workstation.training.effects import IDEAL, RealWorldEffects
 from mbot_workstation.training.fast_physics import PLACEHOLDER, hasten, hide
+from mbot_workstation.training.frame_edges import FrameEdges
 from mbot_workstation.training.lessons import Lesson
 from mbot_workstation.training.paint import Paint
 from mbot_workstation.training.perturbed_robot import (
@@ -75,6 +76,9 @@ class FetchWorld:
     def __init__(self, settings: WorldSettings) -> None:
         self._ranges = settings.ranges
         self._rooms = len(settings.rooms)
+        # The robot's daemon knows its calibrated camera: what the policy sees is free of it, but
+        # for the rim that the camera's frames do not reach.
+        self._edges = FrameEdges(settings.robot.camera)
         self._nominal = replace(settings.robot, camera=observing_camera(IDEAL))
         self.simulation = Simulation(self._nominal, settings.scene, room_picture=PLACEHOLDER)
         hasten(self.simulation.model)
@@ -84,7 +88,7 @@ class FetchWorld:
     def seed(self, rng: np.random.Generator) -> None:
         """Take all random numbers from here on from this generator."""
         self._rng = rng
-        self.camera = RobotCamera(noise_seed=int(rng.integers(2**32)))
+        self.camera = RobotCamera(int(rng.integers(2**32)), self._edges)
         self._effects: RealWorldEffects | None = None
 
     def begin(self, lesson: Lesson) -> None:

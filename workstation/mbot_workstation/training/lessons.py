@@ -104,10 +104,17 @@ ROUGH_LESSON = Lesson(
     "rough",
     2.50,
     objects=10,
-    kinds=(USUAL, _WORN, (("left_gain", (0.4, 0.7)),), (("right_gain", (0.4, 0.7)),)),
+    kinds=(
+        USUAL,
+        _WORN,
+        (("left_gain", (0.4, 0.7)),),
+        (("right_gain", (0.4, 0.7)),),
+        (("camera_latency_ms", (100.0, 190.0)),),
+    ),
 )
-"""Robots worse than any unit measured, among usual ones: one weak motor; or uneven motors, slow
-wheels, a slippery floor, late pictures, poor light. For a policy that holds when a robot wears."""
+"""Robots worse than any unit measured, among usual ones: a weak motor, late pictures, or a bit of
+everything, with slow wheels, a slippery floor and poor light. For a policy that holds when a robot
+wears."""
 
 _BY_NAME = {lesson.name: lesson for lesson in (*LESSONS, BLUR_LESSON, ROUGH_LESSON)}
 

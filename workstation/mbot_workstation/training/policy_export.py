@@ -6,6 +6,7 @@ from pathlib import Path
 import onnx
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.golden_frames import PROPERTY
 from mbot_protocol.policy_contract import FULL_VIEW, PolicyMetadata
 from mbot_workstation.training.checkpoint import (
     CheckpointState,
@@ -13,7 +14,7 @@ from mbot_workstation.training.checkpoint import (
     read_weights,
 )
 from mbot_workstation.training.example_frames import example_frames
-from mbot_workstation.training.golden_frames import PROPERTY, golden_property
+from mbot_workstation.training.golden_frames import golden_property
 from mbot_workstation.training.policy_graph import policy_graph
 from mbot_workstation.training.policy_source import Source
 from mbot_workstation.training.training_config import TrainingConfig, read_config

@@ -5,7 +5,6 @@
 with one thing wrong, mostly by more than `randomised` ever shows.
 """
 
-from mbot_protocol.actions import MotorMap
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.training.effects import IDEAL, EffectRanges, RealWorldEffects
 
@@ -13,11 +12,11 @@ from mbot_workstation.training.effects import IDEAL, EffectRanges, RealWorldEffe
 def measured(robot: RobotParameters | None = None) -> RealWorldEffects:
     """The effects at the values known for a robot; the nominal robot when None."""
     robot = robot or RobotParameters()
-    left, right = robot.left_motor, robot.right_motor
+    left, right, maps = robot.left_motor, robot.right_motor, robot.wheel_maps
     return RealWorldEffects(
         action_latency_ms=15.0,
         action_jitter_ms=10.0,
-        dead_band_compensation=MotorMap(reversed=False).dead_band,
+        dead_band_compensation=(maps.left.dead_band + maps.right.dead_band) / 2,
         dead_band=255 * (left.dead_band + right.dead_band) / 2,
         left_gain=left.gain,
         right_gain=right.gain,
@@ -91,13 +90,21 @@ PRESETS: dict[str, EffectRanges] = {
 }
 
 
-def preset(name: str) -> EffectRanges:
+def preset(name: str, calibrated: RealWorldEffects | None = None) -> EffectRanges:
     """Look a preset up.
 
+    Args:
+        name: of the preset.
+        calibrated: the effects of one robot, to centre the preset on; None is the nominal robot.
+
     Raises:
-        ValueError: there is none of this name.
+        ValueError: there is none of this name, or it can't be centred.
 
     """
     if name not in PRESETS:
         raise ValueError(f"no preset {name!r}, expected one of {', '.join(PRESETS)}")
-    return PRESETS[name]
+    if calibrated is None:
+        return PRESETS[name]
+    if name == "ideal":
+        raise ValueError("the preset 'ideal' is no real robot, expected another with a calibration")
+    return PRESETS[name].moved(measured(), calibrated)

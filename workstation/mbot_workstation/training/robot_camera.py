@@ -7,6 +7,7 @@ from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.picture import Picture
 from mbot_workstation.simulation.simulation import SceneState
 from mbot_workstation.training.effects import RealWorldEffects
+from mbot_workstation.training.frame_edges import FrameEdges
 from mbot_workstation.training.perturbed_robot import observing_camera
 from mbot_workstation.training.rolling_shutter import RollingShutter
 from mbot_workstation.training.sensor import Sensor
@@ -31,7 +32,15 @@ class Glimpse:
 class RobotCamera:
     """The camera of a robot that changes with the effects."""
 
-    def __init__(self, noise_seed: int) -> None:
+    def __init__(self, noise_seed: int, edges: FrameEdges) -> None:
+        """Make the camera.
+
+        Args:
+            noise_seed: of its sensor.
+            edges: of its frames, as it was calibrated.
+
+        """
+        self._edges = edges
         self._sensor = Sensor(noise_seed)
         self.become(RealWorldEffects(), pitch_down_deg=0.0)
 
@@ -56,4 +65,4 @@ class RobotCamera:
     def picture(self, drawn: Picture, view: CameraModel, glimpse: Glimpse) -> Picture:
         """The observation, shape (64, 64, 3), from a picture of the glimpse drawn with the view."""
         light = self._shutter.expose(drawn, view, glimpse.turn_rate_rad_s)
-        return self._sensor.record(light, glimpse.time_s)
+        return self._sensor.record(self._edges.apply(light), glimpse.time_s)

@@ -8,6 +8,8 @@ from mbot_protocol.picture import Picture
 from mbot_protocol.policy_contract import OBSERVATION_SIDE_PX
 from mbot_workstation.simulation.engine import open_gl_context
 from mbot_workstation.simulation.robot_mjcf import ROBOT_CAMERA
+from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.simulation.scene_renderer import Quality, SceneRenderer
 from mbot_workstation.simulation.simulation import Simulation
 from mbot_workstation.training.body_swap import aim_camera
@@ -22,12 +24,25 @@ one sample by 12.3 at 60 % of the cost, averaged from 128 x 128 by 5.2 at 110 % 
 class RobotEye:
     """Observations in several rooms. Close it, or use it in a `with`, in one thread."""
 
-    def __init__(self, rooms: Sequence[Picture]) -> None:
+    def __init__(
+        self,
+        rooms: Sequence[Picture],
+        robot: RobotParameters | None = None,
+        scene: SceneParameters | None = None,
+    ) -> None:
+        """Load the rooms.
+
+        Args:
+            rooms: panoramas, shape (h, 2 h, 3), RGB.
+            robot: of the worlds, so that this one has the same parts; the nominal one when None.
+            scene: of the worlds; likewise.
+
+        """
         side = OBSERVATION_SIDE_PX
         self._gl: Any = open_gl_context(side, side)
         self._rooms = [
             SceneRenderer(
-                Simulation(room_picture=room), ROBOT_CAMERA, side, side, OBSERVATION, gl=self._gl
+                Simulation(robot, scene, room), ROBOT_CAMERA, side, side, OBSERVATION, gl=self._gl
             )
             for room in rooms
         ]

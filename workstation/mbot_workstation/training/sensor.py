@@ -4,11 +4,10 @@ import math
 from typing import cast
 
 import cv2
-import numpy as np
-from numpy.typing import NDArray
 
 from mbot_protocol.picture import Picture
 from mbot_protocol.policy_contract import OBSERVATION_SIDE_PX
+from mbot_workstation.simulation.colour_levels import levels
 from mbot_workstation.simulation.sensor_noise import SensorNoise
 from mbot_workstation.training.effects import RealWorldEffects
 
@@ -47,7 +46,7 @@ class Sensor:
         balance = (effects.red_gain, 1.0, effects.blue_gain)
         self._gains = tuple(effects.exposure_gain * gain for gain in balance)
         self._is_tinted = effects.exposure_drift > 0 or self._gains != (1.0, 1.0, 1.0)
-        self._levels = _levels(self._gains)
+        self._levels = levels(self._gains)
         quality = round(100 - JPEG_SHARE * (100 - effects.jpeg_quality))
         self._coder = [
             *(cv2.IMWRITE_JPEG_QUALITY, quality),
@@ -71,7 +70,7 @@ class Sensor:
             if effects.exposure_drift > 0:
                 angle = 2 * math.pi * time_s / DRIFT_PERIOD_S + self.drift_phase_rad
                 swing = 1 + effects.exposure_drift * math.sin(angle)
-                self._levels = _levels(tuple(gain * swing for gain in self._gains))
+                self._levels = levels(tuple(gain * swing for gain in self._gains))
             picture = cast(Picture, cv2.LUT(picture, self._levels))
         if effects.noise > 0:
             picture = self._noise.apply(picture, effects.noise)
@@ -81,9 +80,3 @@ class Sensor:
             decoded = cast(Picture, cv2.imdecode(coded, cv2.IMREAD_COLOR))
             picture = cast(Picture, cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB))
         return picture
-
-
-def _levels(gains: tuple[float, ...]) -> NDArray[np.uint8]:
-    """The output level for each input level and channel. Shape (1, 256, 3)."""
-    levels = np.arange(256)[:, None] * np.array(gains)
-    return np.minimum(levels + 0.5, 255).astype(np.uint8)[None]

@@ -15,7 +15,7 @@ from mbot_workstation.training.git_state import git_state
 from mbot_workstation.training.guidance import AskTheGuide
 from mbot_workstation.training.guide import Guide
 from mbot_workstation.training.learner import make_learner
-from mbot_workstation.training.presets import preset
+from mbot_workstation.training.perturbed_robot import trimmed
 from mbot_workstation.training.progress_display import Display
 from mbot_workstation.training.rooms import TRAINING_ROOMS, gather_rooms
 from mbot_workstation.training.run_directory import RunDirectory, write_json
@@ -86,10 +86,12 @@ def train(
     environment = FetchVecEnv(
         robots=config.robots,
         seed=config.seed + step,
-        preset=preset(config.preset),
+        preset=config.ranges(),
         lesson=config.stages()[start.curriculum.index if start else 0],
         rooms=rooms,
         workers=config.workers,
+        robot=config.robot,
+        scene=config.scene,
     )
     writer = TensorBoardOutputFormat(str(run.tensorboard))
     try:
@@ -110,7 +112,8 @@ def train(
         if step < config.steps:
             callbacks: list[BaseCallback] = [teacher]
             if config.learner.guided_decisions > 0:
-                guide = Guide(config.robots, preset(config.preset))
+                effects = trimmed(config.ranges(), config.robot.wheel_maps)
+                guide = Guide(config.robots, effects, config.robot)
                 callbacks.append(AskTheGuide(guide, environment))
             learner.learn(config.steps - step, callback=callbacks, reset_num_timesteps=not start)
             teacher.save()

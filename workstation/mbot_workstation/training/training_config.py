@@ -8,6 +8,10 @@ from typing import Any
 import msgspec
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.calibration.folder import CalibrationFiles
+from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_workstation.simulation.scene_parameters import SceneParameters
+from mbot_workstation.training.effects import EffectRanges
 from mbot_workstation.training.learner import LearnerSettings
 from mbot_workstation.training.lessons import LESSONS, Lesson, lesson
 from mbot_workstation.training.presets import preset
@@ -26,6 +30,8 @@ class TrainingConfig:
         workers: processes that simulate them; None is one a core.
         seed: of weights, exploration, rooms and robots.
         preset: effects of the real world, by name.
+        calibration: the robot to train for, as its files said when the run began; None is the
+            nominal one.
         lessons: names, in their order.
         panoramas: files of the rooms to train in.
         made_up_rooms: how many generated rooms are added.
@@ -43,6 +49,7 @@ class TrainingConfig:
     workers: int | None = None
     seed: int = 0
     preset: str = "randomised"
+    calibration: CalibrationFiles | None = None
     lessons: tuple[str, ...] = ALL_LESSONS
     panoramas: tuple[str, ...] = ()
     made_up_rooms: int = 6
@@ -63,10 +70,24 @@ class TrainingConfig:
             if value < least:
                 raise ConfigurationError(f"{name}: {value} given, expected at least {least}")
         try:
-            preset(self.preset)
+            self.ranges()
             self.stages()
         except ValueError as error:
             raise ConfigurationError(str(error)) from None
+
+    def ranges(self) -> EffectRanges:
+        """The effects of the robots to train on."""
+        return preset(self.preset, self.calibration and self.calibration.effects)
+
+    @property
+    def robot(self) -> RobotParameters:
+        """What the effects start from."""
+        return self.calibration.robot if self.calibration else RobotParameters()
+
+    @property
+    def scene(self) -> SceneParameters:
+        """What is around the robots."""
+        return self.calibration.scene if self.calibration else SceneParameters()
 
     def stages(self) -> tuple[Lesson, ...]:
         """The lessons themselves."""
@@ -74,10 +95,10 @@ class TrainingConfig:
 
     def resolved(self) -> dict[str, Any]:
         """Everything spelt out, for the run's folder: also what the names stand for."""
-        effects = preset(self.preset)
+        effects = self.ranges()
         libraries = ("torch", "stable-baselines3", "gymnasium", "mujoco-core", "numpy")
         return {
-            "training": asdict(self),
+            "training": msgspec.to_builtins(self),
             "lessons": [asdict(stage) for stage in self.stages()],
             "effects": {"low": asdict(effects.low), "high": asdict(effects.high)},
             "libraries": {name: version(name) for name in libraries},

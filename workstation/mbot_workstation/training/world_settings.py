@@ -7,6 +7,7 @@ from mbot_protocol.picture import Picture
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.room import fit_room
 from mbot_workstation.simulation.room_generator import generate_room
+from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.training.effects import EffectRanges
 from mbot_workstation.training.lessons import Lesson, lesson
 from mbot_workstation.training.presets import preset
@@ -28,6 +29,7 @@ class WorldSettings:
         lesson: to start with.
         rooms: panoramas, shape (h, 2 h, 3) each, RGB; one is drawn for every episode.
         robot: what the effects start from.
+        scene: what is around it.
 
     """
 
@@ -35,6 +37,7 @@ class WorldSettings:
     lesson: Lesson
     rooms: tuple[Picture, ...]
     robot: RobotParameters = field(default_factory=RobotParameters)
+    scene: SceneParameters = field(default_factory=SceneParameters)
 
 
 def world_settings(
@@ -42,6 +45,7 @@ def world_settings(
     start: str | Lesson,
     rooms: Sequence[Picture] | None,
     robot: RobotParameters | None = None,
+    scene: SceneParameters | None = None,
 ) -> WorldSettings:
     """Settings from what a user names.
 
@@ -50,6 +54,7 @@ def world_settings(
         start: lesson, or its name.
         rooms: panoramas; None or none generates some.
         robot: the nominal one when None.
+        scene: likewise.
 
     Raises:
         ValueError: there is no such preset or lesson.
@@ -66,4 +71,5 @@ def world_settings(
         lesson=start,
         rooms=tuple(fit_room(room, min(room.shape[1], LARGEST_ROOM_WIDTH_PX)) for room in rooms),
         robot=robot or RobotParameters(),
+        scene=scene or SceneParameters(),
     )
