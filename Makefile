@@ -7,14 +7,18 @@ FIRMWARE := out/firmware
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check protocol firmware benchmark lock clean
+.PHONY: help demo demo-firmware test check protocol firmware benchmark lock clean
 
 help: ## Show this help
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 	@echo "  Options of the demo: make demo DEMO='--panorama my-room.jpg --radius 2.5'"
 
 demo: $(VENV)/.demo ## Drive a virtual robot with the real daemon; leaves pictures in out/demo
 	$(BIN)/workstation demo --model models/red-cube.onnx $(DEMO)
+
+demo-firmware: $(VENV)/.demo $(FIRMWARE)/mbot-deadman.elf ## The demo with the board's processor and firmware emulated
+	@PYTHON=$(PYTHON) sh deploy/workstation-libraries.sh emulator
+	$(BIN)/workstation demo --model models/red-cube.onnx --firmware $(FIRMWARE)/mbot-deadman.elf $(DEMO)
 
 test: $(VENV)/.all ## Run all tests
 	$(BIN)/pytest $(TEST)

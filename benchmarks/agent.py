@@ -23,6 +23,7 @@ from mbot_workstation.model_push import push
 from mbot_workstation.remote_control import RemoteControl
 from mbot_workstation.robot_link import RobotLink
 from mbot_workstation.servo_policy import ServoGains, servo_model
+from mbot_workstation.signing_key import SigningKey
 from mbot_workstation.stage_times import percentile
 from mbot_workstation.telemetry_stream import TelemetryStream
 
@@ -38,6 +39,8 @@ port = "{board}"
 accept_no_deadman = true
 [models]
 directory = "{models}"
+[trust]
+keys = ["{key}"]
 [network]
 listen = ["tcp/{address}"]
 """
@@ -93,8 +96,11 @@ def _run_daemon(
     folder: Path, places: dict[str, str], model: Path, minutes: float
 ) -> dict[str, float]:
     configuration = folder / "robot.toml"
+    key = SigningKey.ephemeral("benchmark")
     configuration.write_text(
-        CONFIGURATION.format(models=folder / "models", address=ADDRESS, **places)
+        CONFIGURATION.format(
+            models=folder / "models", key=key.public.line, address=ADDRESS, **places
+        )
     )
     arguments = ["run", "--config", str(configuration)]
     with Child("mbot-agent", arguments, folder / "agent.log") as agent:
@@ -102,7 +108,7 @@ def _run_daemon(
         agent.wait_until(lambda: "is up" in log.read_text(), 30, "the daemon did not start")
         with RobotLink(ADDRESS) as link:
             began_s = time.monotonic()
-            push(link, model)
+            push(link, model, lambda _: key)
             push_s = time.monotonic() - began_s
             decisions = _watch(link, agent, minutes * 60)
         cpu_share = decisions.cpu_s / decisions.seconds

@@ -184,6 +184,8 @@ install_configuration() {
         [ "$(robot_id)" != raspberrypi ] ||
             note "that is every Pi's name: with a second robot, change robot_id there"
     fi
+    # For `calibration = "calibration"` in config.toml. Nothing in it is secret.
+    run install -d -m 0755 "$configuration/calibration"
     # For the TLS key: the service may read it, nobody else.
     run install -d -m 0750 "$configuration/tls"
     run chown "root:$user" "$configuration/tls"

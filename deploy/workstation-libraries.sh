@@ -1,8 +1,8 @@
 #!/bin/sh
 # System libraries a workstation needs, checked before anything is installed with pip.
 # As root on Debian or Ubuntu what is missing is installed; anybody else is told the command.
-# The argument "firmware" looks only at what compiles the board's firmware, "test" at that and the
-# tests' own needs as well.
+# The argument "firmware" looks only at what compiles the board's firmware, "emulator" only at what
+# compiles the board's emulator, "test" at both and the tests' own needs as well.
 set -eu
 
 python=${PYTHON:-python3}
@@ -19,7 +19,7 @@ library() { # is a shared library known to the loader?
 }
 
 if [ "$(uname -s)" = Linux ]; then
-    if [ "${1:-}" != firmware ]; then
+    if [ "${1:-}" != firmware ] && [ "${1:-}" != emulator ]; then
         need python3-venv "$python" -c 'import ensurepip, venv'
         need libegl1 library libEGL.so.1
         need libgl1-mesa-dri library libEGL_mesa.so.0
@@ -29,6 +29,9 @@ if [ "$(uname -s)" = Linux ]; then
         need systemd command -v systemd-analyze
         need openssl command -v openssl
         need git command -v git
+        need strace command -v strace
+    fi
+    if [ "${1:-}" = emulator ] || [ "${1:-}" = test ]; then
         need gcc command -v gcc
         need libc6-dev test -e /usr/include/stdio.h
         need libsimavr-dev test -e /usr/include/simavr/sim_avr.h

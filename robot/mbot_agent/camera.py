@@ -56,6 +56,7 @@ class FrameCheck:
             if camera.width_px is None or camera.height_px is None
             else (camera.height_px, camera.width_px, 3)
         )
+        self._camera = camera
         self._refuse_identical = camera.identical_frames == "refuse" or (
             camera.identical_frames == "auto" and is_real_camera(camera)
         )
@@ -84,6 +85,13 @@ class FrameCheck:
                 "camera-wrong-shape",
                 f"frame is {picture.dtype} {picture.shape}, expected uint8 {self._shape}: set "
                 "camera.width_px and camera.height_px to what the camera delivers",
+            )
+        height_px, width_px, _ = picture.shape
+        if not self._camera.is_calibrated_for(width_px, height_px):
+            return Fault(
+                "camera-wrong-shape",
+                f"frames are {width_px} x {height_px}, another shape than the calibrated camera's: "
+                "set camera.width_px and camera.height_px to its shape, or calibrate at this one",
             )
         changed = self._last is None or differs(picture, self._last)
         self._last = picture

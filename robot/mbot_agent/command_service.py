@@ -29,9 +29,12 @@ class CommandService:
         loop: ControlLoop,
         forgive_camera: Callable[[], None],
         active_model: Callable[[], messages.Model | None],
+        heard: Callable[[], None],
     ) -> None:
+        """`heard` learns of every command that is obeyed."""
         self._robot_id = configuration.robot_id
         self._camera_source = configuration.camera.source
+        self._trust = configuration.trust
         self._rate_hz = configuration.control.decision_rate_hz
         self._wheels = configuration.motors.to_maps()
         self._session_id = session_id
@@ -40,6 +43,7 @@ class CommandService:
         self._loop = loop
         self._forgive_camera = forgive_camera
         self._active_model = active_model
+        self._heard = heard
 
     def status(self, _: bytes) -> bytes:
         """Reply to a query on `status`."""
@@ -61,6 +65,19 @@ class CommandService:
             missed_ticks=situation.missed_ticks,
             decisions=situation.ticks,
             camera=self._camera_source,
+            notices=[messages.Notice(kind=n.kind, detail=n.detail) for n in self._loop.notices],
+            trusted_keys=[key.line for key in self._trust.public_keys],
+            accepts_unsigned_models=self._trust.allow_unsigned,
+        ).SerializeToString()
+
+    def stop(self, _: bytes) -> bytes:
+        """Reply to a query on `stop`, which stops the robot whatever it says.
+
+        No clock, no schema and no damaged message stands between anybody and a stop.
+        """
+        self._helm.stop()
+        return messages.CommandReply(
+            schema_version=SCHEMA_VERSION, accepted=True, state=messages.STATE_STOPPED
         ).SerializeToString()
 
     def command(self, payload: bytes) -> bytes:
@@ -86,6 +103,7 @@ class CommandService:
             self._helm.stop()  # however late: stopping is always right
             return
         self._check_current(command)
+        self._heard()
         if action == "run":
             self._forgive_camera()
             self._helm.run()

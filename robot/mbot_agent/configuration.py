@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta, Struct
 
+from mbot_protocol.access_rules import check_name
 from mbot_protocol.actions import MotorMap, WheelMaps
 from mbot_protocol.camera_model import (
     PI_CAMERA_HORIZONTAL_FOV_DEG,
@@ -19,11 +20,16 @@ from mbot_protocol.camera_model import (
     CameraModel,
 )
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.keys import DEFAULT_ENDPOINT, check_robot_id
+from mbot_protocol.keys import DEFAULT_ENDPOINT, Right, check_robot_id
 from mbot_protocol.mcore import BAUD_RATE
 from mbot_protocol.policy_contract import DECISION_RATE_HZ
+from mbot_protocol.public_key import PublicKey
 
 DEFAULT_STATE_DIRECTORY = Path("/var/lib/mbot-agent")
+
+ASPECT_TOLERANCE = 0.02
+"""Of a frame's shape against the calibration's: 2028 x 1520 and 320 x 240 differ by 0.1 %, 4:3 and
+16:9 by a third."""
 
 Positive = Annotated[float, Meta(gt=0)]
 Pixels = Annotated[int, Meta(ge=16, le=8192)]
@@ -66,6 +72,13 @@ class Camera(Struct, frozen=True, forbid_unknown_fields=True):
             width_px, height_px, self.horizontal_fov_deg, self.vertical_fov_deg
         )
 
+    def is_calibrated_for(self, width_px: int, height_px: int) -> bool:
+        """Whether frames of this size can be the calibrated camera's whole view."""
+        if self.intrinsics is None:
+            return True
+        calibrated = self.intrinsics.width_px / self.intrinsics.height_px
+        return abs(width_px / height_px / calibrated - 1) <= ASPECT_TOLERANCE
+
 
 class Board(Struct, frozen=True, forbid_unknown_fields=True):
     """How to reach the mCore board, and what is expected of its firmware."""
@@ -76,15 +89,20 @@ class Board(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Motor(Struct, frozen=True, forbid_unknown_fields=True):
-    """One wheel's motor; see `mbot_protocol.actions.MotorMap`."""
+    """One wheel's motor; see `mbot_protocol.actions.MotorMap`, whose defaults None stands for."""
 
     reversed: bool = False
-    trim: Annotated[float, Meta(gt=0, le=1)] = 1.0
-    dead_band: Annotated[int, Meta(ge=0, le=200)] = 40
+    trim: Annotated[float, Meta(gt=0, le=1)] | None = None
+    dead_band: Annotated[int, Meta(ge=0, le=200)] | None = None
 
     def to_map(self) -> MotorMap:
         """The pure mapping these settings describe."""
-        return MotorMap(self.reversed, self.trim, self.dead_band)
+        nominal = MotorMap(self.reversed)
+        return MotorMap(
+            self.reversed,
+            nominal.trim if self.trim is None else self.trim,
+            nominal.dead_band if self.dead_band is None else self.dead_band,
+        )
 
 
 class LeftMotor(Motor, frozen=True, forbid_unknown_fields=True):
@@ -109,6 +127,8 @@ class Control(Struct, frozen=True, forbid_unknown_fields=True):
 
     decision_rate_hz: Annotated[float, Meta(ge=0.5, le=20)] = DECISION_RATE_HZ
     start: Literal["idle", "running"] = "idle"
+    on_lost_link: Literal["drive", "stop"] = "drive"
+    lost_link_after_s: Annotated[float, Meta(ge=1, le=60)] = 3.0
 
 
 class Models(Struct, frozen=True, forbid_unknown_fields=True):
@@ -116,6 +136,7 @@ class Models(Struct, frozen=True, forbid_unknown_fields=True):
 
     directory: str = ""
     keep: Annotated[int, Meta(ge=2, le=100)] = 8
+    clean_decisions: Annotated[int, Meta(ge=1, le=10_000)] = 25
 
     @property
     def path(self) -> Path:
@@ -123,6 +144,26 @@ class Models(Struct, frozen=True, forbid_unknown_fields=True):
         if self.directory:
             return Path(self.directory)
         return Path(os.environ.get("STATE_DIRECTORY", DEFAULT_STATE_DIRECTORY)) / "models"
+
+
+class Trust(Struct, frozen=True, forbid_unknown_fields=True):
+    """Whose models the robot takes: public keys as `workstation keys show` prints them."""
+
+    keys: tuple[str, ...] = ()
+    allow_unsigned: bool = False
+
+    @property
+    def public_keys(self) -> tuple[PublicKey, ...]:
+        """The keys, read.
+
+        Raises:
+            ConfigurationError: a line is no key, or two lines are the same one.
+
+        """
+        keys = tuple(PublicKey.parse(line) for line in self.keys)
+        if len({key.raw for key in keys}) < len(keys):
+            raise ConfigurationError("a key is there twice: leave one of the lines out")
+        return keys
 
 
 class Tls(Struct, frozen=True, forbid_unknown_fields=True):
@@ -141,16 +182,33 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True):
     tls: Tls | None = None
 
 
+class Access(Struct, frozen=True, forbid_unknown_fields=True):
+    """Who may do what, by the names in their certificates. A router checks people itself."""
+
+    people: dict[str, tuple[Right, ...]] = {}
+    routers: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        try:
+            for name in (*self.people, *self.routers):
+                check_name(name)
+        except ConfigurationError as error:
+            raise ValueError(str(error)) from None  # msgspec adds where
+
+
 class Configuration(Struct, frozen=True, forbid_unknown_fields=True):
     """Everything the daemon can be told."""
 
     robot_id: str
+    calibration: str = ""
     camera: Camera = Camera()
     board: Board = Board()
     motors: Motors = Motors()
     control: Control = Control()
     models: Models = Models()
+    trust: Trust = Trust()
     network: Network = Network()
+    access: Access = Access()
 
     def __post_init__(self) -> None:
         check_robot_id(self.robot_id)
@@ -159,6 +217,10 @@ class Configuration(Struct, frozen=True, forbid_unknown_fields=True):
                 motor.to_map()
             except ValueError as error:
                 raise ConfigurationError(f"motors.{side}: {error}") from None
+        try:
+            _ = self.trust.public_keys
+        except ConfigurationError as error:
+            raise ConfigurationError(f"trust.keys: {error}") from None
         if (self.camera.width_px is None) != (self.camera.height_px is None):
             raise ConfigurationError(
                 "camera.width_px and camera.height_px belong together: set both or neither"
@@ -169,6 +231,16 @@ class Configuration(Struct, frozen=True, forbid_unknown_fields=True):
             raise ConfigurationError("camera.intrinsics.distortion holds a value that is no number")
         for endpoint in (*self.network.listen, *self.network.connect):
             _check_endpoint(endpoint, self.network.tls)
+        anyone = bool(self.access.people or self.access.routers)
+        if anyone and self.network.tls is None:
+            raise ConfigurationError(
+                "access: people are known by their certificates, which takes [network.tls]"
+            )
+        if self.network.tls is not None and not anyone:
+            raise ConfigurationError(
+                "network.tls: nobody could talk to this robot: name people in [access.people], "
+                "or let `workstation enroll` write all of it"
+            )
 
 
 _LOOPBACK_HOSTS = ("127.0.0.1", "localhost", "[::1]")

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 
 from mbot_agent.camera import CaptureThread, Frame
 from mbot_agent.configuration import Configuration
-from mbot_agent.faults import Fault
+from mbot_agent.faults import Fault, Notice
 from mbot_agent.helm import Helm, Mode, Orders, State, state_of
 from mbot_agent.metronome import Metronome, shift_towards_frames_ns
 from mbot_agent.motors import DriveCommand, Motors
 from mbot_agent.policy import Policy, PolicyError
 from mbot_agent.telemetry import Record, Telemetry
+from mbot_agent.trial import Trial
 from mbot_protocol.actions import to_steps
 from mbot_protocol.picture import Observer, Picture
 from mbot_protocol.policy_contract import FULL_VIEW, FieldOfView
@@ -29,9 +30,6 @@ DEADLINE_SLACK_NS = 100_000_000
 
 ACKNOWLEDGE_WAIT_S = 0.1
 """The board replies in 2 to 3 ms; later, only this record goes without the time."""
-
-FAILURES_UNTIL_FAULT = 3
-"""Inference errors in a row until the model counts as broken."""
 
 WIRE_STATES = {
     State.IDLE: messages.STATE_IDLE,
@@ -63,6 +61,7 @@ class ControlLoop:
         motors: Motors,
         helm: Helm,
         telemetry: Telemetry,
+        link_fault: Callable[[], Fault | None] = lambda: None,
     ) -> None:
         self._robot_id = configuration.robot_id
         self._session_id = session_id
@@ -73,10 +72,12 @@ class ControlLoop:
         self._motors = motors
         self._helm = helm
         self._telemetry = telemetry
+        self._link_fault = link_fault
         self._metronome = Metronome(self._rate_hz)
         self._policy: Policy | None = None
-        self._incoming: deque[Policy] = deque()
-        self._failures = 0
+        self._trial = Trial("", 0, lambda _: None)
+        self._incoming: deque[tuple[Policy, Trial]] = deque()
+        self.notices: tuple[Notice, ...] = ()
         self._policy_fault: Fault | None = None
         self._ticks = 0
         self._observer: Observer | None = None
@@ -88,9 +89,17 @@ class ControlLoop:
         """The model in use."""
         return self._policy
 
-    def use(self, policy: Policy) -> None:
-        """Switch to this model before the next decision."""
-        self._incoming.append(policy)
+    def use(self, policy: Policy, trial: Trial | None = None) -> None:
+        """Switch to this model before the next decision; the trial counts how it does.
+
+        A model on trial is asked even while the robot stands, and its answer goes nowhere: so it
+        proves itself, or crashes the daemon, before anything moves by it.
+        """
+        self._incoming.append((policy, trial or Trial(policy.sha256, 0, lambda _: None)))
+
+    def tell(self, notices: tuple[Notice, ...]) -> None:
+        """What telemetry and status shall show beside the faults, from now on; any thread."""
+        self.notices = notices
 
     def run(self, closing: threading.Event, on_tick: Callable[[Situation], None]) -> None:
         """Tick until `closing` is set; `on_tick` hears of every finished tick."""
@@ -120,8 +129,10 @@ class ControlLoop:
         if state is State.RUNNING and frame is not None and observation is not None:
             faults = self._drive(orders, frame, observation, record)
             state = state_of(orders.mode, faults)
-        elif state is not State.MANUAL:
-            self._helm.rest(orders)
+        else:
+            if state is not State.MANUAL:
+                self._helm.rest(orders)
+            self._try(state, observation, started_ns)
         if frame is not None:
             age_ns = started_ns - frame.captured_ns
             self._metronome.shift(
@@ -132,7 +143,8 @@ class ControlLoop:
 
     def _take_next_policy(self) -> None:
         while self._incoming:
-            self._policy, self._failures, self._policy_fault = self._incoming[0], 0, None
+            self._policy, self._trial = self._incoming[0]
+            self._policy_fault = None
             self._incoming.popleft()
 
     def faults(self, mode: Mode) -> tuple[Fault, ...]:
@@ -142,6 +154,8 @@ class ControlLoop:
         found = [self._motors.fault]
         if mode is not Mode.MANUAL:
             found += [self._camera.fault, self._model_fault()]
+        if mode is Mode.RUNNING:
+            found.append(self._link_fault())
         return tuple(fault for fault in found if fault is not None)
 
     def _model_fault(self) -> Fault | None:
@@ -172,8 +186,9 @@ class ControlLoop:
         try:
             left, right = self._policy.act(observation)
         except PolicyError as error:
-            return self._policy_failed(orders, error)
-        self._failures = 0
+            self._helm.rest(orders)
+            return (self._policy_failed(error),)
+        self._policy_answered(record.started_monotonic_ns)
         steps = to_steps(left, right)
         joystick = self._wheels.to_board(steps)
         record.decided_monotonic_ns = time.monotonic_ns()
@@ -192,14 +207,33 @@ class ControlLoop:
             record.acknowledged_monotonic_ns = delivery.acknowledged_ns
         return ()
 
-    def _policy_failed(self, orders: Orders, error: PolicyError) -> tuple[Fault, ...]:
-        self._helm.rest(orders)
-        self._failures += 1
+    def _try(self, state: State, observation: Picture | None, started_ns: int) -> None:
+        """Ask a model on trial though nobody needs its answer; not while a person drives."""
+        if self._policy is None or not self._trial.is_open:
+            return
+        if observation is None or state is State.MANUAL or self._policy_fault is not None:
+            self._trial.idle()
+            return
+        try:
+            self._policy.act(observation)
+        except PolicyError as error:
+            self._policy_failed(error)
+        else:
+            self._policy_answered(started_ns)
+
+    def _policy_answered(self, started_ns: int) -> None:
+        if time.monotonic_ns() - started_ns <= self._metronome.period_ns:
+            self._trial.clean()
+        else:
+            self._trial.idle()
+
+    def _policy_failed(self, error: PolicyError) -> Fault:
         fault = Fault("model-failed", f"{error}; push another one or `workstation rollback`")
-        if self._failures >= FAILURES_UNTIL_FAULT and self._policy_fault is None:
-            log.error("%s (%d times in a row)", fault.detail, self._failures)
+        self._trial.failed(str(error))
+        if self._trial.is_broken:
+            log.error("%s", fault.detail)
             self._policy_fault = fault
-        return (fault,)
+        return fault
 
     def _finish(
         self,
@@ -217,6 +251,7 @@ class ControlLoop:
             log.info("now %s", state.value)
         record.state = WIRE_STATES[state]
         record.faults.extend(messages.Fault(kind=f.kind, detail=f.detail) for f in faults)
+        record.notices.extend(messages.Notice(kind=n.kind, detail=n.detail) for n in self.notices)
         record.missed_ticks = self._metronome.missed
         if self._policy is not None:
             record.model_sha256 = self._policy.sha256

@@ -38,19 +38,37 @@ def run(configuration: Configuration) -> None:
         # Heavy imports wait until board and camera are on their way.
         from mbot_agent.control_loop import ControlLoop, Situation
         from mbot_agent.link import Link
+        from mbot_agent.model_keeper import ModelKeeper
         from mbot_agent.model_service import ModelService
         from mbot_agent.model_store import ModelStore
+        from mbot_agent.presence import Presence
+        from mbot_agent.sequence_floors import SequenceFloors
         from mbot_agent.telemetry import Telemetry
+        from mbot_agent.trust import Trust
 
         store = ModelStore(configuration.models.path, configuration.models.keep)
         link = parts.enter_context(Link(configuration))
         telemetry = parts.enter_context(Telemetry(link))
+        presence = parts.enter_context(Presence(configuration.control, link.sees_workstations))
         mode = Mode.RUNNING if configuration.control.start == "running" else Mode.IDLE
         helm = Helm(motors, mode)
         session_id = secrets.randbits(63) | 1
-        loop = ControlLoop(configuration, session_id, camera, motors, helm, telemetry)
-        models = ModelService(configuration, store, loop.use)
-        models.load_active()
+        loop = ControlLoop(
+            configuration,
+            session_id,
+            camera,
+            motors,
+            helm,
+            telemetry,
+            lambda: presence.fault,
+        )
+        floors = SequenceFloors(configuration.models.path)
+        trust = Trust(configuration.trust, configuration.robot_id, floors)
+        keeper = parts.enter_context(
+            ModelKeeper(store, trust, configuration.models.clean_decisions, loop.use, loop.tell)
+        )
+        keeper.load_active()
+        models = ModelService(configuration, store, keeper, trust)
         commands = CommandService(
             configuration,
             session_id,
@@ -59,12 +77,15 @@ def run(configuration: Configuration) -> None:
             loop,
             camera.check.forgive,
             lambda: models.active_model,
+            presence.heard,
         )
+        link.serve(keys.STOP.name, {keys.STOP.name: commands.stop})
         link.serve(keys.STATUS.name, {keys.STATUS.name: commands.status})
         link.serve(keys.COMMAND.name, {keys.COMMAND.name: commands.command})
         link.serve(
             "models/**",
             {
+                keys.PUSH_NONCE.name: models.nonce,
                 keys.PUSH_BEGIN.name: models.begin,
                 keys.PUSH_CHUNK.name: models.chunk,
                 keys.PUSH_COMMIT.name: models.commit,

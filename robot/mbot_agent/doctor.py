@@ -38,7 +38,9 @@ def examine(configuration: Configuration) -> list[Finding]:
     """Run every check; takes up to 10 s with a board that does not answer."""
     checks: tuple[tuple[str, Callable[[Configuration], Finding]], ...] = (
         ("camera", _camera),
+        ("lens", examine_lens),
         ("board", _board),
+        ("trust", _trust),
         ("model", _model),
         ("disk", _disk),
         ("network", _network),
@@ -72,6 +74,22 @@ def _camera(configuration: Configuration) -> Finding:
     )
 
 
+def examine_lens(configuration: Configuration) -> Finding:
+    """What the picture pipeline takes the camera for."""
+    camera = configuration.camera
+    if camera.intrinsics is None:
+        return Finding(
+            "lens",
+            "warning",
+            f"not calibrated: taken for {camera.horizontal_fov_deg:g} x "
+            f"{camera.vertical_fov_deg:g} degrees without distortion; `workstation calibrate "
+            "camera` measures it",
+        )
+    size = f"{camera.intrinsics.width_px} x {camera.intrinsics.height_px}"
+    origin = configuration.calibration or "[camera.intrinsics]"
+    return Finding("lens", "ok", f"calibrated at {size}, from {origin}")
+
+
 def _board(configuration: Configuration) -> Finding:
     from mbot_agent.board_session import BoardSession
 
@@ -96,14 +114,35 @@ def _board(configuration: Configuration) -> Finding:
     )
 
 
+def _trust(configuration: Configuration) -> Finding:
+    """Whose models will be taken."""
+    names = ", ".join(key.name for key in configuration.trust.public_keys)
+    if configuration.trust.allow_unsigned:
+        return Finding("trust", "warning", "takes anybody's models: trust.allow_unsigned is set")
+    if not names:
+        return Finding(
+            "trust",
+            "warning",
+            "no key, so no model is taken: put the line that `workstation keys new` prints into "
+            "[trust] keys",
+        )
+    return Finding("trust", "ok", f"takes models signed by {names}")
+
+
 def _model(configuration: Configuration) -> Finding:
     from mbot_agent.model_store import ModelStore
     from mbot_agent.policy import Policy
+    from mbot_agent.sequence_floors import SequenceFloors
+    from mbot_agent.trust import Trust
 
     store = ModelStore(configuration.models.path, configuration.models.keep)
-    active = store.pointer.active
+    active = store.activation.active
     if not active:
         return Finding("model", "warning", "none yet: `workstation push-model` sends one")
+    floors = SequenceFloors(configuration.models.path)
+    Trust(configuration.trust, configuration.robot_id, floors).signer_of(
+        active, store.label(active)
+    )
     policy = Policy(store.read(active))
     rate_hz = configuration.control.decision_rate_hz
     detail = f"{policy.metadata.name}, {active[:12]}, for {policy.metadata.decision_rate_hz:g} Hz"
@@ -122,11 +161,20 @@ def _disk(configuration: Configuration) -> Finding:
 
 
 def _network(configuration: Configuration) -> Finding:
-    tls = configuration.network.tls
-    for path in () if tls is None else (tls.ca, tls.certificate, tls.key):
-        if not os.access(path, os.R_OK):
-            return Finding("network", "failed", f"cannot read {path}: is it there, who owns it?")
-    return Finding("network", "ok", f"listens on {', '.join(configuration.network.listen)}")
+    network = configuration.network
+    found = f"listens on {', '.join(network.listen)}"
+    if network.tls is None:
+        return Finding("network", "ok", found)
+    from mbot_agent.certificates import check_certificates
+
+    validity = check_certificates(network.tls, configuration.robot_id)
+    if validity.advice:
+        return Finding("network", "warning" if validity.usable else "failed", validity.advice)
+    people = ", ".join(configuration.access.people) or "nobody"
+    routers = "".join(f", by router {name}" for name in configuration.access.routers)
+    return Finding(
+        "network", "ok", f"{found} for {people}{routers}, certificate until {validity.until}"
+    )
 
 
 def _brltty(_: Configuration) -> Finding:

@@ -3,7 +3,6 @@
 # pyright: strict, reportUnknownMemberType=false
 # (zenoh's stubs leave out some return types.)
 
-import json
 import logging
 import threading
 from collections.abc import Callable, Mapping
@@ -12,19 +11,12 @@ from typing import Self
 
 import zenoh
 
-from mbot_agent.configuration import Configuration, Network
+from mbot_agent.configuration import Configuration
+from mbot_agent.link_settings import zenoh_configuration
 from mbot_protocol.errors import UnreachableError
-from mbot_protocol.keys import ALIVE, ROOT, Topic
+from mbot_protocol.keys import ALIVE, DOORS, PRESENCE, ROOT, Topic
 
 log = logging.getLogger(__name__)
-
-LARGEST_MESSAGE_BYTES = 1 << 20
-"""The largest message anybody needs is a 64 KiB chunk of a model."""
-
-MOST_SESSIONS = 16
-
-LEASE_MS = 2000
-"""A workstation that fell silent is forgotten after this; Zenoh's own default is 10 s."""
 
 MOST_WAITING = 16
 """Queries waiting for one service; more are dropped, oldest first, and get no reply."""
@@ -38,21 +30,33 @@ class Link:
 
     def __init__(self, configuration: Configuration) -> None:
         self._robot_id = configuration.robot_id
-        self._network = configuration.network
+        self._configuration = configuration
         self._session: zenoh.Session | None = None
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._queryables: list[zenoh.Queryable[zenoh.handlers.Handler[zenoh.Query]]] = []
-        self._token: zenoh.LivelinessToken | None = None
+        self._tokens: list[zenoh.LivelinessToken] = []
 
     def __enter__(self) -> Self:
+        """Open the session.
+
+        Raises:
+            ConfigurationError: a file of [network.tls] is missing or wrong.
+            UnreachableError: an endpoint cannot be used.
+
+        """
+        network = self._configuration.network
+        if network.tls is not None:
+            from mbot_agent.certificates import check_certificates
+
+            if advice := check_certificates(network.tls, self._robot_id).advice:
+                log.warning("%s", advice)
         zenoh.init_log_from_env_or("off")
         try:
-            self._session = zenoh.open(zenoh_configuration(self._network))
+            self._session = zenoh.open(zenoh_configuration(self._configuration))
         except zenoh.ZError as error:
-            endpoints = ", ".join((*self._network.listen, *self._network.connect))
             raise UnreachableError(
-                f"cannot listen on {endpoints}: {_reason(error)}; is another mbot-agent running, "
-                "or a certificate file unreadable? (network.listen)"
+                f"cannot listen on {', '.join(network.listen)}: {_reason(error)}; is another "
+                "mbot-agent running? (network.listen)"
             ) from None
         return self
 
@@ -66,8 +70,20 @@ class Link:
             self._session.close()
 
     def announce(self) -> None:
-        """Show that this robot is alive, until the session ends."""
-        self._token = self._open_session.liveliness().declare_token(ALIVE.key(self._robot_id))
+        """Show that this robot is alive, and to each who may do what, until the session ends."""
+        liveliness = self._open_session.liveliness()
+        self._tokens = [
+            liveliness.declare_token(topic.key(self._robot_id))
+            for topic in (*DOORS.values(), ALIVE)
+        ]
+
+    def sees_workstations(self, timeout_s: float) -> bool:
+        """Whether any workstation is connected now, directly or by a router."""
+        replies = self._open_session.liveliness().get(
+            PRESENCE.key(self._robot_id), timeout=timeout_s
+        )
+        # All replies, not just the first: a query that is dropped half-way is warned about.
+        return any([reply.ok is not None for reply in replies])
 
     def publish(self, topic: Topic, payload: bytes) -> None:
         """Send to whoever listens; dropped if the link is slow (BLOCK held a put for 5 s)."""
@@ -126,34 +142,3 @@ def _answer(query: zenoh.Query, answer: Answer | None) -> None:
 def _reason(error: Exception) -> str:
     """Zenoh's words up to where its own source positions begin."""
     return str(error).split(" at /")[0].splitlines()[0][:160]
-
-
-def zenoh_configuration(network: Network) -> zenoh.Config:
-    """Zenoh's configuration for this network: no scouting, bounded messages and sessions."""
-    config = zenoh.Config()
-    settings: dict[str, object] = {
-        "mode": "peer",
-        "listen/endpoints": list(network.listen),
-        "connect/endpoints": list(network.connect),
-        "listen/exit_on_failure": True,
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "transport/unicast/max_sessions": MOST_SESSIONS,
-        "transport/link/rx/max_message_size": LARGEST_MESSAGE_BYTES,
-        "transport/link/tx/lease": LEASE_MS,
-        "transport/link/protocols": ["tcp"] if network.tls is None else ["tcp", "tls"],
-        "transport/shared_memory/enabled": False,
-    }
-    if network.tls is not None:
-        settings |= {
-            "transport/link/tls/root_ca_certificate": network.tls.ca,
-            "transport/link/tls/listen_certificate": network.tls.certificate,
-            "transport/link/tls/listen_private_key": network.tls.key,
-            "transport/link/tls/connect_certificate": network.tls.certificate,
-            "transport/link/tls/connect_private_key": network.tls.key,
-            "transport/link/tls/enable_mtls": True,
-            "transport/link/tls/close_link_on_expiration": True,
-        }
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return config

@@ -87,9 +87,12 @@ def _dispatch(arguments: argparse.Namespace) -> int:
     _log_to_stderr(verbose=arguments.verbose)
     if arguments.action == "stop-motors":
         return _stop_motors(arguments.config)
+    from mbot_agent.calibration import calibrated
     from mbot_agent.configuration import load
+    from mbot_agent.enrolment import enrolled
 
-    configuration = load(arguments.config)
+    configuration = calibrated(load(arguments.config), arguments.config)
+    configuration = enrolled(configuration, arguments.config)
     if arguments.action == "check":
         return _check(configuration, as_json=arguments.json)
     from mbot_agent import daemon

@@ -9,6 +9,8 @@ import numpy as np
 import onnxruntime as untyped_onnxruntime  # pyright: ignore[reportMissingTypeStubs]
 
 from mbot_protocol.errors import ContractError, MbotError
+from mbot_protocol.golden_frames import GoldenFrame, read_golden_frames
+from mbot_protocol.model_structure import check_structure
 from mbot_protocol.picture import Picture
 from mbot_protocol.policy_contract import (
     INPUT_NAME,
@@ -46,7 +48,8 @@ class Policy:
             data: the whole ONNX file; external data is refused, as there is no folder to find it.
 
         Raises:
-            ContractError: too large, not ONNX, or not following the contract.
+            ContractError: too large, not ONNX, made of what is not allowed (see
+                `mbot_protocol.model_structure`), or not following the contract.
             NewerSchemaError: it follows a newer contract.
 
         """
@@ -54,12 +57,15 @@ class Policy:
             raise ContractError(
                 f"the model has {len(data)} bytes, expected at most {LARGEST_MODEL_BYTES}"
             )
+        check_structure(data)
         self.sha256 = hashlib.sha256(data).hexdigest()
         self.size_bytes = len(data)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = 1
         options.inter_op_num_threads = 1
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+        # Or bytes that are both would be read in onnxruntime's own format, which nobody checked.
+        options.add_session_config_entry("session.load_model_format", "ONNX")
         try:
             self._session = onnxruntime.InferenceSession(
                 data, options, providers=["CPUExecutionProvider"]
@@ -70,6 +76,7 @@ class Policy:
         _check_tensors(self._session)
         properties = cast(dict[str, str], self._session.get_modelmeta().custom_metadata_map)
         self.metadata = PolicyMetadata.from_properties(properties)
+        self._properties = properties
 
     @classmethod
     def load(cls, path: Path) -> "Policy":
@@ -84,6 +91,15 @@ class Policy:
         except OSError as error:
             raise ContractError(f"cannot read the model {path}: {error.strerror}") from None
         return cls(data)
+
+    def golden_frames(self) -> list[GoldenFrame]:
+        """The pictures the model brings along with the actions it should give.
+
+        Raises:
+            ContractError: they are damaged.
+
+        """
+        return read_golden_frames(self._properties)
 
     def act(self, observation: Picture) -> tuple[float, float]:
         """Decide.

@@ -14,6 +14,7 @@ from typing import Self
 from mbot_protocol.v1.messages_pb2 import Status
 from mbot_workstation.remote_control import RemoteControl
 from mbot_workstation.robot_link import RobotLink
+from mbot_workstation.signing_key import SigningKey
 
 HERE = Path(__file__).parent
 ROBOT_ID = "mbot-test"
@@ -94,12 +95,14 @@ class Daemon:
 
     Attributes:
         address: where it listens.
+        key: signs what is pushed; the robot trusts it.
         camera_port: where it looks for an MJPEG stream.
 
     """
 
     def __init__(self, directory: Path, board: str, *, start: str = "idle") -> None:
         self.directory = directory
+        self.key = SigningKey.ephemeral("test")
         self.camera_port = free_port()
         self.address = f"127.0.0.1:{free_port()}"
         self.log = directory / "daemon.log"
@@ -116,6 +119,8 @@ class Daemon:
             start = "{start}"
             [models]
             directory = "{directory / "models"}"
+            [trust]
+            keys = ["{self.key.public.line}"]
             [network]
             listen = ["tcp/{self.address}"]
             """
@@ -144,7 +149,7 @@ class Daemon:
         path = self.directory / "model.onnx"
         path.write_bytes(model)
         with self.link() as link:
-            push(link, path)
+            push(link, path, lambda _: self.key)
 
     def run(self) -> None:
         with self.link() as link:

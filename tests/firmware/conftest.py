@@ -2,9 +2,12 @@
 
 import shutil
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from mbot_workstation.virtual.emulated.board_simulator import simulator_program
 
 from .simulated_board import Simulator
 
@@ -37,13 +40,28 @@ def firmware_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="session", autouse=True)
+def fresh_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Nothing compiled before this session is used."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
 @pytest.fixture(scope="session")
-def simulator(firmware_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Simulator:
-    program = tmp_path_factory.mktemp("simulator") / "board_simulator"
-    flags = ("-std=c11", "-O2", "-Wall", "-Wextra", "-Werror")
-    source = HERE / "board_simulator.c"
-    _build("gcc", *flags, "-o", str(program), str(source), "-lsimavr", "-lelf")
-    return Simulator(program, firmware_folder / "mbot-deadman.elf")
+def simulator(firmware_folder: Path) -> Simulator:
+    return Simulator(simulator_program(), firmware_folder / "mbot-deadman.elf")
+
+
+@pytest.fixture(scope="session")
+def drives_on(firmware_folder: Path) -> Path:
+    """A firmware without a dead man's switch, as Intel HEX."""
+    program = firmware_folder / "drives_on.elf"
+    image = program.with_suffix(".hex")
+    flags = ("-mmcu=atmega328p", "-std=c11", "-Os", "-Wall", "-Wextra", "-Werror")
+    _build("avr-gcc", *flags, "-o", str(program), str(HERE / "drives_on.c"))
+    _build("avr-objcopy", "-O", "ihex", str(program), str(image))
+    return image
 
 
 def _build(*command: str) -> None:

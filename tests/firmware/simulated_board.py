@@ -2,46 +2,26 @@
 
 import bisect
 import subprocess
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
-from typing import Self
+
+from mbot_workstation.virtual.emulated.board_process import BoardProcess
+from mbot_workstation.virtual.emulated.motor_pins import MotorPins
 
 BYTE_US = 94
 """How far apart the simulator puts the bytes of one `send`; a real line takes 87 us each."""
 
-M1_DIR, M1_PWM, M2_DIR, M2_PWM = 1 << 7, 1 << 6, 1 << 4, 1 << 5
-CONNECTED = {M1_PWM: 1 << 7, M2_PWM: 1 << 5}  # COM0A1, COM0B1: the timer has the pin
-FAST_PWM = 3
-
 
 @dataclass(frozen=True, slots=True)
-class Pins:
+class Pins(MotorPins):
     """The registers that decide what the motors do, and since when."""
-
-    at_us: int
-    ocr0a: int
-    ocr0b: int
-    tccr0a: int
-    portd: int
-    ddrd: int
 
     @property
     def speeds(self) -> tuple[int, int]:
-        """The speeds of M1 and M2 that these pins make: duty (|v| + 1) / 256, sign from DIR."""
-        return self._speed(self.ocr0a, M1_PWM, M1_DIR), self._speed(self.ocr0b, M2_PWM, M2_DIR)
-
-    def _speed(self, compare: int, pwm: int, direction: int) -> int:
-        if not self.ddrd & pwm:
-            return 0  # an input: the motor driver's own resistor pulls it low
-        if not self.tccr0a & CONNECTED[pwm]:
-            assert not self.portd & pwm, "the pin is high without the timer: full speed"
-            return 0
-        assert self.tccr0a & FAST_PWM == FAST_PWM
-        return compare if self.portd & direction else -compare
+        """The speeds of M1 and M2 that these pins make."""
+        return self.joystick.m1, self.joystick.m2
 
 
 @dataclass
@@ -105,41 +85,17 @@ class Simulator:
         return trace
 
 
-class LiveBoard:
+class LiveBoard(BoardProcess):
     """The firmware in real time behind a pseudo-terminal; use it in a `with`.
 
     Attributes:
-        path: the port to open.
         trace: what has happened so far.
 
     """
 
     def __init__(self, simulator: Simulator) -> None:
-        self._child = subprocess.Popen(
-            [simulator.program, simulator.firmware, "--pty"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        assert self._child.stdout is not None
-        self.path = self._child.stdout.readline().strip()
         self.trace = Trace()
-        self._reader = threading.Thread(target=self._read, daemon=True)
-
-    def __enter__(self) -> Self:
-        self._reader.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        assert self._child.stdin is not None
-        self._child.stdin.close()
-        self._child.wait(10)
-        self._reader.join()
+        super().__init__(simulator.firmware, self.trace.add, program=simulator.program)
 
     @property
     def speeds(self) -> tuple[int, int]:
@@ -147,11 +103,6 @@ class LiveBoard:
 
     def wait_for(self, *speeds: int, timeout_s: float = 15.0) -> bool:
         return until(lambda: self.speeds == speeds, timeout_s)
-
-    def _read(self) -> None:
-        assert self._child.stdout is not None
-        for line in self._child.stdout:
-            self.trace.add(line)
 
 
 def until(condition: Callable[[], bool], timeout_s: float = 15.0) -> bool:
@@ -161,3 +112,17 @@ def until(condition: Callable[[], bool], timeout_s: float = 15.0) -> bool:
             return True
         time.sleep(0.002)
     return False
+
+
+def emulators_of(pid: int) -> set[int]:
+    """The running emulators that this process has started."""
+    lists = Path(f"/proc/{pid}/task").glob("*/children")
+    children = {int(child) for told in lists for child in told.read_text().split()}
+    return {child for child in children if is_emulator(child)}
+
+
+def is_emulator(pid: int) -> bool:
+    try:
+        return "board_simulator" in Path(f"/proc/{pid}/cmdline").read_text()
+    except OSError:
+        return False

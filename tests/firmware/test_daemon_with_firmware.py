@@ -32,7 +32,7 @@ def board(simulator: Simulator) -> Iterator[LiveBoard]:
 @contextmanager
 def driving_process(board: LiveBoard) -> Iterator["subprocess.Popen[bytes]"]:
     program = Path(__file__).with_name("driving_process.py")
-    child = subprocess.Popen([sys.executable, program, board.path])
+    child = subprocess.Popen([sys.executable, program, board.port])
     try:
         assert board.wait_for(*DRIVING)
         yield child
@@ -52,7 +52,7 @@ def silence_ms(board: LiveBoard) -> float:
 
 
 def test_the_daemon_trusts_it_and_drives(board: LiveBoard) -> None:
-    with Motors(Board(port=board.path)) as motors:
+    with Motors(Board(port=board.port)) as motors:
         assert until(lambda: motors.fault is None)
         assert motors.version == "mbot-deadman 1"
         assert motors.has_deadman
@@ -71,7 +71,7 @@ def test_a_killed_daemon_stops_in_time_and_another_takes_over(board: LiveBoard) 
         child.kill()
         assert board.wait_for(*OFF)
         assert TIMEOUT_MS - 1 <= silence_ms(board) <= TIMEOUT_MS + BAR_MS
-    with Motors(Board(port=board.path)) as motors:
+    with Motors(Board(port=board.port)) as motors:
         assert until(lambda: motors.fault is None)
         motors.drive(for_s(10))
         assert board.wait_for(*DRIVING)
@@ -94,5 +94,5 @@ def test_the_stop_command_after_a_crash_is_confirmed(board: LiveBoard) -> None:
     with driving_process(board) as child:
         child.kill()
         child.wait()
-        stop_motors(Board(port=board.path))
+        stop_motors(Board(port=board.port))
         assert board.wait_for(*OFF)

@@ -2,7 +2,7 @@ import pytest
 
 from mbot_protocol import keys
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.keys import FOXGLOVE_PICTURE, TOPICS, Flow
+from mbot_protocol.keys import FOXGLOVE_PICTURE, TOPICS, Flow, Right
 from mbot_protocol.v1 import messages_pb2
 
 
@@ -27,3 +27,15 @@ def test_keys_are_distinct_and_below_the_robots_prefix() -> None:
 def test_an_id_that_could_reach_other_robots_is_refused(robot_id: str) -> None:
     with pytest.raises(ConfigurationError, match="expected 1 to 32"):
         keys.check_robot_id(robot_id)
+
+
+def test_each_key_needs_the_right_that_its_harm_calls_for() -> None:
+    for topic in TOPICS:
+        if topic.flow is Flow.QUERY:
+            models = topic.name.startswith("models/")
+            drives = topic is keys.COMMAND
+            assert topic.right is (Right.PUSH if models else Right.DRIVE if drives else Right.VIEW)
+
+
+def test_a_workstations_token_is_told_from_another_ones() -> None:
+    assert keys.presence_key("mbot-1", "a1") == "mbot/mbot-1/here/a1"

@@ -1,8 +1,15 @@
+import subprocess
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from mbot_agent.calibration import calibrated
+from mbot_agent.camera import FrameCheck
 from mbot_agent.configuration import Camera, Configuration, Intrinsics, decode, load
+from mbot_agent.doctor import examine_lens
+from mbot_protocol.actions import MotorMap, Steps
 from mbot_protocol.errors import ConfigurationError
 
 EXAMPLE = Path(__file__).parents[2] / "deploy" / "config.toml"
@@ -34,6 +41,11 @@ def test_the_example_shows_every_setting() -> None:
         ('robot_id = "a"\n[network]\nlisten = ["tcp/[::]:7447"]', "anyone on the network"),
         ('robot_id = "a"\n[network]\nlisten = ["tls/0.0.0.0:7447"]', "[network.tls]"),
         ('robot_id = "a"\n[network]\nlisten = ["udp/127.0.0.1:1"]', "not understood"),
+        ('robot_id = "a"\n[network.tls]\nca="a"\ncertificate="b"\nkey="c"', "nobody could talk"),
+        ('robot_id = "a"\n[access.people]\nrosa = ["view"]', "which takes [network.tls]"),
+        ('robot_id = "a"\n[access.people]\n"Rosa" = ["view"]', "expected 1 to 32"),
+        ('robot_id = "a"\n[access.people]\nrosa = ["fly"]', "$.access.people[...][0]"),
+        ('robot_id = "a"\n[control]\non_lost_link = "wait"', "$.control.on_lost_link"),
         ("robot_id =", "no valid TOML"),
     ],
 )
@@ -44,6 +56,29 @@ def test_a_mistake_is_named_in_one_line(text: str, words: str) -> None:
     assert message.startswith("robot.toml")
     assert words in message
     assert "\n" not in message
+
+
+ANNA = "ed25519:AAECAwQFBgcICQoLDA0ODxAREhMUFRYXGBkaGxwdHh8= anna"
+
+
+def test_trusted_keys_are_read() -> None:
+    trust = decode(f'robot_id = "a"\n[trust]\nkeys = ["{ANNA}"]', "x").trust
+    assert [key.name for key in trust.public_keys] == ["anna"]
+    assert not trust.allow_unsigned
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ('["anna"]', "trust.keys: 'anna' is no signing key"),
+        (f'["{ANNA}", "{ANNA.replace("anna", "bert")}"]', "trust.keys: a key is there twice"),
+        (f'"{ANNA}"', "$.trust.keys"),
+    ],
+)
+def test_a_key_that_is_none_is_named(keys: str, words: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        decode(f'robot_id = "a"\n[trust]\nkeys = {keys}', "robot.toml")
+    assert words in str(caught.value)
 
 
 def test_a_missing_file_says_where_to_get_one(tmp_path: Path) -> None:
@@ -72,3 +107,155 @@ def test_calibrated_intrinsics_are_scaled_to_the_frames() -> None:
     model = camera.model_at(320, 240)
     assert (model.focal_x_px, model.focal_y_px) == (300.0, 305.0)
     assert model.distortion[0] == -0.1
+
+
+CAMERA_TEXT = """
+width_px = 2028
+height_px = 1520
+focal_x_px = 1936.5
+focal_y_px = 1934.0
+principal_x_px = 1020.25
+principal_y_px = 751.0
+distortion = [-0.11, 0.05, 0.0005, -0.0003, 0.0]
+reprojection_error_px = 0.31
+pictures = 21
+made_on = "2026-11-21"
+"""
+
+MOTION_TEXT = """
+free_speed_rpm = 118.0
+wheel_radius_m = 0.0319
+track_m = 0.117
+wheel_friction = 0.85
+load_loss = 0.03
+latency_ms = 31.0
+made_on = "2026-11-21"
+left_motor = { gain = 1.05, dead_band = 52.5, time_constant_ms = 95, trim = 0.9, \
+dead_band_compensation = 45 }
+right_motor = { gain = 0.95, dead_band = 47, time_constant_ms = 105 }
+""".replace("\\\n", "")
+
+
+@pytest.fixture
+def robot_toml(tmp_path: Path) -> Path:
+    """A configuration beside its calibration, as both lie on the robot."""
+    (tmp_path / "calibration").mkdir()
+    (tmp_path / "calibration" / "camera.toml").write_text(CAMERA_TEXT)
+    (tmp_path / "calibration" / "motion.toml").write_text(MOTION_TEXT)
+    path = tmp_path / "robot.toml"
+    path.write_text('robot_id = "a"\ncalibration = "calibration"\n')
+    return path
+
+
+def test_the_calibration_gives_camera_and_motors(robot_toml: Path) -> None:
+    configuration = calibrated(load(robot_toml), robot_toml)
+    model = configuration.camera.model_at(1014, 760)
+    assert (model.focal_x_px, model.focal_y_px) == (1936.5 / 2, 1934.0 / 2)
+    assert model.principal_x_px == pytest.approx((1020.25 + 0.5) / 2 - 0.5)
+    assert model.distortion == (-0.11, 0.05, 0.0005, -0.0003, 0.0)
+    maps = configuration.motors.to_maps()
+    assert maps.left == MotorMap(True, 0.9, 45)
+    assert maps.right == MotorMap(False, 1.0, 40)
+    assert maps.to_board(Steps(250, -250)).m1 == -230
+
+
+def test_half_a_calibration_leaves_the_other_half_nominal(robot_toml: Path) -> None:
+    (robot_toml.parent / "calibration" / "camera.toml").unlink()
+    configuration = calibrated(load(robot_toml), robot_toml)
+    assert configuration.camera == Camera()
+    assert configuration.motors.to_maps().left.trim == 0.9
+    (robot_toml.parent / "calibration" / "motion.toml").unlink()
+    with pytest.raises(ConfigurationError, match=r"neither camera\.toml nor motion\.toml"):
+        calibrated(load(robot_toml), robot_toml)
+
+
+def test_without_a_calibration_nothing_changes(robot_toml: Path) -> None:
+    configuration = decode('robot_id = "a"', "x")
+    assert calibrated(configuration, robot_toml) is configuration
+    assert configuration.motors.to_maps().right == MotorMap(False, 1.0, 40)
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ("[camera]\nwidth_px = 640\nheight_px = 360", "640 x 360, another shape than the 2028"),
+        ("[motors.left]\ntrim = 0.95", "motors.left.trim is set"),
+        ("[motors.right]\ndead_band = 40", "motors.right.dead_band is set"),
+        (
+            "[camera.intrinsics]\nwidth_px = 640\nheight_px = 480\nfocal_x_px = 600.0\n"
+            "focal_y_px = 600.0\nprincipal_x_px = 320.0\nprincipal_y_px = 240.0",
+            "delete one of the two",
+        ),
+    ],
+)
+def test_what_stands_in_both_is_refused(robot_toml: Path, more: str, words: str) -> None:
+    robot_toml.write_text(robot_toml.read_text() + more)
+    with pytest.raises(ConfigurationError) as caught:
+        calibrated(load(robot_toml), robot_toml)
+    assert str(caught.value).startswith(str(robot_toml))
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("action", ["check", "run"])
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("trim = 0.9 -> trim = 9", "motion.toml: left_motor: trim is 9"),
+        ("focal_x_px = 1936.5 -> focal_x_px = 6.0", "camera.toml: focal_x_px is 6.0"),
+        ("gone", "no calibration folder"),
+    ],
+)
+def test_an_unusable_calibration_stops_the_daemon_with_one_line(
+    robot_toml: Path, action: str, change: str, words: str
+) -> None:
+    folder = robot_toml.parent / "calibration"
+    if change == "gone":
+        folder.rename(robot_toml.parent / "elsewhere")
+    else:
+        old, new = change.split(" -> ")
+        for path in folder.iterdir():
+            path.write_text(path.read_text().replace(old, new))
+    done = subprocess.run(
+        [sys.executable, "-m", "mbot_agent.main", action, "--config", robot_toml],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=30,
+    )
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.count("\n") == 1
+    assert words in done.stderr
+
+
+def test_motors_can_be_stopped_whatever_the_calibration_says(robot_toml: Path) -> None:
+    """stop-motors uses the configured port even if the calibration is unusable."""
+    (robot_toml.parent / "calibration" / "motion.toml").write_text("broken =")
+    robot_toml.write_text(robot_toml.read_text() + '[board]\nport = "/dev/none-such"\n')
+    done = subprocess.run(
+        [sys.executable, "-m", "mbot_agent.main", "stop-motors", "--config", robot_toml],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=30,
+    )
+    assert "/dev/none-such" in done.stderr
+    assert "calibration" not in done.stderr
+
+
+def test_frames_of_another_shape_than_the_calibration_are_no_frames(robot_toml: Path) -> None:
+    check = FrameCheck(calibrated(load(robot_toml), robot_toml).camera)
+    rng = np.random.default_rng(0)
+    good = rng.integers(100, 200, (240, 320, 3), np.uint8)
+    assert check.judge(good, 0) is None
+    check = FrameCheck(calibrated(load(robot_toml), robot_toml).camera)
+    fault = check.judge(rng.integers(100, 200, (180, 320, 3), np.uint8), 0)
+    assert fault is not None
+    assert fault.kind == "camera-wrong-shape"
+    assert "320 x 180, another shape than the calibrated" in fault.detail
+
+
+def test_check_says_what_it_takes_the_lens_for(robot_toml: Path) -> None:
+    configuration = calibrated(load(robot_toml), robot_toml)
+    lens = examine_lens(configuration)
+    assert (lens.verdict, lens.detail) == ("ok", "calibrated at 2028 x 1520, from calibration")
+    assert examine_lens(decode('robot_id = "a"', "x")).verdict == "warning"

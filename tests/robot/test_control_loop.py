@@ -7,11 +7,12 @@ import pytest
 from mbot_agent.camera import Frame
 from mbot_agent.configuration import Configuration
 from mbot_agent.control_loop import ControlLoop
-from mbot_agent.faults import Fault
+from mbot_agent.faults import Fault, Notice
 from mbot_agent.helm import Helm, Mode, State
 from mbot_agent.motors import Delivery, DriveCommand
 from mbot_agent.policy import Policy
 from mbot_agent.telemetry import Record
+from mbot_agent.trial import Finding, Trial, Verdict
 from mbot_protocol.mcore import Joystick
 from mbot_protocol.picture import Picture
 from mbot_protocol.v1.messages_pb2 import STATE_FAULT, STATE_RUNNING
@@ -184,6 +185,82 @@ def test_a_model_that_answers_nonsense_stops_and_is_given_up(bench: Bench, bad: 
     assert bench.motors.stops == 4
     bench.loop.use(Policy(constant_model(0.5, 0.5)))
     assert bench.tick().decision.state == STATE_RUNNING
+
+
+class Hearing:
+    """A trial that ends with 3 clean decisions, and what was said of it."""
+
+    def __init__(self) -> None:
+        self.verdicts: list[Verdict] = []
+        self.trial = Trial("abc", 3, self.verdicts.append)
+
+    @property
+    def findings(self) -> list[Finding]:
+        return [verdict.finding for verdict in self.verdicts]
+
+
+@pytest.mark.parametrize("mode", [Mode.IDLE, Mode.RUNNING, Mode.STOPPED])
+def test_a_model_on_trial_is_asked_even_while_the_robot_stands(bench: Bench, mode: Mode) -> None:
+    hearing = Hearing()
+    bench.loop.use(Policy(constant_model(0.5, 0.5)), hearing.trial)
+    if mode is Mode.RUNNING:
+        bench.helm.run()
+    elif mode is Mode.STOPPED:
+        bench.helm.stop()
+    for _ in range(4):
+        decision = bench.tick().decision
+        assert decision.HasField("action") == (mode is Mode.RUNNING)
+    assert hearing.findings == [Finding.PROVEN]
+    assert bool(bench.motors.commands) == (mode is Mode.RUNNING)
+
+
+def test_a_model_that_fails_its_trial_is_given_up_before_it_drove(bench: Bench) -> None:
+    hearing = Hearing()
+    bench.loop.use(Policy(constant_model(float("nan"), 0.0)), hearing.trial)
+    for _ in range(5):
+        bench.tick()
+    assert hearing.findings == [Finding.BROKEN]
+    assert "(nan, 0.0)" in hearing.verdicts[0].reason
+    bench.helm.run()
+    assert bench.tick().decision.faults[0].kind == "model-failed"
+    assert bench.motors.commands == []
+
+
+def test_a_persons_hand_is_not_disturbed_by_a_trial(bench: Bench) -> None:
+    hearing = Hearing()
+    bench.loop.use(Policy(constant_model(float("nan"), 0.0)), hearing.trial)
+    bench.helm.steer_by_hand(Joystick(-50, 50), 10**9)
+    for _ in range(4):
+        assert bench.tick().decision.faults == []
+    assert hearing.findings == [Finding.SURVIVED]
+    assert bench.motors.stops == 0
+
+
+def test_an_answer_that_came_too_late_proves_nothing(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hearing = Hearing()
+    policy = Policy(constant_model(0.5, 0.5))
+    bench.loop.use(policy, hearing.trial)
+    answered = policy.act(bench.camera.picture[:64, :64])
+    began_ns = time.monotonic_ns()
+    monkeypatch.setattr(policy, "act", lambda _: answered)
+    ages = iter(range(1000))
+    # Each look at the clock is half a second later than the last one.
+    monkeypatch.setattr(time, "monotonic_ns", lambda: began_ns + next(ages) * 500_000_000)
+    for _ in range(5):
+        bench.loop.tick(began_ns)
+    assert Finding.PROVEN not in hearing.findings
+
+
+def test_notices_go_out_with_every_record(bench: Bench) -> None:
+    assert bench.tick().decision.notices == []
+    bench.loop.tell((Notice("model-rolled-back", "new was rolled back to old: nonsense"),))
+    (notice,) = bench.tick().decision.notices
+    assert (notice.kind, notice.detail) == (
+        "model-rolled-back",
+        "new was rolled back to old: nonsense",
+    )
 
 
 def test_a_new_model_takes_over_between_two_decisions(bench: Bench) -> None:

@@ -142,6 +142,7 @@ def test_fresh_install_puts_everything_in_place(machine: Machine) -> None:
     assert configuration.load(machine.configuration).robot_id == "rover-7"
     assert (machine.root / "var/lib/mbot-agent").stat().st_mode & 0o777 == 0o700
     assert (machine.root / "etc/mbot-agent/tls").stat().st_mode & 0o777 == 0o750
+    assert (machine.root / "etc/mbot-agent/calibration").stat().st_mode & 0o777 == 0o755
     assert "sudo systemctl start mbot-agent" in output
 
 

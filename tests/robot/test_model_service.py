@@ -1,83 +1,21 @@
-import hashlib
 import math
+import subprocess
+import sys
 import time
 from pathlib import Path
 
 import pytest
 
-from mbot_agent import model_service
-from mbot_agent.configuration import Configuration, Models
-from mbot_agent.model_service import ModelService
-from mbot_agent.model_store import ModelStore
-from mbot_agent.policy import Policy
-from mbot_protocol.keys import CHUNK_BYTES
-from mbot_protocol.schema import SCHEMA_VERSION
-from mbot_protocol.v1.messages_pb2 import (
-    Activate,
-    ModelList,
-    PushBegin,
-    PushChunk,
-    PushCommit,
-    PushReply,
-)
+from mbot_agent import model_service, staging
+from mbot_agent.dry_run import Report, dry_run
+from mbot_protocol.v1.messages_pb2 import ModelList, PushReply
 
+from .model_bench import Robot, digest
 from .tiny_models import constant_model
 
 FIRST = constant_model(0.1, 0.1, name="first")
 SECOND = constant_model(0.2, 0.2, name="second")
-
-
-class Robot:
-    """A model service and what it handed to the control loop."""
-
-    def __init__(self, directory: Path) -> None:
-        self.used: list[Policy] = []
-        configuration = Configuration(robot_id="mbot-1", models=Models(str(directory), keep=4))
-        store = ModelStore(directory, 4)
-        self.service = ModelService(configuration, store, self.used.append)
-        self.service.load_active()
-
-    @property
-    def active(self) -> str:
-        model = self.service.active_model
-        return model.name if model is not None else ""
-
-    def begin(self, data: bytes, **changes: object) -> PushReply:
-        model = self.service.active_model
-        fields: dict[str, object] = {
-            "schema_version": SCHEMA_VERSION,
-            "robot_id": "mbot-1",
-            "sha256": hashlib.sha256(data).hexdigest(),
-            "size_bytes": len(data),
-            "expected_active_sha256": model.sha256 if model is not None else "",
-        }
-        request = PushBegin(**(fields | changes))  # pyright: ignore[reportArgumentType]
-        return PushReply.FromString(self.service.begin(request.SerializeToString()))
-
-    def chunk(self, push_id: str, offset: int, data: bytes) -> PushReply:
-        request = PushChunk(
-            schema_version=SCHEMA_VERSION, push_id=push_id, offset_bytes=offset, data=data
-        )
-        return PushReply.FromString(self.service.chunk(request.SerializeToString()))
-
-    def commit(self, push_id: str) -> PushReply:
-        request = PushCommit(schema_version=SCHEMA_VERSION, push_id=push_id)
-        return PushReply.FromString(self.service.commit(request.SerializeToString()))
-
-    def push(self, data: bytes, **changes: object) -> PushReply:
-        reply = self.begin(data, **changes)
-        if not reply.accepted:
-            return reply
-        for offset in range(0, len(data), CHUNK_BYTES):
-            piece = data[offset : offset + CHUNK_BYTES]
-            acknowledged = self.chunk(reply.push_id, offset, piece)
-            if not acknowledged.accepted:
-                return acknowledged
-        return self.commit(reply.push_id)
-
-    def activate(self, sha256: str = "") -> ModelList:
-        request = Activate(schema_version=SCHEMA_VERSION, robot_id="mbot-1", sha256=sha256)
-        return ModelList.FromString(self.service.activate(request.SerializeToString()))
+THIRD = constant_model(0.3, 0.3, name="third")
 
 
 @pytest.fixture
@@ -89,7 +27,7 @@ def test_a_push_becomes_active_and_survives_a_restart(robot: Robot, tmp_path: Pa
     reply = robot.push(FIRST)
     assert reply.accepted, reply.reason
     assert reply.active_model.name == "first"
-    assert [policy.metadata.name for policy in robot.used] == ["first"]
+    assert [policy.metadata.name for policy, _ in robot.used] == ["first"]
     assert Robot(tmp_path).active == "first"
 
 
@@ -102,23 +40,24 @@ def test_rolling_back_returns_to_the_previous_model(robot: Robot) -> None:
     assert robot.active == "first"
     assert {m.name for m in reply.models} == {"first", "second"}
     assert {m.sha256[:6]: (m.active, m.previous) for m in reply.models} == {
-        hashlib.sha256(FIRST).hexdigest()[:6]: (True, False),
-        hashlib.sha256(SECOND).hexdigest()[:6]: (False, True),
+        digest(FIRST)[:6]: (True, False),
+        digest(SECOND)[:6]: (False, True),
     }
-    assert robot.activate(hashlib.sha256(SECOND).hexdigest()[:8]).accepted
+    assert robot.activate(digest(SECOND)[:8]).accepted
     assert robot.active == "second"
 
 
 @pytest.mark.parametrize(
     ("data", "words"),
     [
-        (b"no model at all", "onnxruntime cannot load"),
+        (b"no model at all", "no ONNX model"),
         (constant_model(math.nan, 0.0), "two finite numbers"),
         (constant_model(input_shape=(1, 32, 32, 3)), "expected 'observation'"),
-        (FIRST[:200], "onnxruntime cannot load"),
+        (FIRST[:200], "truncated or damaged"),
     ],
 )
-def test_a_bad_model_leaves_the_old_one(robot: Robot, data: bytes, words: str) -> None:
+def test_a_bad_model_leaves_the_old_one(tmp_path: Path, data: bytes, words: str) -> None:
+    robot = Robot(tmp_path, try_model=dry_run)
     robot.push(SECOND)
     reply = robot.push(data)
     assert not reply.accepted
@@ -127,12 +66,22 @@ def test_a_bad_model_leaves_the_old_one(robot: Robot, data: bytes, words: str) -
     assert len(robot.used) == 1
 
 
-def test_bytes_that_changed_on_the_way_are_refused(robot: Robot) -> None:
+def test_bytes_that_changed_on_the_way_are_refused_before_anything_reads_them(
+    tmp_path: Path,
+) -> None:
+    tried: list[bytes] = []
+
+    def try_model(data: bytes, _rate_hz: float) -> Report:
+        tried.append(data)
+        return Report(0.1, 0)
+
+    robot = Robot(tmp_path, try_model=try_model)
     begun = robot.begin(FIRST)
     robot.chunk(begun.push_id, 0, FIRST[:-1] + b"?")
     reply = robot.commit(begun.push_id)
     assert not reply.accepted
     assert "digest" in reply.reason
+    assert tried == []
 
 
 @pytest.mark.parametrize(
@@ -167,11 +116,36 @@ def test_of_two_pushes_at_once_one_wins_and_the_other_learns_why(robot: Robot) -
     assert robot.active == "first"
 
 
+def test_a_rollback_in_mid_push_is_not_undone_by_it(robot: Robot) -> None:
+    robot.push(FIRST)
+    robot.push(SECOND)
+    begun = robot.begin(THIRD)
+    robot.chunk(begun.push_id, 0, THIRD)
+    robot.fail()
+    assert robot.active == "first"
+    reply = robot.commit(begun.push_id)
+    assert "has become active meanwhile" in reply.reason
+    assert robot.active == "first"
+
+
+def test_a_rollback_during_the_dry_run_is_not_undone_either(tmp_path: Path) -> None:
+    def go_back(_data: bytes, _rate_hz: float) -> Report:
+        if len(robot.used) == 2:
+            robot.fail()
+        return Report(0.1, 0)
+
+    robot = Robot(tmp_path, try_model=go_back)
+    robot.push(FIRST)
+    robot.push(SECOND)
+    assert "has become active meanwhile" in robot.push(THIRD).reason
+    assert robot.active == "first"
+
+
 def test_a_push_whose_sender_died_is_forgotten(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begun = robot.begin(FIRST)
-    later_s = time.monotonic() + model_service.STAGING_EXPIRES_S + 1
+    later_s = time.monotonic() + staging.STAGING_EXPIRES_S + 1
     monkeypatch.setattr(time, "monotonic", lambda: later_s)
     robot.service.expire_staging()
     reply = robot.chunk(begun.push_id, 0, FIRST)
@@ -195,15 +169,6 @@ def test_a_model_for_another_rate_is_accepted_with_a_word(robot: Robot) -> None:
     assert "made for 10 decisions/s, this robot makes 2.5" in reply.reason
 
 
-def test_at_start_a_damaged_active_model_gives_way_to_the_previous_one(
-    robot: Robot, tmp_path: Path
-) -> None:
-    robot.push(FIRST)
-    robot.push(SECOND)
-    (tmp_path / f"{hashlib.sha256(SECOND).hexdigest()}.onnx").write_bytes(SECOND[:-5])
-    assert Robot(tmp_path).active == "first"
-
-
 def test_a_full_disk_is_a_reason(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     robot.push(SECOND)
 
@@ -214,3 +179,67 @@ def test_a_full_disk_is_a_reason(robot: Robot, monkeypatch: pytest.MonkeyPatch) 
     reply = robot.begin(FIRST)
     assert "only 1000 bytes are free" in reply.reason
     assert robot.active == "second"
+
+
+def test_models_are_listed_with_their_standing(robot: Robot) -> None:
+    robot.push(FIRST)
+    robot.decide_well()
+    robot.push(SECOND)
+    robot.fail()
+    found = {m.name: (m.active, m.proven, m.rejected, m.signed_by) for m in robot.list().models}
+    assert found == {
+        "first": (True, True, False, "anna"),
+        "second": (False, False, True, "anna"),
+    }
+    status = robot.service.active_model
+    assert status is not None
+    assert (status.proven, status.signed_by, status.size_bytes) == (True, "anna", len(FIRST))
+    assert status.stored_unix_time_ns > 10**18
+
+
+@pytest.mark.parametrize("payload", [b"", b"\xff" * 40, b"\x08\x09"])
+def test_malformed_requests_get_a_reason(robot: Robot, payload: bytes) -> None:
+    service = robot.service
+    for answer in (service.nonce, service.begin, service.chunk, service.commit):
+        reply = PushReply.FromString(answer(payload))
+        assert not reply.accepted
+        assert reply.reason
+    assert not ModelList.FromString(service.activate(payload)).accepted
+
+
+MEMORY_CHECK = """
+import sys, time
+from pathlib import Path
+from mbot_protocol.keys import CHUNK_BYTES
+from tests.robot.model_bench import Robot
+
+def resident_mb():
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 2**20
+
+robot = Robot(Path(sys.argv[1]))
+before = resident_mb()
+data = bytes(range(256)) * (16 * 2**12)
+push_id = robot.begin(data).push_id
+for offset in range(0, len(data) - CHUNK_BYTES, CHUNK_BYTES):
+    assert robot.chunk(push_id, offset, data[offset : offset + CHUNK_BYTES]).accepted
+del data
+staged = resident_mb()
+now = time.monotonic
+time.monotonic = lambda: now() + 16
+robot.service.expire_staging()
+assert not robot.commit(push_id).accepted
+print(staged - before, resident_mb() - before)
+"""
+
+
+def test_the_memory_of_a_push_whose_sender_died_comes_back(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", MEMORY_CHECK, str(tmp_path)],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=Path(__file__).parents[2],
+    )
+    staged_mb, kept_mb = (float(word) for word in done.stdout.split())
+    assert staged_mb >= 15
+    assert kept_mb <= 4

@@ -5,7 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from mbot_agent.model_store import Label, ModelStore, Pointer
+from mbot_agent import atomic_file
+from mbot_agent.activation import Activation
+from mbot_agent.model_store import Label, ModelStore
 from mbot_protocol.errors import ContractError, RefusedError
 
 
@@ -15,23 +17,27 @@ def put(store: ModelStore, data: bytes) -> str:
     return sha256
 
 
+def activate(store: ModelStore, sha256: str) -> None:
+    store.activate(sha256, store.activation.active)
+
+
 @pytest.fixture
 def store(tmp_path: Path) -> ModelStore:
     return ModelStore(tmp_path / "models", keep=3)
 
 
 def test_an_empty_store_has_no_active_model(store: ModelStore) -> None:
-    assert store.pointer == Pointer()
+    assert store.activation == Activation()
     assert store.models() == []
 
 
 def test_activation_remembers_what_was_before(store: ModelStore) -> None:
     first, second = put(store, b"first"), put(store, b"second")
-    store.activate(first)
-    store.activate(second)
-    assert store.pointer == Pointer(second, first)
-    store.activate(second)  # again: nothing changes
-    assert store.pointer == Pointer(second, first)
+    activate(store, first)
+    activate(store, second)
+    assert store.activation == Activation(second, first)
+    activate(store, second)  # again: nothing changes
+    assert store.activation == Activation(second, first)
     assert store.read(first) == b"first"
 
 
@@ -42,9 +48,32 @@ def test_a_damaged_model_is_never_handed_out(store: ModelStore, tmp_path: Path) 
         store.read(sha256)
 
 
-def test_a_damaged_pointer_means_no_model_not_a_crash(store: ModelStore, tmp_path: Path) -> None:
-    (tmp_path / "models" / "active.json").write_bytes(b"\x00\xff{")
-    assert store.pointer == Pointer()
+@pytest.mark.parametrize("content", [b"", b"\x00\xff{", b"[]", b'{"starts": {"a": "b"}}'])
+def test_a_damaged_activation_means_no_model_not_a_crash(
+    store: ModelStore, tmp_path: Path, content: bytes
+) -> None:
+    path = tmp_path / "models" / "active.json"
+    path.write_bytes(content)
+    assert store.activation == Activation()
+    activate(store, put(store, b"one"))
+    assert store.activation.active
+
+
+def test_an_activation_of_an_older_version_is_read(store: ModelStore, tmp_path: Path) -> None:
+    first, second = put(store, b"first"), put(store, b"second")
+    text = f'{{"active":"{second}","previous":"{first}"}}'
+    (tmp_path / "models" / "active.json").write_text(text)
+    assert store.activation == Activation(second, first)
+
+
+def test_an_activation_that_cannot_be_read_now_is_not_overwritten(
+    store: ModelStore, tmp_path: Path
+) -> None:
+    sha256 = put(store, b"one")
+    (tmp_path / "models" / "active.json").mkdir()
+    assert store.activation == Activation()
+    with pytest.raises(RefusedError, match="Is a directory"):
+        activate(store, sha256)
 
 
 def test_old_models_go_but_never_the_active_or_previous_one(
@@ -54,8 +83,8 @@ def test_old_models_go_but_never_the_active_or_previous_one(
     for age in range(6):
         digests.append(put(store, f"model {age}".encode()))
         os.utime(tmp_path / "models" / f"{digests[-1]}.onnx", (age, age))
-        store.activate(digests[-1])
-    store.activate(digests[3])
+        activate(store, digests[-1])
+    activate(store, digests[3])
     kept = {model.sha256: model.label.name for model in store.models()}
     assert kept == {digests[5]: "model 5", digests[4]: "model 4", digests[3]: "model 3"}
     assert len(list((tmp_path / "models").iterdir())) == 2 * 3 + 1
@@ -63,7 +92,7 @@ def test_old_models_go_but_never_the_active_or_previous_one(
 
 def test_a_model_that_is_not_stored_cannot_become_active(store: ModelStore) -> None:
     with pytest.raises(RefusedError, match="no stored model"):
-        store.activate("0" * 64)
+        activate(store, "0" * 64)
 
 
 def test_prefixes_must_be_long_and_fit_one(store: ModelStore) -> None:
@@ -79,30 +108,45 @@ def test_a_full_disk_leaves_the_old_model_and_no_litter(
     store: ModelStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
 ) -> None:
     old, new = put(store, b"old"), put(store, b"new")
-    store.activate(old)
+    activate(store, old)
 
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    if step == "fsync":
-        monkeypatch.setattr(os, "fsync", full)
-    else:
-        monkeypatch.setattr(Path, "rename", full)
+    monkeypatch.setattr(atomic_file.os, step, full)
     with pytest.raises(RefusedError, match="No space left"):
-        store.activate(new)
+        activate(store, new)
     with pytest.raises(RefusedError, match="No space left"):
         put(store, b"third")
     monkeypatch.undo()
-    assert store.pointer.active == old
+    assert store.activation.active == old
     assert store.read(old) == b"old"
     assert list((tmp_path / "models").glob("*.tmp")) == []
 
 
 def test_leftovers_of_a_power_cut_are_swept_at_start(tmp_path: Path) -> None:
-    (tmp_path / "half.1.2.tmp").write_bytes(b"half")
     store = ModelStore(tmp_path, keep=2)
-    assert list(tmp_path.iterdir()) == []
-    assert store.pointer == Pointer()
+    sha256 = put(store, b"whole")
+    (tmp_path / f"{'a' * 64}.onnx.1.2.tmp").write_bytes(b"half")
+    (tmp_path / f"{'b' * 64}.json").write_text("the label of a model that never came")
+    (tmp_path / "sequences.json").write_text("{}")
+    store.sweep()
+    expected = {f"{sha256}.onnx", f"{sha256}.json", "sequences.json"}
+    assert {path.name for path in tmp_path.iterdir()} == expected
+
+
+def test_a_model_stored_again_keeps_its_bytes_and_gets_the_new_label(
+    store: ModelStore, tmp_path: Path
+) -> None:
+    sha256 = put(store, b"one")
+    path = tmp_path / "models" / f"{sha256}.onnx"
+    os.utime(path, (1, 1))
+    store.add(sha256, b"one", Label("again"))
+    assert store.label(sha256) == Label("again")
+    assert store.stored_unix_time_ns(sha256) == 10**9
+    path.write_bytes(b"two")
+    store.add(sha256, b"one", Label("mended"))
+    assert store.read(sha256) == b"one"
 
 
 def test_a_directory_that_cannot_be_made_is_explained(tmp_path: Path) -> None:

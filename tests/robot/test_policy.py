@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from onnx import TensorProto
 
-from mbot_agent.dry_run import dry_run
 from mbot_agent.policy import Policy, PolicyError
 from mbot_protocol.errors import ContractError, NewerSchemaError
 from mbot_protocol.policy_contract import FULL_VIEW, PolicyMetadata
@@ -28,6 +27,8 @@ BAD_MODELS = {
     "no metadata": (constant_model(metadata={}), ContractError),
     "newer contract": (constant_model(metadata=NEWER), NewerSchemaError),
     "too large": (bytes(17 * 2**20), ContractError),
+    "forbidden operator": (constant_model(extra_operator="Range"), ContractError),
+    "onnxruntime's own format": (b"\x08\x08\x12\x08ORTM1234", ContractError),
 }
 
 
@@ -57,24 +58,15 @@ def test_a_bad_model_is_refused_in_one_line(name: str) -> None:
     assert "\n" not in str(caught.value)
 
 
+def test_onnxruntimes_own_format_is_never_read() -> None:
+    """Bytes that are both: as ONNX they were checked, so as ONNX they are read."""
+    both = Policy(b"\x08\x08\x12\x08ORTM1234" + constant_model())
+    assert both.act(GREY) == (0.5, 0.5)
+
+
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ContractError, match=r"cannot read the model .*none\.onnx"):
         Policy.load(tmp_path / "none.onnx")
-
-
-def test_a_dry_run_accepts_what_acts_and_refuses_what_does_not(tmp_path: Path) -> None:
-    path = tmp_path / "model.onnx"
-    path.write_bytes(constant_model())
-    dry_run(path)
-    path.write_bytes(constant_model(math.nan, 0.0))
-    with pytest.raises(ContractError, match="two finite numbers"):
-        dry_run(path)
-    path.write_bytes(constant_model(metadata=NEWER))
-    with pytest.raises(NewerSchemaError, match="upgrade mbot-agent"):
-        dry_run(path)
-    path.write_bytes(b"this is no model")
-    with pytest.raises(ContractError, match="onnxruntime cannot load"):
-        dry_run(path)
 
 
 IMPORT_CHECK = """

@@ -16,6 +16,7 @@ def constant_model(
     input_type: int = TensorProto.UINT8,
     metadata: dict[str, str] | None = None,
     decision_rate_hz: float = 2.5,
+    extra_operator: str = "",
 ) -> bytes:
     """A model that always answers (left, right), whatever it sees; NaN included."""
     axes = list(range(1, len(input_shape)))
@@ -26,6 +27,8 @@ def constant_model(
         helper.make_node("Mul", ["column", "zero"], ["nothing"]),
         helper.make_node("Add", ["nothing", "answer"], ["action"]),
     ]
+    if extra_operator:
+        nodes.append(helper.make_node(extra_operator, ["one"], ["unused"]))
     graph = helper.make_graph(
         nodes,
         name,

@@ -22,7 +22,9 @@ from mbot_protocol.keys import (
     PUSH_BEGIN,
     PUSH_CHUNK,
     PUSH_COMMIT,
+    PUSH_NONCE,
     STATUS,
+    STOP,
     Topic,
 )
 from mbot_protocol.v1.messages_pb2 import (
@@ -31,8 +33,10 @@ from mbot_protocol.v1.messages_pb2 import (
     Decision,
     Model,
     ModelList,
+    Notice,
     PushBegin,
     PushChunk,
+    PushNonceReply,
     PushReply,
     State,
     Status,
@@ -43,6 +47,7 @@ Reply = Message | bytes | str | None
 
 ROBOT_ID = "mbot-1"
 SESSION_ID = 0xF00D_FEED_0000_0001
+NONCE = "5a" * 16
 CLOCK_AHEAD_NS = 5_000_000_000_000
 """The robot's monotonic clock is not the workstation's."""
 
@@ -53,6 +58,8 @@ OLD_MODEL = Model(
     stored_unix_time_ns=1_700_000_000_000_000_000,
     active=True,
     decision_rate_hz=2.5,
+    signed_by="anna",
+    proven=True,
 )
 
 
@@ -72,11 +79,15 @@ class FakeRobot:
         self.staged = bytearray()
         self.received: list[tuple[str, bytes]] = []
         self.active = OLD_MODEL
+        self.trusted_keys: list[str] = []
+        self.notices: list[Notice] = []
         self.replies: dict[str, Callable[[bytes], Reply]] = {
             STATUS.name: lambda _data: self.status(),
             COMMAND.name: self._command,
+            STOP.name: self._command,
             MODELS.name: lambda _data: self._models(),
             ACTIVATE.name: lambda _data: self._models(),
+            PUSH_NONCE.name: self._nonce,
             PUSH_BEGIN.name: self._begin,
             PUSH_CHUNK.name: self._chunk,
             PUSH_COMMIT.name: self._commit,
@@ -128,6 +139,9 @@ class FakeRobot:
             decision_rate_hz=10.0,
             active_model=self.active,
             software_version="0.1.0",
+            notices=self.notices,
+            trusted_keys=self.trusted_keys,
+            accepts_unsigned_models=not self.trusted_keys,
         )
 
     def now_ns(self) -> int:
@@ -137,7 +151,8 @@ class FakeRobot:
         return [name for name, _data in self.received]
 
     def commands(self) -> list[Command]:
-        return [Command.FromString(data) for name, data in self.received if name == COMMAND.name]
+        names = (COMMAND.name, STOP.name)
+        return [Command.FromString(data) for name, data in self.received if name in names]
 
     def publish(self, message: Decision | CompressedImage | bytes, topic: Topic | None = None):
         if topic is None:
@@ -182,6 +197,9 @@ class FakeRobot:
     def _models(self) -> ModelList:
         older = Model(sha256="b" * 64, name="older", previous=True, decision_rate_hz=2.5)
         return ModelList(schema_version=1, accepted=True, models=[self.active, older])
+
+    def _nonce(self, _data: bytes) -> PushNonceReply:
+        return PushNonceReply(schema_version=1, accepted=True, nonce=NONCE)
 
     def _begin(self, data: bytes) -> PushReply:
         self.wanted = PushBegin.FromString(data)

@@ -17,6 +17,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError, ContractError
+from mbot_protocol.golden_frames import PROPERTY
 from mbot_protocol.policy_contract import FULL_VIEW, PolicyMetadata
 from mbot_workstation.commands.export import export
 from mbot_workstation.model_check import check_model
@@ -28,11 +29,7 @@ from mbot_workstation.training.checkpoint import (
 )
 from mbot_workstation.training.curriculum import CurriculumState
 from mbot_workstation.training.fetch_env import FetchEnv
-from mbot_workstation.training.golden_frames import (
-    PROPERTY,
-    check_golden_frames,
-    golden_property,
-)
+from mbot_workstation.training.golden_frames import check_golden_frames, golden_property
 from mbot_workstation.training.learner import LearnerSettings, make_learner
 from mbot_workstation.training.onnx_policy import OnnxPolicy
 from mbot_workstation.training.picture_ppo import PicturePPO

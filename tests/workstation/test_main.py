@@ -10,8 +10,25 @@ from pathlib import Path
 
 import pytest
 
-from mbot_protocol.keys import ACTIVATE, CHUNK_BYTES, COMMAND, PUSH_CHUNK, PUSH_COMMIT, STATUS
-from mbot_protocol.v1.messages_pb2 import Activate, CommandReply, Fault, State, Status
+from mbot_protocol.keys import (
+    ACTIVATE,
+    CHUNK_BYTES,
+    COMMAND,
+    MODELS,
+    PUSH_CHUNK,
+    PUSH_COMMIT,
+    STATUS,
+)
+from mbot_protocol.v1.messages_pb2 import (
+    Activate,
+    CommandReply,
+    Fault,
+    Model,
+    ModelList,
+    Notice,
+    State,
+    Status,
+)
 from mbot_workstation.recording import read_recording
 
 from .fake_robot import OLD_MODEL, FakeRobot, free_port
@@ -170,7 +187,11 @@ def test_a_model_is_pushed(robot: FakeRobot, policy: Path) -> None:
     run = workstation(robot, "push-model", str(policy))
     assert run.returncode == 0, run.stderr
     assert run.stdout.startswith("mbot-1 now has new ")
-    assert run.stderr == "workstation: note: made for 5 decisions/s\n"
+    assert run.stderr.splitlines() == [
+        "workstation: note: sent without a signature, which mbot-1 takes from anybody "
+        "(trust.allow_unsigned)",
+        "workstation: note: made for 5 decisions/s",
+    ]
     assert robot.active.name == "new"
     again = json.loads(workstation(robot, "push-model", str(policy), "--json").stdout)
     assert (again["robot_id"], again["name"], again["active"]) == ("mbot-1", "new", True)
@@ -223,6 +244,27 @@ def test_robots_lists_the_living_and_names_the_unreachable(robot: FakeRobot) -> 
     assert table.returncode == 0
     assert "mbot-1" in table.stdout
     assert "old aaaaaaaaaaaa" in table.stdout
+
+
+def test_robots_shows_who_takes_unsigned_models(robot: FakeRobot) -> None:
+    robot.notices = [Notice(kind="unsigned-models", detail="takes models from anyone")]
+    assert "mbot-1: note: unsigned-models: takes" in workstation(robot, "robots").stdout
+    (found,) = json.loads(workstation(robot, "robots", "--json").stdout)
+    assert found["accepts_unsigned_models"] is True
+    assert (found["trusted_keys"], found["model_signed_by"]) == ([], "anna")
+    assert found["notices"] == [{"kind": "unsigned-models", "detail": "takes models from anyone"}]
+
+
+def test_models_tell_who_signed_them_and_which_are_on_trial(robot: FakeRobot) -> None:
+    robot.active = Model(sha256="c" * 64, name="new", active=True, signed_by="bert")
+    rejected = Model(sha256="d" * 64, name="bad", previous=True, rejected=True)
+    robot.replies[MODELS.name] = lambda _data: ModelList(
+        schema_version=1, accepted=True, models=[robot.active, rejected]
+    )
+    lines = workstation(robot, "models").stdout.splitlines()
+    assert lines[1].startswith("active, on trial  cccccccccccc")
+    assert lines[1].split()[-1] == "bert"
+    assert lines[2].startswith("rolled back")
 
 
 def publishing(robot: FakeRobot, process: subprocess.Popen[str], seconds: float) -> None:

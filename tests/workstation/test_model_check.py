@@ -2,7 +2,7 @@ import hashlib
 from pathlib import Path
 
 import pytest
-from onnx import TensorProto
+from onnx import TensorProto, helper
 
 from mbot_protocol.errors import ConfigurationError, ContractError, NewerSchemaError
 from mbot_protocol.policy_contract import LARGEST_MODEL_BYTES, PolicyMetadata
@@ -77,6 +77,13 @@ def test_weights_in_another_file_are_refused(tmp_path: Path) -> None:
     ballast.data_location = TensorProto.EXTERNAL
     ballast.external_data.add(key="location", value="weights.bin")
     with pytest.raises(ContractError, match="external_data=False"):
+        check_model(write(tmp_path / "policy.onnx", model.SerializeToString()))
+
+
+def test_what_a_robot_would_refuse_is_refused_here(tmp_path: Path) -> None:
+    model = small_policy()
+    model.graph.node.append(helper.make_node("NonZero", ["float"], ["where"]))
+    with pytest.raises(ContractError, match="the operator 'NonZero', which a robot does not run"):
         check_model(write(tmp_path / "policy.onnx", model.SerializeToString()))
 
 

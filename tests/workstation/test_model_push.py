@@ -1,17 +1,35 @@
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from mbot_protocol.errors import ContractError, RefusedError
-from mbot_protocol.keys import ACTIVATE, CHUNK_BYTES, PUSH_BEGIN, PUSH_CHUNK, PUSH_COMMIT
+from mbot_protocol.keys import (
+    ACTIVATE,
+    CHUNK_BYTES,
+    PUSH_BEGIN,
+    PUSH_CHUNK,
+    PUSH_COMMIT,
+    PUSH_NONCE,
+)
+from mbot_protocol.model_manifest import SignedManifest, decode, verify
 from mbot_protocol.schema import MalformedMessageError
-from mbot_protocol.v1.messages_pb2 import Activate, ModelList, PushReply
-from mbot_workstation.model_push import push
+from mbot_protocol.v1.messages_pb2 import (
+    Activate,
+    ModelList,
+    PushBegin,
+    PushNonceReply,
+    PushReply,
+    Status,
+)
+from mbot_workstation.model_check import check_model
+from mbot_workstation.model_push import push, push_checked
 from mbot_workstation.model_store import activate, list_models, model_fields
 from mbot_workstation.robot_link import RobotLink
+from mbot_workstation.signing_key import SigningKey
 
-from .fake_robot import OLD_MODEL, FakeRobot
+from .fake_robot import NONCE, OLD_MODEL, ROBOT_ID, FakeRobot
 from .samples import small_policy
 
 
@@ -28,47 +46,100 @@ def policy(tmp_path: Path) -> Path:
     return path
 
 
-def refusal(reason: str) -> PushReply:
-    return PushReply(schema_version=1, accepted=False, reason=reason)
+KEY = SigningKey.ephemeral("anna")
+
+
+def unsigned(_status: Status) -> None:
+    return None
+
+
+def signed(_status: Status) -> SigningKey:
+    return KEY
 
 
 def test_a_model_arrives_whole_in_acknowledged_chunks(
     robot: FakeRobot, link: RobotLink, policy: Path
 ) -> None:
     progress: list[tuple[int, int]] = []
-    pushed = push(link, policy, lambda sent, total: progress.append((sent, total)))
+    pushed = push(link, policy, signed, lambda sent, total: progress.append((sent, total)))
     size_bytes = policy.stat().st_size
     assert bytes(robot.staged) == policy.read_bytes()
     assert (pushed.model.name, pushed.advice) == ("new", "made for 5 decisions/s")
     assert robot.wanted.expected_active_sha256 == OLD_MODEL.sha256
     assert robot.wanted.size_bytes == size_bytes
     assert [sent for sent, _ in progress] == [CHUNK_BYTES, 2 * CHUNK_BYTES, size_bytes]
-    assert robot.names() == ["status", PUSH_BEGIN.name, *[PUSH_CHUNK.name] * 3, PUSH_COMMIT.name]
+    chunks = [PUSH_CHUNK.name] * 3
+    expected = ["status", PUSH_NONCE.name, PUSH_BEGIN.name, *chunks, PUSH_COMMIT.name]
+    assert robot.names() == expected
+
+
+def test_what_is_signed_is_this_push_to_this_robot(
+    robot: FakeRobot, link: RobotLink, policy: Path
+) -> None:
+    push(link, policy, signed)
+    first = robot.wanted
+    manifest = SignedManifest(first.manifest, first.signature, first.public_key)
+    assert verify(manifest, [KEY.public]) == KEY.public
+    said = decode(first.manifest)
+    assert (said.robot_id, said.nonce) == (ROBOT_ID, NONCE)
+    assert (said.sha256, said.size_bytes) == (first.sha256, first.size_bytes)
+    assert abs(said.not_after_unix_s - time.time() - 86_400) < 3600
+    assert not said.allow_downgrade
+    robot.active = OLD_MODEL
+    push_checked(link, check_model(policy), signed, lambda _s, _a: None, allow_downgrade=True)
+    later = decode(robot.wanted.manifest)
+    assert later.allow_downgrade
+    assert later.sequence > said.sequence
+
+
+def test_without_a_key_nothing_is_signed(robot: FakeRobot, link: RobotLink, policy: Path) -> None:
+    push(link, policy, unsigned)
+    assert PUSH_NONCE.name not in robot.names()
+    assert robot.wanted == PushBegin(
+        schema_version=1,
+        robot_id=ROBOT_ID,
+        sha256=robot.wanted.sha256,
+        size_bytes=policy.stat().st_size,
+        expected_active_sha256=OLD_MODEL.sha256,
+    )
+
+
+@pytest.mark.parametrize("nonce", ["", "no nonce", '5a"}'])
+def test_nothing_but_a_nonce_is_signed(
+    robot: FakeRobot, link: RobotLink, policy: Path, nonce: str
+) -> None:
+    robot.replies[PUSH_NONCE.name] = lambda _data: PushNonceReply(
+        schema_version=1, accepted=True, nonce=nonce
+    )
+    with pytest.raises(RefusedError, match="manifest is unusable"):
+        push(link, policy, signed)
+    assert PUSH_BEGIN.name not in robot.names()
 
 
 def test_a_model_that_is_active_already_is_not_sent_again(
     robot: FakeRobot, link: RobotLink, policy: Path
 ) -> None:
-    push(link, policy)
+    push(link, policy, signed)
     robot.received.clear()
-    assert push(link, policy).model.name == "new"
+    assert push(link, policy, signed).model.name == "new"
     assert robot.names() == ["status"]
 
 
-@pytest.mark.parametrize("step", [PUSH_BEGIN, PUSH_CHUNK, PUSH_COMMIT])
+@pytest.mark.parametrize("step", [PUSH_NONCE, PUSH_BEGIN, PUSH_CHUNK, PUSH_COMMIT])
 def test_a_refusal_at_any_step_gives_the_reason(
     robot: FakeRobot, link: RobotLink, policy: Path, step
 ) -> None:
-    robot.replies[step.name] = lambda _data: refusal("the disk is full")
+    kind = PushNonceReply if step is PUSH_NONCE else PushReply
+    robot.replies[step.name] = lambda _data: kind(schema_version=1, reason="the disk is full")
     with pytest.raises(RefusedError, match="keeps its own: the disk is full"):
-        push(link, policy)
+        push(link, policy, signed)
     assert robot.active == OLD_MODEL
 
 
 def test_a_lost_chunk_is_noticed(robot: FakeRobot, link: RobotLink, policy: Path) -> None:
     robot.replies[PUSH_CHUNK.name] = lambda _data: PushReply(schema_version=1, accepted=True)
     with pytest.raises(MalformedMessageError, match="0 bytes of the model, expected 65536"):
-        push(link, policy)
+        push(link, policy, signed)
 
 
 def test_a_robot_that_activates_another_model_is_noticed(
@@ -78,14 +149,14 @@ def test_a_robot_that_activates_another_model_is_noticed(
         schema_version=1, accepted=True, active_model=OLD_MODEL
     )
     with pytest.raises(MalformedMessageError, match="another one as active"):
-        push(link, policy)
+        push(link, policy, signed)
 
 
 def test_a_bad_file_never_leaves(robot: FakeRobot, link: RobotLink, tmp_path: Path) -> None:
     path = tmp_path / "notes.txt"
     path.write_text("not a model")
     with pytest.raises(ContractError):
-        push(link, path)
+        push(link, path, signed)
     assert robot.received == []
 
 
@@ -96,7 +167,7 @@ def test_an_interrupted_push_is_never_committed(
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        push(link, policy, interrupt)
+        push(link, policy, signed, interrupt)
     assert PUSH_COMMIT.name not in robot.names()
     assert robot.active == OLD_MODEL
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 import pytest
 
 from mbot_protocol.errors import RefusedError, UnreachableError
-from mbot_protocol.keys import COMMAND
+from mbot_protocol.keys import COMMAND, STOP
 from mbot_protocol.v1.messages_pb2 import CommandReply
 from mbot_workstation import remote_control
 from mbot_workstation.remote_control import TIME_TO_LIVE_S, RemoteControl, RobotClock
@@ -54,7 +54,7 @@ def test_a_command_that_was_held_up_is_refused(robot: FakeRobot, control: Remote
 
 def test_stop_needs_no_status_and_never_expires(robot: FakeRobot, control: RemoteControl) -> None:
     assert control.stop() == "stopped"
-    assert robot.names() == ["command"]
+    assert robot.names() == ["stop"]
     assert robot.commands()[0].WhichOneof("action") == "stop"
 
 
@@ -62,9 +62,9 @@ def test_stop_is_tried_again(
     robot: FakeRobot, control: RemoteControl, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(remote_control, "STOP_TIMEOUT_S", 0.2)
-    answer = robot.replies[COMMAND.name]
+    answer = robot.replies[STOP.name]
     deaf = iter([True, True, False])
-    robot.replies[COMMAND.name] = lambda data: None if next(deaf) else answer(data)
+    robot.replies[STOP.name] = lambda data: None if next(deaf) else answer(data)
     assert control.stop() == "stopped"
 
 
@@ -72,7 +72,7 @@ def test_a_stop_without_confirmation_says_what_that_means(
     robot: FakeRobot, control: RemoteControl, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(remote_control, "STOP_TIMEOUT_S", 0.1)
-    robot.replies[COMMAND.name] = lambda _data: None
+    robot.replies[STOP.name] = lambda _data: None
     with pytest.raises(UnreachableError, match="STOP was not confirmed, the robot may be driving"):
         control.stop()
     assert len(robot.commands()) == 3

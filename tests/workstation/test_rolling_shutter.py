@@ -82,7 +82,7 @@ def test_a_turn_looks_as_if_drawn_moment_by_moment(turn_rate_rad_s: float) -> No
 
 
 def test_a_lens_distorts_as_lens_distortion_does() -> None:
-    lens = LensDistortion(DISTORTED.scaled_to(320, 320))
+    lens = LensDistortion(DISTORTED, 320, 320)
     fine = lens.apply(draw(lens.drawn, [0.1])[0])
     truth = cv2.resize(fine, (64, 64), interpolation=cv2.INTER_AREA)
     error = rms(seen(shutter(DISTORTED, 0, 0), 0.0, 0.1), truth)

@@ -5,7 +5,7 @@ import math
 import pytest
 from rich.console import Console
 
-from mbot_protocol.v1.messages_pb2 import Decision, Fault, State
+from mbot_protocol.v1.messages_pb2 import Decision, Fault, Notice, State
 from mbot_workstation.half_blocks import decode_picture, half_blocks
 from mbot_workstation.stage_times import percentile, span_ms, stage_ms
 from mbot_workstation.telemetry_fields import decision_fields
@@ -145,6 +145,18 @@ def test_the_plain_line_is_one_line() -> None:
     assert "waiting" in plain_line("mbot-1", TelemetryWindow(), LinkState.LIVE, 0.0)
 
 
+def test_a_notice_is_shown_beside_the_faults_and_made_safe() -> None:
+    window = window_of(3)
+    noted = decision(3)
+    noted.notices.append(Notice(kind="model-rolled-back", detail="new [bold]was\x1b[2J bad"))
+    window.add(Sample(noted, 2.0))
+    for text in (drawn(window), plain_line("mbot-1", window, LinkState.LIVE, 0)):
+        assert "model-rolled-back: new [bold]was [2J bad" in text
+    assert decision_fields(noted)["notices"] == [
+        {"kind": "model-rolled-back", "detail": "new [bold]was\x1b[2J bad"}
+    ]
+
+
 def test_json_names_are_stable() -> None:
     fields = json.loads(json.dumps(decision_fields(decision(5))))
     assert list(fields) == [
@@ -153,6 +165,7 @@ def test_json_names_are_stable() -> None:
         "written_ms", "acknowledged_ms", "action_left", "action_right", "step_left",
         "step_right", "board_m1", "board_m2", "model_sha256", "missed_ticks",
         "cpu_temperature_c", "load_1min", "resident_memory_bytes", "dropped_records",
+            "notices",
     ]  # fmt: skip
     assert fields["session_id"] == "0000000000000001"
     assert fields["captured_ms"] == -30.0

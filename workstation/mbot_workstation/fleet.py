@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from mbot_protocol.errors import MbotError, UnreachableError
 from mbot_protocol.v1.messages_pb2 import Status
-from mbot_workstation.address import Endpoint, parse_address
+from mbot_workstation.address import Endpoint
+from mbot_workstation.destination import Destination
 from mbot_workstation.link_security import LinkSecurity
 from mbot_workstation.robot_link import RobotLink
 from mbot_workstation.robot_session import alive_robots, open_session
@@ -39,8 +40,12 @@ class RobotReport:
             "robot_id": self.robot_id or None,
             "state": state_word(status.state) if known else None,
             "faults": [{"kind": f.kind, "detail": f.detail} for f in status.faults],
+            "notices": [{"kind": n.kind, "detail": n.detail} for n in status.notices],
+            "accepts_unsigned_models": status.accepts_unsigned_models if known else None,
+            "trusted_keys": list(status.trusted_keys),
             "model_sha256": status.active_model.sha256 or None,
             "model_name": status.active_model.name or None,
+            "model_signed_by": status.active_model.signed_by or None,
             "decision_rate_hz": round(status.decision_rate_hz, 3) if known else None,
             "decisions": status.decisions if known else None,
             "missed_ticks": status.missed_ticks if known else None,
@@ -52,20 +57,17 @@ class RobotReport:
         }
 
 
-def look_around(addresses: Sequence[str], security: LinkSecurity | None) -> list[RobotReport]:
-    """Reports from all addresses at once, in the order of the addresses.
-
-    Raises:
-        ConfigurationError: an address is unusable.
-
-    """
-    endpoints = [parse_address(text, secured=security is not None) for text in addresses]
-    with ThreadPoolExecutor(max_workers=min(16, max(1, len(endpoints)))) as pool:
-        found = pool.map(lambda endpoint: _look_at(endpoint, security), endpoints)
+def look_around(destinations: Sequence[Destination]) -> list[RobotReport]:
+    """Reports from all destinations at once, in their order."""
+    with ThreadPoolExecutor(max_workers=min(16, max(1, len(destinations)))) as pool:
+        found = pool.map(_look_at, destinations)
         return [report for reports in found for report in reports]
 
 
-def _look_at(endpoint: Endpoint, security: LinkSecurity | None) -> list[RobotReport]:
+def _look_at(destination: Destination) -> list[RobotReport]:
+    endpoint, security = destination.endpoint, destination.security
+    if destination.robot_id is not None:
+        return [_ask(endpoint, destination.robot_id, security)]
     try:
         with open_session(endpoint, security) as session:
             robots = alive_robots(session)

@@ -12,13 +12,20 @@ if TYPE_CHECKING:
     from mbot_workstation.robot_link import RobotLink
 
 _LINK = "Link to the robot"
-_ADDRESS_HELP = "HOST, HOST:PORT, tcp/HOST:PORT or tls/HOST:PORT; this machine if not given."
+_ADDRESS_HELP = (
+    "The name of an enrolled robot, or HOST, HOST:PORT, tcp/HOST:PORT, tls/HOST:PORT; this machine "
+    "if not given."
+)
+_ADDRESSES_HELP = (
+    "As for the other commands, and several times; all enrolled robots if not given, or this "
+    "machine if there are none."
+)
 
 RobotOption = Annotated[
     str,
     typer.Option(
         "--robot",
-        metavar="ADDRESS",
+        metavar="ROBOT",
         envvar=ADDRESS_VARIABLE,
         help=_ADDRESS_HELP,
         rich_help_panel=_LINK,
@@ -28,9 +35,9 @@ RobotsOption = Annotated[
     list[str] | None,
     typer.Option(
         "--robot",
-        metavar="ADDRESS",
+        metavar="ROBOT",
         envvar=ADDRESS_VARIABLE,
-        help=f"{_ADDRESS_HELP} May be given several times.",
+        help=_ADDRESSES_HELP,
         rich_help_panel=_LINK,
     ),
 ]
@@ -89,6 +96,8 @@ def robot_link(
         ConfigurationError: an address, an identifier or a file is unusable.
 
     """
+    from mbot_workstation.destination import find_destination
     from mbot_workstation.robot_link import RobotLink
 
-    return RobotLink(robot, robot_id, link_security(ca, certificate, key))
+    found = find_destination(robot, robot_id, link_security(ca, certificate, key))
+    return RobotLink(str(found.endpoint), found.robot_id, found.security)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError, ContractError
+from mbot_protocol.model_structure import check_structure
 from mbot_protocol.policy_contract import LARGEST_MODEL_BYTES, PolicyMetadata, check_tensor
 from mbot_workstation.wording import one_line
 
@@ -104,6 +105,7 @@ def _parse(data: bytes) -> "onnx.ModelProto":
         onnx.checker.check_model(model)
     except onnx.checker.ValidationError as error:
         raise ContractError(f"the ONNX model is damaged: {one_line(str(error))}") from None
+    check_structure(data)  # a robot would refuse it for that, too
     return model
 
 

@@ -42,6 +42,9 @@ def model_fields(model: Model) -> dict[str, str | int | float | bool | None]:
         "stored_unix_time_ns": model.stored_unix_time_ns,
         "active": model.active,
         "previous": model.previous,
+        "signed_by": model.signed_by or None,
+        "proven": model.proven,
+        "rejected": model.rejected,
     }
 
 

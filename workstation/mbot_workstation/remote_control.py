@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from mbot_protocol.errors import RefusedError, UnreachableError
-from mbot_protocol.keys import COMMAND
+from mbot_protocol.keys import COMMAND, STOP, Topic
 from mbot_protocol.schema import SCHEMA_VERSION
 from mbot_protocol.v1.messages_pb2 import (
     Command,
@@ -106,7 +106,8 @@ class RemoteControl:
         """
         for attempt in range(1, STOP_ATTEMPTS + 1):
             try:
-                return self._ask(Command(stop=Stop()), STOP_TIMEOUT_S)
+                # On a key of its own, open to everybody who may look.
+                return self._ask(STOP, Command(stop=Stop()), STOP_TIMEOUT_S)
             except UnreachableError as error:
                 if attempt == STOP_ATTEMPTS:
                     raise UnreachableError(
@@ -122,12 +123,12 @@ class RemoteControl:
         assert self._clock is not None
         command.session_id = self._session_id
         command.expires_monotonic_ns = self._clock.expiry_ns(self._monotonic_ns(), TIME_TO_LIVE_S)
-        return self._ask(command, TIME_TO_LIVE_S + 1.0)
+        return self._ask(COMMAND, command, TIME_TO_LIVE_S + 1.0)
 
-    def _ask(self, command: Command, timeout_s: float) -> str:
+    def _ask(self, topic: Topic, command: Command, timeout_s: float) -> str:
         command.schema_version = SCHEMA_VERSION
         command.robot_id = self._link.robot_id
-        reply = self._link.query(COMMAND, command, CommandReply, timeout_s)
+        reply = self._link.query(topic, command, CommandReply, timeout_s)
         if not reply.accepted:
             raise RefusedError(f"robot {self._link.robot_id} refused: {one_line(reply.reason)}")
         return state_word(reply.state)

@@ -8,12 +8,22 @@ from typing import Self, TypeVar
 import zenoh
 from google.protobuf.message import Message
 
-from mbot_protocol.errors import RefusedError, UnreachableError
-from mbot_protocol.keys import ALIVE, COMMAND, PUSH_CHUNK, STATUS, Topic, check_robot_id
+from mbot_protocol.errors import MbotError, RefusedError, UnreachableError
+from mbot_protocol.keys import (
+    ALIVE,
+    COMMAND,
+    PUSH_CHUNK,
+    STATUS,
+    STOP,
+    Topic,
+    check_robot_id,
+    presence_key,
+)
 from mbot_protocol.schema import decode
 from mbot_protocol.v1.messages_pb2 import Status
 from mbot_workstation.address import ADDRESS_VARIABLE, Endpoint, parse_address
 from mbot_workstation.link_security import LinkSecurity
+from mbot_workstation.rights import person, refusal, rights_at
 from mbot_workstation.robot_session import alive_robots, open_session
 from mbot_workstation.wording import one_line
 
@@ -23,6 +33,7 @@ QUERY_TIMEOUT_S = 2.0
 
 # A command overtakes a push that goes on beside it; a push leaves the link to everything else.
 _PRIORITIES = {
+    STOP.name: zenoh.Priority.REAL_TIME,
     COMMAND.name: zenoh.Priority.INTERACTIVE_HIGH,
     PUSH_CHUNK.name: zenoh.Priority.DATA_LOW,
 }
@@ -64,6 +75,7 @@ class RobotLink:
         self._stack = ExitStack()
         self._session: zenoh.Session | None = None
         self._robot_id = ""
+        self._token: zenoh.LivelinessToken | None = None
 
     @property
     def robot_id(self) -> str:
@@ -82,6 +94,9 @@ class RobotLink:
             self._session = stack.enter_context(open_session(self.endpoint, self._security))
             # With --id the search is left out: a STOP must not wait for it.
             self._robot_id = self._wanted_id or self._only_robot(self._session)
+            # A robot may have been told not to drive while nobody is there.
+            key = presence_key(self._robot_id, str(self._session.zid()))
+            self._token = self._session.liveliness().declare_token(key)
             self._stack = stack.pop_all()
         return self
 
@@ -105,7 +120,8 @@ class RobotLink:
 
         Raises:
             UnreachableError: no reply; the request may or may not have been carried out.
-            RefusedError: the daemon answered with an error instead of a reply.
+            RefusedError: this workstation has not the right to ask that, or the daemon answered
+                with an error instead of a reply.
             NewerSchemaError, MalformedMessageError: the reply can't be read.
 
         """
@@ -117,7 +133,7 @@ class RobotLink:
                 payload=payload,
                 encoding=None if payload is None else _encoding(topic.message),
                 priority=_PRIORITIES.get(topic.name, zenoh.Priority.DATA),
-                express=topic is COMMAND,
+                express=topic in (STOP, COMMAND),
                 timeout=timeout_s,
             )
             for reply in replies:
@@ -131,7 +147,7 @@ class RobotLink:
             raise UnreachableError(
                 f"the link to {self.endpoint} broke: {one_line(str(error))}"
             ) from None
-        raise UnreachableError(self._why_silent(topic, timeout_s))
+        raise self._why_silent(topic, timeout_s)
 
     def status(self, timeout_s: float = QUERY_TIMEOUT_S) -> Status:
         """The robot's state now; raises as `query` does."""
@@ -163,10 +179,7 @@ class RobotLink:
     def _only_robot(self, session: zenoh.Session) -> str:
         robots = alive_robots(session)
         if not robots:
-            raise UnreachableError(
-                f"no robot is alive at {self.endpoint}; if it is a router, is mbot-agent connected "
-                "to it? If it is a robot, may this workstation's certificate see it?"
-            )
+            raise UnreachableError(f"no robot is alive at {self.endpoint}{self._or_not_allowed()}")
         if len(robots) > 1:
             raise UnreachableError(
                 f"{len(robots)} robots are alive at {self.endpoint}: {', '.join(robots)}; "
@@ -174,17 +187,35 @@ class RobotLink:
             )
         return robots[0]
 
-    def _why_silent(self, topic: Topic, timeout_s: float) -> str:
-        robots = alive_robots(self._open_session(), timeout_s=1.0)
-        start = f"robot {self._robot_id} at {self.endpoint} gave no reply to {topic.name}"
-        if self._robot_id in robots:
-            # Zenoh denies silently: a forbidden query looks like one that nobody answers.
-            return (
-                f"{start} within {timeout_s:g} s although it is alive; is the link slow, the "
-                "robot overloaded, or is this workstation's certificate not allowed to ask that?"
+    def _or_not_allowed(self) -> str:
+        if not (who := person(self._security)):
+            return "; if it is a router, is mbot-agent connected to it?"
+        return (
+            f", or {who} may not see it; is {who} among its people, the newest enrolment copied to "
+            "it, and mbot-agent running?"
+        )
+
+    def _why_silent(self, topic: Topic, timeout_s: float) -> MbotError:
+        """The error for a query without a reply; a forbidden one looks just like that."""
+        session, robot_id = self._open_session(), self._robot_id
+        robots = alive_robots(session, timeout_s=1.0)
+        start = f"robot {robot_id} at {self.endpoint} gave no reply to {topic.name}"
+        if robot_id in robots:
+            rights = rights_at(session, robot_id, timeout_s=1.0)
+            if rights and topic.right not in rights:
+                return refusal(person(self._security), robot_id, topic.right, rights)
+            return UnreachableError(
+                f"{start} within {timeout_s:g} s although it is alive; is the link slow or the "
+                "robot overloaded?"
             )
-        there = f"alive there: {', '.join(robots)}" if robots else "no robot is alive there"
-        return f"{start}; {there}; is mbot-agent running (`systemctl status mbot-agent`)?"
+        if robots:
+            return UnreachableError(f"{start}; alive there: {', '.join(robots)}")
+        if person(self._security):
+            return UnreachableError(f"{start}; no robot is alive there{self._or_not_allowed()}")
+        return UnreachableError(
+            f"{start}; no robot is alive there; is mbot-agent running (`systemctl status "
+            "mbot-agent`)?"
+        )
 
 
 def _encoding(message_name: str) -> zenoh.Encoding:

@@ -14,6 +14,9 @@ from mbot_workstation.address import Endpoint
 from mbot_workstation.link_diagnosis import why_no_session, why_unreachable
 from mbot_workstation.link_security import LinkSecurity
 
+LARGEST_MESSAGE_BYTES = 4 << 20
+"""Robots send pictures of some kilobytes; no more than this of anything is ever kept."""
+
 CONNECT_TIMEOUT_S = 4.0
 """Enough for a slow Wi-Fi's name look-up and TLS handshake; a person waits no longer."""
 
@@ -65,6 +68,7 @@ def _configuration(
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "transport/shared_memory/enabled": False,
+        "transport/link/rx/max_message_size": LARGEST_MESSAGE_BYTES,
     }
     if security is not None:
         tls = "transport/link/tls"

@@ -39,4 +39,5 @@ def decision_fields(decision: Decision) -> dict[str, Field]:
             decision.resident_memory_bytes if decision.HasField("resident_memory_bytes") else None
         ),
         "dropped_records": decision.dropped_records,
+        "notices": [{"kind": n.kind, "detail": n.detail} for n in decision.notices],
     }

@@ -55,6 +55,7 @@ def render(
         body.append(Text("waiting for the first decision ..."))
     else:
         body.extend(_faults(decision))
+        body.extend(Text(line, style="yellow") for line in fault_lines(decision.notices))
         numbers = Group(_facts(decision, window), "", _latencies(window))
         # In a narrow terminal the picture goes below.
         body.append(Columns([numbers, _picture(window)], padding=(0, 3)))
@@ -75,6 +76,7 @@ def plain_line(robot_id: str, window: TelemetryWindow, link: LinkState, silence_
     parts.append(f"model {short_digest(decision.model_sha256)}")
     parts.extend(f"{s.name} p50 {s.p50_ms:.1f} ms" for s in window.summaries()[-1:])
     parts.extend(fault_lines(decision.faults))
+    parts.extend(fault_lines(decision.notices))
     if silence:
         parts.append(silence)
     return ", ".join(parts)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from mbot_protocol.v1.messages_pb2 import Fault, State
+from mbot_protocol.v1.messages_pb2 import Fault, Notice, State
 
 LONGEST_TEXT = 400
 """Longer texts from the wire are cut: an error is one line a person reads."""
@@ -35,6 +35,6 @@ def size_words(size_bytes: int) -> str:
     return f"{size_bytes / 1e3:.1f} kB" if size_bytes < 1e6 else f"{size_bytes / 1e6:.2f} MB"
 
 
-def fault_lines(faults: Iterable[Fault]) -> list[str]:
-    """Each fault in one line: kind, what was found, what to do."""
+def fault_lines(faults: Iterable[Fault | Notice]) -> list[str]:
+    """Each fault or notice in one line: kind, what was found, what to do."""
     return [f"{one_line(fault.kind)}: {one_line(fault.detail)}" for fault in faults]

@@ -16,6 +16,23 @@ DEFAULT_ENDPOINT = f"tcp/127.0.0.1:{DEFAULT_PORT}"
 FOXGLOVE_PICTURE = "foxglove.CompressedImage"
 
 
+SMALL_BYTES = 4 * 1024
+"""Room for every request but a chunk of a model."""
+
+
+class Right(Enum):
+    """What a person may do with a robot. `push` and `drive` each come with `view`."""
+
+    VIEW = "view"
+    """See that it is alive, its status and telemetry; and stop it: a stop can do no harm."""
+
+    PUSH = "push"
+    """Send models and make them active."""
+
+    DRIVE = "drive"
+    """Let it run, drive it by hand."""
+
+
 class Flow(Enum):
     """How a key is used."""
 
@@ -39,6 +56,8 @@ class Topic:
         message: full name of the protobuf message published or sent as the query's payload.
         reply: full name of the reply's message, for queries.
         rate: how often, in words.
+        right: who may use it.
+        largest_bytes: a larger request never reaches the daemon, for queries.
 
     """
 
@@ -47,41 +66,79 @@ class Topic:
     message: str = ""
     reply: str = ""
     rate: str = "on demand"
+    right: Right = Right.VIEW
+    largest_bytes: int = SMALL_BYTES
 
     def key(self, robot_id: str) -> str:
         """The whole Zenoh key for one robot, or for all with `*`."""
         return f"{ROOT}/{robot_id}/{self.name}"
 
 
+CHUNK_BYTES = 64 * 1024
+"""Pushes go in acknowledged chunks of this size: on a 250 kB/s link a STOP beside a push then
+waits 60 to 160 ms instead of 5 s (measured)."""
+
 ALIVE = Topic("alive", Flow.LIVELINESS, rate="while the daemon runs")
 DECISION = Topic("telemetry/decision", Flow.PUBLISH, "mbot.v1.Decision", rate="every tick")
 OBSERVATION = Topic("telemetry/observation", Flow.PUBLISH, FOXGLOVE_PICTURE, rate="every tick")
 STATUS = Topic("status", Flow.QUERY, "", "mbot.v1.Status")
-COMMAND = Topic("command", Flow.QUERY, "mbot.v1.Command", "mbot.v1.CommandReply")
-PUSH_BEGIN = Topic("models/push/begin", Flow.QUERY, "mbot.v1.PushBegin", "mbot.v1.PushReply")
-PUSH_CHUNK = Topic(
-    "models/push/chunk", Flow.QUERY, "mbot.v1.PushChunk", "mbot.v1.PushReply", "one at a time"
+STOP = Topic("stop", Flow.QUERY, "mbot.v1.Command", "mbot.v1.CommandReply")
+COMMAND = Topic("command", Flow.QUERY, "mbot.v1.Command", "mbot.v1.CommandReply", right=Right.DRIVE)
+PUSH_NONCE = Topic(
+    "models/push/nonce", Flow.QUERY, "mbot.v1.PushNonce", "mbot.v1.PushNonceReply", right=Right.PUSH
 )
-PUSH_COMMIT = Topic("models/push/commit", Flow.QUERY, "mbot.v1.PushCommit", "mbot.v1.PushReply")
-MODELS = Topic("models/list", Flow.QUERY, "", "mbot.v1.ModelList")
-ACTIVATE = Topic("models/activate", Flow.QUERY, "mbot.v1.Activate", "mbot.v1.ModelList")
+PUSH_BEGIN = Topic(
+    "models/push/begin", Flow.QUERY, "mbot.v1.PushBegin", "mbot.v1.PushReply", right=Right.PUSH
+)
+PUSH_CHUNK = Topic(
+    "models/push/chunk",
+    Flow.QUERY,
+    "mbot.v1.PushChunk",
+    "mbot.v1.PushReply",
+    "one at a time",
+    Right.PUSH,
+    CHUNK_BYTES + SMALL_BYTES,
+)
+PUSH_COMMIT = Topic(
+    "models/push/commit", Flow.QUERY, "mbot.v1.PushCommit", "mbot.v1.PushReply", right=Right.PUSH
+)
+MODELS = Topic("models/list", Flow.QUERY, "", "mbot.v1.ModelList", right=Right.PUSH)
+ACTIVATE = Topic(
+    "models/activate", Flow.QUERY, "mbot.v1.Activate", "mbot.v1.ModelList", right=Right.PUSH
+)
+
+DOORS = {
+    right: Topic(f"may/{right.value}", Flow.LIVELINESS, rate="while the daemon runs", right=right)
+    for right in Right
+}
+"""Tokens that show which rights somebody has: each is seen by those with its right only. A denied
+query is answered by nobody, so without them a person would never learn why."""
+
+PRESENCE = Topic("here/*", Flow.LIVELINESS, rate="while a workstation is connected")
+"""Not the robot's token but the workstations': one each, with its session in the place of `*`."""
 
 TOPICS = (
     ALIVE,
     DECISION,
     OBSERVATION,
     STATUS,
+    STOP,
     COMMAND,
+    PUSH_NONCE,
     PUSH_BEGIN,
     PUSH_CHUNK,
     PUSH_COMMIT,
     MODELS,
     ACTIVATE,
+    *DOORS.values(),
+    PRESENCE,
 )
 
-CHUNK_BYTES = 64 * 1024
-"""Pushes go in acknowledged chunks of this size: on a 250 kB/s link a STOP beside a push then
-waits 60 to 160 ms instead of 5 s (measured)."""
+
+def presence_key(robot_id: str, session: str) -> str:
+    """The key of one workstation's token."""
+    return PRESENCE.key(robot_id).replace("*", session)
+
 
 _ROBOT_ID = re.compile(r"[a-z0-9][a-z0-9_-]{0,31}")
 

@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.calibration_option import CalibrationOption
 from mbot_workstation.link_options import JsonOption
 
 if TYPE_CHECKING:
+    from mbot_workstation.calibration.folder import CalibrationFiles
     from mbot_workstation.training.effects import EffectRanges
     from mbot_workstation.training.evaluate import EpisodeResult, Trial
     from mbot_workstation.training.lessons import Lesson
@@ -37,6 +39,7 @@ def evaluate(
             "all for every one. May be given several times; nominal if not.",
         ),
     ] = None,
+    calibration: CalibrationOption = None,
     panorama: Annotated[
         list[Path] | None,
         typer.Option(
@@ -70,25 +73,30 @@ def evaluate(
     Examples:
 
     - `workstation evaluate policy.onnx servo oracle --plot comparison.png`
+    - `workstation evaluate policy.onnx servo --calibration calibration/mbot-1`
     - `workstation evaluate policy.onnx --preset slippery --preset uneven --panorama kitchen.jpg`
     """
     import json
 
     from rich.console import Console
 
+    from mbot_workstation.calibration.folder import CalibrationFiles, read_files, room_pictures
     from mbot_workstation.training.evaluate import Trial, score
     from mbot_workstation.training.evaluation_report import Line, draw, fields, table
     from mbot_workstation.training.rooms import EVALUATION_ROOMS, gather_rooms
 
-    stage, robots = _lesson(lesson), _presets(preset or ["nominal"])
+    files = read_files(calibration) if calibration else CalibrationFiles()
+    stage = _lesson(lesson)
+    robots = _presets(preset or ["nominal"], files if calibration else None)
+    panorama = [*(panorama or ()), *(room_pictures(calibration) if calibration else ())]
     made_up = made_up_rooms if made_up_rooms is not None else (0 if panorama else 4)
     if not panorama and not made_up:
         raise ConfigurationError("--made-up-rooms 0 leaves no room; give a --panorama")
     titles = _titles(contestants)
-    rooms = gather_rooms(panorama or [], made_up, EVALUATION_ROOMS)
+    rooms = gather_rooms(panorama, made_up, EVALUATION_ROOMS)
     lines: list[Line] = []
     for name, effects in robots.items():
-        trial = Trial(stage, effects, rooms, episodes, seed, workers)
+        trial = Trial(stage, effects, rooms, episodes, seed, workers, files.robot, files.scene)
         for contestant, title in titles.items():
             results = _with_bar(contestant, f"{title}, {name}", trial)
             lines.append(Line(title, name, score(results)))
@@ -125,13 +133,14 @@ def _lesson(name: str) -> "Lesson":
         raise ConfigurationError(f"--lesson: {error}") from None
 
 
-def _presets(names: list[str]) -> "dict[str, EffectRanges]":
+def _presets(names: list[str], calibrated: "CalibrationFiles | None") -> "dict[str, EffectRanges]":
     from mbot_workstation.training.presets import PRESETS, preset
 
     if "all" in names:
-        return dict(PRESETS)
+        names = [name for name in PRESETS if calibrated is None or name != "ideal"]
     try:
-        return {name: preset(name) for name in names}
+        ranges = preset if calibrated is None else calibrated.ranges
+        return {name: ranges(name) for name in names}
     except ValueError as error:
         raise ConfigurationError(f"--preset: {error}") from None
 

@@ -72,6 +72,14 @@ def rollback(
         _print_models(activate(link, digest), as_json)
 
 
+def _standing(model: "Model") -> str:
+    if model.active:
+        return "active" if model.proven else "active, on trial"
+    if model.rejected:
+        return "rolled back"
+    return "previous" if model.previous else ""
+
+
 def _print_models(found: "Sequence[Model]", as_json: bool) -> None:
     import json
     from datetime import datetime
@@ -90,17 +98,18 @@ def _print_models(found: "Sequence[Model]", as_json: bool) -> None:
         print("the robot keeps no models; send one with `workstation push-model`")
         return
     table = Table(box=None, padding=(0, 2, 0, 0))
-    for heading in ("", "digest", "name", "size", "rate", "stored"):
+    for heading in ("", "digest", "name", "size", "rate", "stored", "signed by"):
         table.add_column(heading)
     for model in found:
         stored = datetime.fromtimestamp(model.stored_unix_time_ns / 1e9)
         table.add_row(
-            "active" if model.active else "previous" if model.previous else "",
+            _standing(model),
             short_digest(model.sha256),
             escape(one_line(model.name)) or "-",
             size_words(model.size_bytes),
             f"{model.decision_rate_hz:g} Hz" if model.decision_rate_hz else "-",
             f"{stored:%Y-%m-%d %H:%M}",
+            escape(one_line(model.signed_by)) or "-",
         )
     console = Console()
     console.print(table, width=None if console.is_terminal else 200)

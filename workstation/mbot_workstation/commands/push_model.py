@@ -29,14 +29,32 @@ def push_model(
     ca: CaOption = None,
     certificate: CertificateOption = None,
     key: KeyOption = None,
+    sign_with: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            envvar="MBOT_SIGNING_KEY",
+            help="Key to sign with; the one that the robot trusts if not given.",
+        ),
+    ] = "",
+    allow_downgrade: Annotated[
+        bool,
+        typer.Option(
+            "--allow-downgrade",
+            help="Sign that the robot shall take it though this key has signed later pushes: after "
+            "a workstation's clock was ahead.",
+        ),
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Check a policy, send it to a robot and make it active there.
+    """Check a policy, sign it, send it to a robot and make it active there.
 
-    The robot tries the model before it drives with it, and keeps the one it has if anything is
-    wrong. `workstation rollback` goes back.
+    The robot takes models signed by a key that it trusts: see `workstation keys`. It tries the
+    model before it drives with it, and keeps the one it has if anything is wrong. A new model is on
+    trial for its first decisions; if it fails, the robot goes back by itself. `workstation
+    rollback` does so at once. For a key with a passphrase, $MBOT_SIGNING_PASSPHRASE answers.
 
-    Example: `workstation push-model policy.onnx --robot mbot-1.local`
+    Example: `workstation push-model policy.onnx --robot mbot-1`
     """
     import json
     import sys
@@ -48,7 +66,7 @@ def push_model(
     checked = check_model(model)  # before the robot is looked for: most mistakes are in the file
     try:
         with robot_link(robot, robot_id, ca, certificate, key) as link:
-            pushed = _push_with_bar(link, checked)
+            pushed = _push_with_bar(link, checked, sign_with, allow_downgrade)
             name = link.robot_id
     except KeyboardInterrupt:
         print(
@@ -58,6 +76,12 @@ def push_model(
         )
         raise
     active = pushed.model
+    if pushed.was_sent and not active.signed_by:
+        print(
+            f"workstation: note: sent without a signature, which {name} takes from anybody "
+            "(trust.allow_unsigned)",
+            file=sys.stderr,
+        )
     if pushed.advice:
         print(f"workstation: note: {pushed.advice}", file=sys.stderr)
     if as_json:
@@ -69,10 +93,30 @@ def push_model(
         )
 
 
-def _push_with_bar(link: "RobotLink", model: "CheckedModel") -> "Pushed":
+def _ask_passphrase(name: str) -> str:
+    import os
+    import sys
+
+    from mbot_protocol.errors import ConfigurationError
+
+    if (answer := os.environ.get("MBOT_SIGNING_PASSPHRASE")) is not None:
+        return answer
+    if not sys.stdin.isatty():
+        raise ConfigurationError(
+            f"the key {name} has a passphrase and nobody is there to type it: set "
+            "MBOT_SIGNING_PASSPHRASE"
+        )
+    return typer.prompt(f"Passphrase of the key {name}", hide_input=True, err=True)
+
+
+def _push_with_bar(
+    link: "RobotLink", model: "CheckedModel", sign_with: str, allow_downgrade: bool
+) -> "Pushed":
     from rich.console import Console
     from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 
+    from mbot_workstation.key_choice import chooser
+    from mbot_workstation.key_folder import KeyFolder
     from mbot_workstation.model_push import push_checked
 
     console = Console(stderr=True)
@@ -86,9 +130,17 @@ def _push_with_bar(link: "RobotLink", model: "CheckedModel") -> "Pushed":
     ) as progress:
         task = progress.add_task(f"sending to {link.robot_id}", total=len(model.data))
 
+        def ask(name: str) -> str:
+            progress.stop()  # or it would draw over the question
+            try:
+                return _ask_passphrase(name)
+            finally:
+                progress.start()
+
         def show(sent_bytes: int, all_bytes: int) -> None:
             progress.update(task, completed=sent_bytes)
             if sent_bytes == all_bytes:
                 progress.update(task, description=f"{link.robot_id} tries the model")
 
-        return push_checked(link, model, show)
+        choose_key = chooser(KeyFolder(), sign_with, ask)
+        return push_checked(link, model, choose_key, show, allow_downgrade=allow_downgrade)

@@ -21,20 +21,22 @@ def robots(
     key: KeyOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """List the robots that are alive at the given addresses, and how they are doing.
+    """List the robots that are alive, and how they are doing: all enrolled ones, or those named.
 
     Exit code 4 if an address or a robot did not answer.
 
-    Example: `workstation robots --robot mbot-1.local --robot mbot-2.local`
+    Example: `workstation robots --robot mbot-1 --robot 10.0.0.7`
     """
     import json
 
     from mbot_protocol.errors import UnreachableError
+    from mbot_workstation.destination import find_destinations
     from mbot_workstation.fleet import look_around
     from mbot_workstation.link_security import link_security
     from mbot_workstation.wording import fault_lines
 
-    reports = look_around(robot or [""], link_security(ca, certificate, key))
+    destinations = find_destinations(robot or [], link_security(ca, certificate, key))
+    reports = look_around(destinations)
     if as_json:
         print(json.dumps([report.fields() for report in reports], indent=2))
     else:
@@ -42,6 +44,8 @@ def robots(
         for report in reports:
             for line in fault_lines(report.status.faults if report.status else ()):
                 print(f"{report.robot_id}: {line}")
+            for line in fault_lines(report.status.notices if report.status else ()):
+                print(f"{report.robot_id}: note: {line}")
             if report.error:
                 print(f"workstation: {report.error}", file=sys.stderr)
     if any(report.error for report in reports):

@@ -60,7 +60,8 @@ def study(
     - **blur**: exposure from 0 to 60 ms; give the models before and after the blur lesson
     - **latency**: 0 to 600 ms from picture to wheels
     - **robots**: all perturbed robots
-    - **tolerance**: maps over pairs of deviations, of the first MODEL
+    - **tolerance**: maps over pairs of deviations, of the first MODEL; also as numbers, in
+      tolerance.json, for `workstation gap-report`
 
     Examples:
 
@@ -133,7 +134,13 @@ def _tolerance(
     from mbot_workstation.training.study import Condition
     from mbot_workstation.training.study_plans import PAIRS
     from mbot_workstation.training.study_report import make_folder
-    from mbot_workstation.training.tolerance_map import ToleranceMap, draw_maps, map_page
+    from mbot_workstation.training.tolerance_file import TOLERANCE_FILE, write_tolerances
+    from mbot_workstation.training.tolerance_map import (
+        ToleranceMap,
+        as_file,
+        draw_maps,
+        map_page,
+    )
 
     names = [tuple(text.split(":")) for text in pairs] if pairs else list(PAIRS)
     if any(len(two) != 2 for two in names):
@@ -149,4 +156,7 @@ def _tolerance(
     draw_maps(found, picture, nominal_reward=reward, largest=largest_reward)
     page = folder / f"{TOLERANCE}.md"
     page.write_text(map_page(found, nominal.contestant, reward, how, picture.name))
+    if reward > 0:  # otherwise there is nothing that could be tolerated
+        numbers = as_file(found, nominal.contestant, reward, how)
+        print(f"wrote {write_tolerances(folder / TOLERANCE_FILE, numbers)}")
     return page

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.calibration_option import CalibrationOption
 from mbot_workstation.link_options import JsonOption
 
 if TYPE_CHECKING:
@@ -76,6 +77,7 @@ def train(
             rich_help_panel=_WHAT,
         ),
     ] = "randomised",
+    calibration: CalibrationOption = None,
     guide: Annotated[
         int,
         typer.Option(
@@ -137,6 +139,7 @@ def train(
 
     - `workstation train --name first`
     - `workstation train --panorama kitchen.jpg --panorama hall.jpg --seed 3`
+    - `workstation train --calibration calibration/mbot-1`
     - `workstation train --resume runs/first --steps 2000000`
     - `workstation train --name guided --guide 400000 --lesson 1-10 --lesson rough`
     - `workstation train --lesson blur --from runs/first --steps 300000`
@@ -148,14 +151,17 @@ def train(
     from mbot_workstation.training.training_config import TrainingConfig
 
     if resume is not None:
-        if name or lesson or parent or panorama:
+        if name or lesson or parent or panorama or calibration:
             raise ConfigurationError(
                 "--resume goes on with a run as it was configured; leave out --name, --lesson, "
-                "--from and --panorama, or start a new run with --from"
+                "--from, --panorama and --calibration, or start a new run with --from"
             )
         run, config = _resumed(resume, steps, target_reward, workers)
     else:
-        made_up = made_up_rooms if made_up_rooms is not None else (0 if panorama else 6)
+        from mbot_workstation.calibration.folder import read_files, room_pictures
+
+        rooms = [*(panorama or ()), *(room_pictures(calibration) if calibration else ())]
+        made_up = made_up_rooms if made_up_rooms is not None else (0 if rooms else 6)
         default = TrainingConfig()
         config = TrainingConfig(
             steps=steps or default.steps,
@@ -163,8 +169,9 @@ def train(
             workers=workers,
             seed=seed,
             preset=preset,
+            calibration=read_files(calibration) if calibration else None,
             lessons=_lessons(lesson) if lesson else default.lessons,
-            panoramas=tuple(str(path.resolve()) for path in panorama or ()),
+            panoramas=tuple(str(path.resolve()) for path in rooms),
             made_up_rooms=made_up,
             target_reward=target_reward,
             device=_device(device),

@@ -9,8 +9,14 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from mbot_protocol.errors import ConfigurationError, MbotError, UnreachableError
-from mbot_protocol.v1.messages_pb2 import Decision
+from mbot_protocol.calibration import read_camera, read_motion
+from mbot_protocol.errors import (
+    ConfigurationError,
+    MbotError,
+    RefusedError,
+    UnreachableError,
+)
+from mbot_protocol.v1.messages_pb2 import Decision, Status
 from mbot_workstation.demo.child import Child
 from mbot_workstation.demo.contact_sheet import contact_sheet, moments, path_side_px, save
 from mbot_workstation.demo.path_drawing import draw_path, read_trajectory
@@ -18,6 +24,7 @@ from mbot_workstation.model_push import push
 from mbot_workstation.recording import Recording
 from mbot_workstation.remote_control import RemoteControl
 from mbot_workstation.robot_link import RobotLink
+from mbot_workstation.signing_key import SigningKey
 from mbot_workstation.stage_times import percentile
 from mbot_workstation.telemetry_output import Output
 from mbot_workstation.telemetry_stream import Sample, TelemetryStream
@@ -29,13 +36,16 @@ READY_TIMEOUT_S = 60.0
 
 CONFIGURATION = """\
 robot_id = "{robot_id}"
+calibration = "{calibration}"
 [camera]
 source = "{camera}"
 [board]
 port = "{board}"
-accept_no_deadman = true  # nothing can come to harm here
+accept_no_deadman = {accept_no_deadman}
 [models]
 directory = "{models}"
+[trust]
+keys = ["{key}"]
 [network]
 listen = ["tcp/{address}"]
 """
@@ -50,6 +60,8 @@ class DemoSettings:
         output: folder for recording, pictures, logs.
         seconds: of driving, at most.
         virtual_robot: further options of `workstation virtual-robot`.
+        calibration: of the robot, for its daemon.
+        accept_no_deadman: drive even if the board would drive on without the daemon.
 
     """
 
@@ -57,6 +69,8 @@ class DemoSettings:
     output: Path
     seconds: float
     virtual_robot: tuple[str, ...] = ()
+    calibration: Path | None = None
+    accept_no_deadman: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +82,8 @@ class DemoResult:
         frame_p50_ms, frame_p99_ms: frame captured to the board's acknowledgement.
         agent_cpu_share: of one core, while driving.
         push_s: push to active, the robot's dry run included.
+        board_version: what the board's firmware calls itself.
+        board_has_deadman: it stops by itself when the daemon falls silent.
 
     """
 
@@ -84,6 +100,8 @@ class DemoResult:
     agent_cpu_share: float
     agent_memory_mb: float
     push_s: float
+    board_version: str
+    board_has_deadman: bool
     success: bool
 
 
@@ -109,9 +127,16 @@ def run_demo(settings: DemoSettings, output: Output) -> DemoResult:
         robot.wait_until(ready.exists, READY_TIMEOUT_S, "the virtual robot did not start")
         places = json.loads(ready.read_text())
         configuration = folder / "robot.toml"
+        key = SigningKey.ephemeral("demo")
         configuration.write_text(
             CONFIGURATION.format(
-                robot_id=ROBOT_ID, models=state / "models", address=address, **places
+                robot_id=ROBOT_ID,
+                accept_no_deadman=str(settings.accept_no_deadman).lower(),
+                calibration=_daemons_part(settings.calibration),
+                models=state / "models",
+                key=key.public.line,
+                address=address,
+                **places,
             )
         )
         agent = stack.enter_context(
@@ -122,8 +147,9 @@ def run_demo(settings: DemoSettings, output: Output) -> DemoResult:
             lambda: not _blocking_faults(link), READY_TIMEOUT_S, "the daemon is not ready to drive"
         )
         started_s = time.monotonic()
-        push(link, settings.model)
+        push(link, settings.model, lambda _: key)
         push_s = time.monotonic() - started_s
+        board = link.status()
         recording = stack.enter_context(Recording(folder / "recording.mcap", link.robot_id))
         stream = stack.enter_context(TelemetryStream(link))
         stack.enter_context(output)
@@ -134,9 +160,17 @@ def run_demo(settings: DemoSettings, output: Output) -> DemoResult:
         if agent.end() != 0:
             raise MbotError(f"the daemon did not end well, see {folder / 'agent.log'}")
         robot.end()
-    result = _summarise(folder, decisions, driven_s, cpu_share, push_s)
+    result = _summarise(folder, decisions, driven_s, cpu_share, push_s, board)
     _draw(folder, result)
     return result
+
+
+def _daemons_part(calibration: Path | None) -> str:
+    """The folder as the daemon's configuration names it; empty if it holds nothing for it."""
+    if calibration is None:
+        return ""
+    folder = calibration.absolute()
+    return str(folder) if read_camera(folder) or read_motion(folder) else ""
 
 
 def _drive(
@@ -196,11 +230,23 @@ def _connect(agent: Child, address: str) -> RobotLink:
 
 
 def _blocking_faults(link: RobotLink) -> list[str]:
-    return [fault.kind for fault in link.status().faults if fault.kind != "no-model"]
+    status = link.status()
+    faults = [fault.kind for fault in status.faults if fault.kind != "no-model"]
+    if "board-no-deadman" in faults:
+        raise RefusedError(
+            f"the board's firmware ({status.board_version}) keeps its last command for ever if the "
+            "daemon dies, so the daemon does not drive it; --accept-no-deadman lets it"
+        )
+    return faults
 
 
 def _summarise(
-    folder: Path, decisions: list[Decision], driven_s: float, cpu_share: float, push_s: float
+    folder: Path,
+    decisions: list[Decision],
+    driven_s: float,
+    cpu_share: float,
+    push_s: float,
+    board: Status,
 ) -> DemoResult:
     run = json.loads((folder / "result.json").read_text())
     answered = [d for d in decisions if d.acknowledged_monotonic_ns]
@@ -223,6 +269,8 @@ def _summarise(
         agent_cpu_share=round(cpu_share, 4),
         agent_memory_mb=round(max(d.resident_memory_bytes for d in decisions) / 2**20, 1),
         push_s=round(push_s, 2),
+        board_version=board.board_version,
+        board_has_deadman=board.board_has_deadman,
         success=run["touches"] >= SUCCESS_TOUCHES,
     )
 

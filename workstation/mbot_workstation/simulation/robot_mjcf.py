@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbot_workstation.simulation.engine import MjSpec, mujoco
+from mbot_workstation.simulation.engine import MjModel, MjSpec, mujoco
 from mbot_workstation.simulation.lens_distortion import covering_pinhole
 from mbot_workstation.simulation.motor import ROTOR_INERTIA_KG_M2, motor_constants
 from mbot_workstation.simulation.robot_parameters import CameraMount, RobotParameters
@@ -19,6 +19,9 @@ from mbot_workstation.simulation.robot_parameters import CameraMount, RobotParam
 ROBOT = "robot"
 ROBOT_CAMERA = "robot camera"
 WHEELS = ("left wheel", "right wheel")
+
+_PART = "part "
+"""Before the names of bodies: somebody may call one "caster"."""
 
 FLOOR_BIT, WALL_BIT = 1, 2
 """Collision classes: wheels and caster meet the floor, the bumper meets the walls, nothing else."""
@@ -38,7 +41,7 @@ def add_robot(spec: MjSpec, robot: RobotParameters) -> None:
     base.add_freejoint(name=ROBOT)
     for part in robot.bodies:
         base.add_geom(
-            name=part.name,
+            name=f"{_PART}{part.name}",
             type=mujoco.mjtGeom.mjGEOM_BOX,
             size=[edge / 2 for edge in part.size_m],
             pos=part.centre_m,
@@ -47,6 +50,8 @@ def add_robot(spec: MjSpec, robot: RobotParameters) -> None:
             contype=0,
             conaffinity=0,
         )
+    if robot.mass_ahead_m is not None or robot.inertia_scale != 1:
+        _move_mass(base, robot)
     _add_slider(base, "caster", robot.caster_ahead_m, 0.0)
     _add_slider(base, "tail", -TAIL_BEHIND_M, TAIL_CLEARANCE_M)
     base.add_geom(
@@ -76,6 +81,32 @@ def add_robot(spec: MjSpec, robot: RobotParameters) -> None:
     )
     _add_wheel(spec, base, robot, 0)
     _add_wheel(spec, base, robot, 1)
+
+
+def _move_mass(base: Any, robot: RobotParameters) -> None:
+    """Give the body the mass properties that driving has shown; what is seen stays."""
+    alone = mujoco.MjSpec()
+    body = alone.worldbody.add_body()
+    for part in robot.bodies:
+        half = [edge / 2 for edge in part.size_m]
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=part.centre_m, mass=part.mass_kg
+        )
+    made = alone.compile()
+    base.explicitinertial = True
+    base.mass = made.body_mass[1]
+    base.iquat = made.body_iquat[1]
+    # All three alike, so that no flat body gets an impossible one.
+    base.inertia = robot.inertia_scale * made.body_inertia[1]
+    base.ipos = made.body_ipos[1]
+    if robot.mass_ahead_m is not None:
+        base.ipos[0] = robot.mass_ahead_m * robot.mass_kg / base.mass
+
+
+def part_name(model: MjModel, geom: int) -> str:
+    """Which of the robot's bodies a shape is; empty if none."""
+    name: str = model.geom(geom).name
+    return name.removeprefix(_PART) if name.startswith(_PART) else ""
 
 
 def _add_slider(base: Any, name: str, ahead_m: float, clearance_m: float) -> None:

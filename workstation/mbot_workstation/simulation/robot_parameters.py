@@ -104,6 +104,9 @@ class RobotParameters:
 
     Attributes:
         bodies: the boxes that make up its mass.
+        mass_ahead_m: the whole robot's centre of mass ahead of the axle, where driving has shown
+            it; None is what the bodies make.
+        inertia_scale: likewise of the body's moments of inertia, against what the bodies make.
         wheel_radius_m: public mBot notes say 0.030 to 0.0325; +-0.0006.
         wheel_mass_kg: of one wheel; assumed.
         wheel_friction: rubber on vinyl, sliding (handbook range 0.7-1.0; the paper found no
@@ -125,6 +128,8 @@ class RobotParameters:
     """
 
     bodies: tuple[BoxBody, ...] = NOMINAL_BODIES
+    mass_ahead_m: float | None = None
+    inertia_scale: float = 1.0
     wheel_radius_m: float = 0.0325
     wheel_mass_kg: float = 0.035
     wheel_friction: float = 0.9
@@ -144,6 +149,13 @@ class RobotParameters:
     def mass_kg(self) -> float:
         """The whole robot's mass."""
         return sum(body.mass_kg for body in self.bodies) + 2 * self.wheel_mass_kg
+
+    @property
+    def centre_of_mass_m(self) -> float:
+        """Of the whole robot, ahead of the axle."""
+        if self.mass_ahead_m is not None:
+            return self.mass_ahead_m
+        return sum(body.mass_kg * body.centre_m[0] for body in self.bodies) / self.mass_kg
 
     @property
     def free_speed_rad_s(self) -> float:

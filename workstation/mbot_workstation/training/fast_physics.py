@@ -1,5 +1,7 @@
 """What training may leave out of a simulation without anybody noticing."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from mbot_protocol.picture import Picture
@@ -28,6 +30,6 @@ def hasten(model: MjModel) -> None:
     model.geom_contype[model.geom_contype == WALL_BIT] = 0
 
 
-def hide(model: MjModel, geoms: range) -> None:
-    """Leave the robot's shapes undrawn: its camera can't see them, and they cost a third more."""
-    model.geom_group[geoms.start : geoms.stop] = _UNDRAWN_GROUP
+def hide(model: MjModel, geoms: Sequence[int]) -> None:
+    """Leave shapes undrawn that the robot's camera can't see; the robot's own cost a third more."""
+    model.geom_group[list(geoms)] = _UNDRAWN_GROUP

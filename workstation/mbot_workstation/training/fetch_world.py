@@ -12,9 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mbot_protocol.actions import to_steps
+from mbot_protocol.policy_contract import FULL_VIEW
 from mbot_workstation.simulation.fetch_rules import DECISION_S, way_to_contact_m
 from mbot_workstation.simulation.fetch_task import FetchTask, Happening
+from mbot_workstation.simulation.own_view import parts_in_view
 from mbot_workstation.simulation.pose import ORIGIN, Pose
+from mbot_workstation.simulation.robot_mjcf import part_name
 from mbot_workstation.simulation.simulation import Simulation
 from mbot_workstation.training.body_swap import robot_geoms, swap_body
 from mbot_workstation.training.effects import IDEAL, RealWorldEffects
@@ -82,7 +85,9 @@ class FetchWorld:
         self._nominal = replace(settings.robot, camera=observing_camera(IDEAL))
         self.simulation = Simulation(self._nominal, settings.scene, room_picture=PLACEHOLDER)
         hasten(self.simulation.model)
-        hide(self.simulation.model, robot_geoms(self.simulation.model))
+        seen = parts_in_view(self._nominal, FULL_VIEW.horizontal_deg, FULL_VIEW.vertical_deg)
+        model = self.simulation.model
+        hide(model, [i for i in robot_geoms(model) if part_name(model, i) not in seen])
         self._paint = Paint(self.simulation.model)
 
     def seed(self, rng: np.random.Generator) -> None:

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import onnx
 
-from mbot_protocol.golden_frames import PROPERTY, check_deviation, read_golden_frames
+from mbot_protocol.golden_frames import check_deviation, read_golden_frames
 from mbot_protocol.picture import Picture
 from mbot_workstation.training.onnx_policy import OnnxPolicy
 

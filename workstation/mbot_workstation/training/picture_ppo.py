@@ -7,7 +7,8 @@ every one costs more than it wins, by a factor of 8 when another program wants a
 What is computed is SB3's PPO update.
 """
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -50,6 +51,8 @@ class PicturePPO(PPO):
     Attributes:
         update_threads: into how many parts a batch is split. It changes results only by rounding,
             and does not depend on the machine, so that a seed gives the same run anywhere.
+        noise_at: the exploration noise when this share of the planned decisions remains; None
+            lets PPO learn it, as stable-baselines3 does.
         guided_decisions: for how many decisions a guide's advice counts, falling linearly; the
             rollout buffer must then be a GuidedRolloutBuffer.
         rehearsals: batches of remembered advice that every update learns from besides.
@@ -58,6 +61,7 @@ class PicturePPO(PPO):
     """
 
     update_threads = 2
+    noise_at: Callable[[float], float] | None = None
     guided_decisions = 0
     rehearsals = 0
     rehearsal_batch = 256
@@ -71,7 +75,8 @@ class PicturePPO(PPO):
         return env
 
     def _excluded_save_params(self) -> list[str]:
-        return [*super()._excluded_save_params(), "_memory"]  # gigabytes, and soon made anew
+        # The memory is gigabytes, and soon made anew; the schedule is the configuration's.
+        return [*super()._excluded_save_params(), "_memory", "noise_at"]
 
     def train(self) -> None:
         """Learn from the rollout, as PPO.train; the losses go to the logger."""
@@ -86,6 +91,14 @@ class PicturePPO(PPO):
             if guide_weight(self.num_timesteps, self.guided_decisions) > 0:
                 self._rehearse(threads)
         self._log(parts)
+
+    def collect_rollouts(self, *args: Any, **options: Any) -> bool:
+        """A rollout, as PPO's, that explores as much as is planned."""
+        if self.noise_at is not None:
+            noise = self.noise_at(1.0 - self.num_timesteps / self._total_timesteps)
+            with torch.no_grad():
+                self.policy.log_std.fill_(math.log(noise))
+        return super().collect_rollouts(*args, **options)
 
     def _rehearse(self, threads: ThreadPoolExecutor) -> None:
         """Learn from advice alone, the newest and what is remembered."""

@@ -65,6 +65,7 @@ def _provenance(source: Source, config: TrainingConfig, state: CheckpointState) 
             "wall_s": round(state.wall_s),
             "robots": config.robots,
             "preset": config.preset,
+            "calibration": Path(config.calibration.folder).name if config.calibration else "",
             "lessons": config.lessons,
             "lesson": config.lessons[state.curriculum.index],
             "mean_reward": state.mean_reward,

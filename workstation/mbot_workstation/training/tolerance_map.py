@@ -13,6 +13,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.training.evaluation_report import Line
 from mbot_workstation.training.study import Condition
 from mbot_workstation.training.study_plans import DEVIATIONS, deviating
+from mbot_workstation.training.tolerance_file import MapAxis, RewardMap, Tolerances
 
 BEARABLE = 0.95
 """A deviation is bearable while this share of the nominal reward is left."""
@@ -63,6 +64,34 @@ class ToleranceMap:
         """Mean rewards of one contestant's lines. Shape (rows, columns), lowest row first."""
         means = [line.score.reward.mean for line in lines]
         return np.array(means).reshape(len(self.up_values), len(self.across_values))
+
+
+def as_file(
+    maps: Sequence[tuple[ToleranceMap, NDArray[np.float64]]],
+    contestant: str,
+    nominal_reward: float,
+    how: str,
+) -> Tolerances:
+    """The maps as tolerance.json holds them."""
+    return Tolerances(
+        contestant=contestant,
+        nominal_reward=nominal_reward,
+        bearable_share=BEARABLE,
+        how=how,
+        maps=tuple(
+            RewardMap(
+                across=_axis(one.across, one.across_values),
+                up=_axis(one.up, one.up_values),
+                rewards=tuple(tuple(float(reward) for reward in row) for row in rewards),
+            )
+            for one, rewards in maps
+        ),
+    )
+
+
+def _axis(name: str, values: tuple[float, ...]) -> MapAxis:
+    deviation = DEVIATIONS[name]
+    return MapAxis(name=name, unit=deviation.unit, nominal=deviation.nominal, values=values)
 
 
 def _steps(name: str, cells: int) -> tuple[float, ...]:

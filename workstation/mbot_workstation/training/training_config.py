@@ -77,7 +77,9 @@ class TrainingConfig:
 
     def ranges(self) -> EffectRanges:
         """The effects of the robots to train on."""
-        return preset(self.preset, self.calibration and self.calibration.effects)
+        if self.calibration is None:
+            return preset(self.preset)
+        return self.calibration.ranges(self.preset)
 
     @property
     def robot(self) -> RobotParameters:

@@ -34,6 +34,7 @@ class CameraSettings:
         exposure_moments: pictures averaged over the exposure; each costs as much as one picture.
         quality: of the drawing.
         noise_seed: of the sensor's noise; None has none.
+        gains: of red, green and blue: exposure and white balance.
 
     """
 
@@ -45,6 +46,7 @@ class CameraSettings:
     exposure_moments: int = 3
     quality: Quality = SHOW
     noise_seed: int | None = 0
+    gains: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
 class CameraStream:
@@ -81,6 +83,7 @@ class CameraStream:
             settings.height_px,
             settings.quality,
             noise_seed=settings.noise_seed,
+            gains=settings.gains,
         ) as renderer:
             frame_s = time.monotonic()
             while True:

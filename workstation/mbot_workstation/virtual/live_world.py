@@ -3,7 +3,9 @@
 import queue
 import threading
 import time
+from collections import deque
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -12,7 +14,8 @@ from mbot_workstation.simulation.fetch_rules import FetchRules
 from mbot_workstation.simulation.fetch_task import FetchResult, FetchTask, Happening
 from mbot_workstation.simulation.pose import ORIGIN, Pose
 from mbot_workstation.simulation.simulation import Simulation
-from mbot_workstation.virtual.mcore_board import McoreBoard
+from mbot_workstation.virtual.carry_back import CarryBack
+from mbot_workstation.virtual.mcore_board import BoardState
 from mbot_workstation.virtual.mcore_firmware import duties
 from mbot_workstation.virtual.pacer import Pacer
 from mbot_workstation.virtual.scene_history import SceneHistory
@@ -65,6 +68,15 @@ class TaskEvent:
     result: FetchResult
 
 
+class MotorSource(Protocol):
+    """A board, as far as the wheels are concerned."""
+
+    @property
+    def state(self) -> BoardState:
+        """What its motors do now; raises MbotError when it can't be told any more."""
+        ...
+
+
 class LiveWorld:
     """Steps simulation and task on the clock.
 
@@ -78,8 +90,25 @@ class LiveWorld:
     """
 
     def __init__(
-        self, simulation: Simulation, board: McoreBoard, rules: FetchRules, seed: int
+        self,
+        simulation: Simulation,
+        board: MotorSource,
+        rules: FetchRules,
+        seed: int,
+        latency_s: float = 0.0,
+        *,
+        free_floor: bool = False,
     ) -> None:
+        """Put the robot at the start.
+
+        Args:
+            simulation, board: the robot.
+            rules: of the task.
+            seed: of the objects' places.
+            latency_s: from the board's motors to the wheels' voltage, rounded to slices.
+            free_floor: no task; a robot that stands is carried back to the middle.
+
+        """
         self._simulation = simulation
         self._board = board
         self._task = FetchTask(rules, np.random.default_rng(seed))
@@ -87,6 +116,9 @@ class LiveWorld:
         self.events: queue.SimpleQueue[TaskEvent] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self._driven = False
+        self._carry_back = CarryBack() if free_floor else None
+        # What the board said in the last slices; the oldest reaches the wheels.
+        self._underway = deque([Joystick(0, 0)] * round(latency_s / SLICE_S))
         simulation.place_object(self._task.target)
         self.history.add(time.monotonic(), simulation.snapshot())
 
@@ -117,8 +149,15 @@ class LiveWorld:
     def _advance(self) -> None:
         simulation = self._simulation
         motors = self._board.state.motors
-        simulation.set_duty(*duties(motors))
+        self._underway.append(motors)
+        simulation.set_duty(*duties(self._underway.popleft()))
         simulation.step(SLICE_S)
+        if self._carry_back is not None:
+            if self._carry_back.is_due(
+                driven=not motors.is_stop, pose=simulation.pose, elapsed_s=SLICE_S
+            ):
+                simulation.place_robot(ORIGIN)
+            return
         self._driven = self._driven or not motors.is_stop
         if not self._driven:
             return

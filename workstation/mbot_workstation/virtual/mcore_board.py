@@ -15,6 +15,7 @@ from typing import Self
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.mcore import Joystick
 from mbot_workstation.virtual.mcore_firmware import STOCK_VERSION, McoreFirmware
+from mbot_workstation.virtual.port_link import PortLink
 
 READ_BYTES = 4096
 TRACE_STATES = 10_000
@@ -63,16 +64,13 @@ class McoreBoard:
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
         name = os.ttyname(self._slave)
-        self._link = link
+        self.path = link or Path(name)
         try:
-            self.path = _publish(name, link)
-        except OSError as error:
+            self._link = PortLink(link, name) if link else None
+        except ConfigurationError:
             os.close(self._master)
             os.close(self._slave)
-            raise ConfigurationError(
-                f"can't put the board's port at {link}: {error.strerror}; give --board another path"
-            ) from None
-        self._target = name
+            raise
         self.state = BoardState(Joystick(0, 0), time.monotonic(), 0)
         self.trace = deque([self.state], maxlen=TRACE_STATES)
         self._wake_reader, self._wake_writer = os.pipe()
@@ -101,8 +99,8 @@ class McoreBoard:
         for descriptor in (self._master, self._slave, self._wake_reader, self._wake_writer):
             if descriptor >= 0:
                 os.close(descriptor)
-        if self._link is not None and _points_to(self._link, self._target):
-            self._link.unlink()
+        if self._link is not None:
+            self._link.remove()
 
     def reset(self) -> None:
         """Reset the board, as a dip of its supply would."""
@@ -169,23 +167,3 @@ class McoreBoard:
         # A host that never reads fills the pty; a real board's replies are lost then as well.
         with contextlib.suppress(OSError):
             os.write(self._master, reply)
-
-
-def _publish(name: str, link: Path | None) -> Path:
-    """Make `link` a symbolic link to the pty; an old link there is replaced, a file is not."""
-    if link is None:
-        return Path(name)
-    if link.exists() and not link.is_symlink():
-        raise FileExistsError(0, "there is a file of that name")
-    link.parent.mkdir(parents=True, exist_ok=True)
-    fresh = link.with_name(f".{link.name}.{os.getpid()}")
-    fresh.symlink_to(name)
-    fresh.replace(link)  # at once: whoever looks finds the old or the new port, never none
-    return link
-
-
-def _points_to(link: Path, name: str) -> bool:
-    try:
-        return str(link.readlink()) == name
-    except OSError:
-        return False

@@ -26,6 +26,21 @@ class SceneHistory:
         with self._lock:
             return self._moments[-1][1]
 
+    def around(self, time_s: float) -> tuple[tuple[float, SceneState], tuple[float, SceneState]]:
+        """The moments before and after, with their times; the first or last two beyond those.
+
+        Raises:
+            LookupError: there is only one moment yet.
+
+        """
+        with self._lock:
+            kept = list(self._moments)
+        if len(kept) < 2:
+            raise LookupError("history has one moment, two are needed")
+        after = next((i for i, (moment_s, _) in enumerate(kept) if moment_s >= time_s), len(kept))
+        after = min(max(after, 1), len(kept) - 1)
+        return kept[after - 1], kept[after]
+
     def exposure(self, duration_s: float, moments: int) -> list[SceneState]:
         """Moments evenly spread over the last `duration_s`, oldest first."""
         with self._lock:

@@ -5,13 +5,14 @@ import queue
 import threading
 import time
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from mbot_protocol.errors import ConfigurationError, MbotError
 from mbot_workstation.simulation.fetch_task import FetchResult
 from mbot_workstation.virtual.live_report import LiveReport
 from mbot_workstation.virtual.trajectory import TrajectoryWriter
+from mbot_workstation.virtual.truth_track import TrackerSettings, TruthTrack
 from mbot_workstation.virtual.video_recorder import record
 from mbot_workstation.virtual.viewer_window import check_display, show
 from mbot_workstation.virtual.virtual_robot import VirtualRobot, VirtualRobotSettings
@@ -31,6 +32,8 @@ class Outputs:
         result: JSON file with a FetchResult.
         trajectory: JSON lines, see TrajectoryWriter.
         film: MP4 file.
+        truth_track: what a tracker on the robot would see, see TruthTrack.
+        tracker: of `truth_track`.
         ready_file: JSON file with `board` and `camera`, there while the robot is up.
         view: whether to open a window.
 
@@ -39,6 +42,8 @@ class Outputs:
     result: Path | None = None
     trajectory: Path | None = None
     film: Path | None = None
+    truth_track: Path | None = None
+    tracker: TrackerSettings = field(default_factory=TrackerSettings)
     ready_file: Path | None = None
     view: bool = False
 
@@ -66,9 +71,16 @@ def run_session(
             if outputs.trajectory
             else None
         )
+        truth = (
+            resources.enter_context(TruthTrack(outputs.truth_track, outputs.tracker))
+            if outputs.truth_track
+            else None
+        )
         robot = resources.enter_context(VirtualRobot(settings))
         if not robot.wait_until_ready():
             raise MbotError("the camera gave no picture within 30 s; is this machine overloaded?")
+        if truth is not None:
+            robot.run_beside("tracker", lambda stopped: truth.run(robot.world.history, stopped))
         if (film := outputs.film) is not None:
             robot.run_beside("film", lambda stopped: record(robot, film, stopped))
         if outputs.view:

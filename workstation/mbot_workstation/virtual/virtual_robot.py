@@ -19,6 +19,7 @@ from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.simulation.simulation import SceneState, Simulation
 from mbot_workstation.virtual.camera_stream import CameraSettings, CameraStream
+from mbot_workstation.virtual.emulated.emulated_board import EmulatedBoard
 from mbot_workstation.virtual.live_world import LiveWorld
 from mbot_workstation.virtual.mcore_board import McoreBoard
 from mbot_workstation.virtual.mjpeg_server import MjpegServer
@@ -36,7 +37,10 @@ class VirtualRobotSettings:
         camera_port: TCP port of the stream on loopback; 0 is any free one.
         board_link: where to put a symbolic link to the board's port.
         boot_s: how long the board is deaf after its port was opened; 0 is never.
+        firmware: ELF or Intel HEX file that an emulated board runs; None: the modelled board.
+        latency_s: from a command's arrival at the board until the wheels' voltage changes.
         seed: of the objects' places.
+        free_floor: no task, nothing in the way; a robot that stands is carried back to the middle.
 
     """
 
@@ -48,7 +52,10 @@ class VirtualRobotSettings:
     camera_port: int = 0
     board_link: Path | None = None
     boot_s: float = 0.0
+    firmware: Path | None = None
+    latency_s: float = 0.0
     seed: int = 0
+    free_floor: bool = False
 
 
 class VirtualRobot:
@@ -64,8 +71,15 @@ class VirtualRobot:
     def __init__(self, settings: VirtualRobotSettings) -> None:
         self.simulation = Simulation(settings.robot, settings.scene, settings.room_picture)
         self.server = MjpegServer(settings.camera_port)
-        self.board = McoreBoard(settings.board_link, boot_s=settings.boot_s)
-        self.world = LiveWorld(self.simulation, self.board, settings.rules, settings.seed)
+        self.board = _board(settings)
+        self.world = LiveWorld(
+            self.simulation,
+            self.board,
+            settings.rules,
+            settings.seed,
+            settings.latency_s,
+            free_floor=settings.free_floor,
+        )
         self._ready = threading.Event()
         self.camera = CameraStream(
             self.simulation, self.world.history, settings.camera, self._publish
@@ -101,8 +115,10 @@ class VirtualRobot:
         return self.world.history.newest()
 
     def __enter__(self) -> Self:
-        self._resources.enter_context(self.server)
-        self._resources.enter_context(self.board)
+        with ExitStack() as resources:
+            resources.enter_context(self.server)
+            resources.enter_context(self.board)
+            self._resources = resources.pop_all()
         self.run_beside("world", self._run_world)
         self.run_beside("camera", self.camera.run)
         return self
@@ -132,3 +148,10 @@ class VirtualRobot:
         except BaseException as error:
             self._failure = error
             self.stopped.set()
+
+
+def _board(settings: VirtualRobotSettings) -> McoreBoard | EmulatedBoard:
+    link, boot_s = settings.board_link, settings.boot_s
+    if settings.firmware is None:
+        return McoreBoard(link, boot_s=boot_s)
+    return EmulatedBoard(settings.firmware, link, boot_s=boot_s)

@@ -1,0 +1,103 @@
+"""Looking at a daemon from outside: its status without showing presence, its memory, its files."""
+
+import threading
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import zenoh
+
+from mbot_protocol.keys import STATUS
+from mbot_protocol.v1.messages_pb2 import Status
+from mbot_workstation.address import parse_address
+from mbot_workstation.robot_session import open_session
+
+from .processes import ROBOT_ID
+
+
+class Observer:
+    """Asks for the status over a bare session: the robot does not take it for a workstation."""
+
+    def __init__(self, address: str) -> None:
+        self._session = open_session(parse_address(address), None)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._session.close()
+
+    @property
+    def session(self) -> zenoh.Session:
+        return self._session
+
+    def status(self) -> Status:
+        for reply in self._session.get(STATUS.key(ROBOT_ID), timeout=10.0):
+            if reply.ok is not None:
+                return Status.FromString(reply.ok.payload.to_bytes())
+        raise AssertionError("the daemon gave no status")
+
+    def missed_in(self, seconds: float) -> int:
+        """Decisions missed within a time; the bar is 0.
+
+        Checked is that most were made: on a machine that has no time some are missed whatever the
+        network does, while a loop that waits for the network misses them all.
+        """
+        before = self.status()
+        time.sleep(seconds)
+        after = self.status()
+        missed = after.missed_ticks - before.missed_ticks
+        assert after.decisions - before.decisions > missed
+        return missed
+
+    def sees_fault(self, kind: str) -> bool:
+        """Whether the daemon names such a fault now."""
+        return any(fault.kind == kind for fault in self.status().faults)
+
+
+def resident_mb(pid: int) -> float:
+    """A process's memory, in MB."""
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS:")) / 1000
+
+
+def open_files(pid: int) -> int:
+    """A process's descriptors."""
+    return len(list(Path(f"/proc/{pid}/fd").iterdir()))
+
+
+class PeakMemory:
+    """The most memory a process held within a `with` block, looked at every 2 ms."""
+
+    def __init__(self, pid: int) -> None:
+        self._pid = pid
+        self.before_mb = self.peak_mb = resident_mb(pid)
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    @property
+    def growth_mb(self) -> float:
+        return self.peak_mb - self.before_mb
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._ending.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._ending.wait(0.002):
+            self.peak_mb = max(self.peak_mb, resident_mb(self._pid))

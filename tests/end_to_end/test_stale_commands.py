@@ -1,0 +1,87 @@
+"""A daemon that was asleep (SIGSTOP) finds commands waiting: none that has expired is obeyed."""
+
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from mbot_protocol.keys import COMMAND
+from mbot_protocol.schema import SCHEMA_VERSION
+from mbot_protocol.v1.messages_pb2 import Command, CommandReply, Drive, Run, Wheels
+from mbot_workstation.remote_control import RemoteControl
+
+from ..robot.fake_board import FakeBoard
+from ..robot.tiny_models import constant_model
+from .daemon_watch import Observer
+from .processes import Daemon, Process
+
+FORWARD = constant_model(0.6, 0.6)
+FORWARD_BOARD = (-169, 169)
+
+TIME_TO_LIVE_NS = 300_000_000
+ASLEEP_S = 1.0
+"""Longer than the commands live, shorter than the 2 s after which the link would be given up: so
+they are all there when the daemon wakes up."""
+
+COMMANDS = 14
+"""No more than may wait for the service."""
+
+
+def test_no_command_older_than_its_expiry_is_obeyed(
+    tmp_path: Path, board: FakeBoard, record_property: Callable[[str, object], None]
+) -> None:
+    daemon = Daemon(tmp_path, board.path)
+    with ready(daemon) as process, Observer(daemon.address) as observer:
+        status = observer.status()
+        process.signal(signal.SIGSTOP)
+        waiting = [
+            observer.session.get(COMMAND.key(status.robot_id), payload=payload, timeout=10.0)
+            for payload in late_commands(status.session_id, status.now_monotonic_ns)
+        ]
+        time.sleep(ASLEEP_S)
+        process.signal(signal.SIGCONT)
+        replies = [
+            CommandReply.FromString(reply.ok.payload.to_bytes())
+            for replies in waiting
+            for reply in replies
+            if reply.ok is not None
+        ]
+        record_property("commands that arrived late", len(replies))
+        record_property("obeyed", sum(reply.accepted for reply in replies))
+        assert len(replies) == COMMANDS
+        assert not any(reply.accepted for reply in replies)
+        assert all("expired" in reply.reason for reply in replies)
+        time.sleep(0.5)
+        assert not board.moved
+        # What comes in time is obeyed, so the silence above means something.
+        with daemon.link() as link:
+            RemoteControl(link).run()
+        assert board.wait_for(*FORWARD_BOARD)
+
+
+@contextmanager
+def ready(daemon: Daemon) -> Iterator[Process]:
+    """A daemon that is up and has a model."""
+    with daemon.camera(), daemon.start() as process:
+        assert daemon.is_up()
+        daemon.push(FORWARD)
+        yield process
+
+
+def late_commands(session_id: int, now_ns: int) -> list[bytes]:
+    """Orders to run and to drive, valid for 0.3 s."""
+    commands: list[Command] = []
+    for number in range(COMMANDS):
+        command = Command(
+            schema_version=SCHEMA_VERSION,
+            robot_id="mbot-test",
+            session_id=session_id,
+            expires_monotonic_ns=now_ns + TIME_TO_LIVE_NS,
+        )
+        if number % 2:
+            command.run.CopyFrom(Run())
+        else:
+            command.drive.CopyFrom(Drive(wheels=Wheels(left=1, right=1), hold_ms=1000))
+        commands.append(command)
+    return [command.SerializeToString() for command in commands]

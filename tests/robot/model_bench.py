@@ -1,0 +1,179 @@
+"""A robot's model service without a network, and somebody who signs and pushes to it."""
+
+import hashlib
+import itertools
+import time
+from pathlib import Path
+
+from mbot_agent.configuration import Configuration, Models, Trust
+from mbot_agent.dry_run import Report
+from mbot_agent.faults import Notice
+from mbot_agent.model_keeper import ModelKeeper
+from mbot_agent.model_service import ModelService, TryModel
+from mbot_agent.model_store import ModelStore
+from mbot_agent.policy import Policy
+from mbot_agent.sequence_floors import SequenceFloors
+from mbot_agent.trial import Trial
+from mbot_agent.trust import Trust as TrustChecks
+from mbot_protocol.keys import CHUNK_BYTES
+from mbot_protocol.model_manifest import ModelManifest, SignedManifest
+from mbot_protocol.schema import SCHEMA_VERSION
+from mbot_protocol.v1.messages_pb2 import (
+    Activate,
+    ModelList,
+    PushBegin,
+    PushChunk,
+    PushCommit,
+    PushNonce,
+    PushNonceReply,
+    PushReply,
+)
+from mbot_workstation.signing_key import SigningKey
+
+ROBOT_ID = "mbot-1"
+CLEAN_DECISIONS = 5
+KEY = SigningKey.ephemeral("anna")
+OTHER_KEY = SigningKey.ephemeral("bert")
+
+_sequence = itertools.count(time.time_ns())
+
+
+def digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+def untried(_data: bytes, _rate_hz: float) -> Report:
+    """In place of the dry run, where it is not the point: that takes a process each."""
+    return Report(0.1, 0)
+
+
+def sign(data: bytes, nonce: str, key: SigningKey = KEY, **changes: object) -> SignedManifest:
+    fields: dict[str, object] = {
+        "robot_id": ROBOT_ID,
+        "sequence": next(_sequence),
+        "sha256": digest(data),
+        "size_bytes": len(data),
+        "nonce": nonce,
+    }
+    return key.sign(ModelManifest(**(fields | changes)))  # pyright: ignore[reportArgumentType]
+
+
+class Robot:
+    """One life of the daemon, as far as models go. `Robot(same directory)` is the next life."""
+
+    def __init__(
+        self,
+        directory: Path,
+        *,
+        trust: Trust | None = None,
+        keep: int = 4,
+        try_model: TryModel = untried,
+    ) -> None:
+        self.directory = directory
+        self.used: list[tuple[Policy, Trial]] = []
+        self.notices: tuple[Notice, ...] = ()
+        settings = Trust((KEY.public.line,)) if trust is None else trust
+        configuration = Configuration(
+            robot_id=ROBOT_ID, models=Models(str(directory), keep=keep), trust=settings
+        )
+        self.store = ModelStore(directory, keep)
+        self.floors = SequenceFloors(directory)
+        self.trust = TrustChecks(settings, ROBOT_ID, self.floors)
+        self.keeper = ModelKeeper(
+            self.store,
+            self.trust,
+            CLEAN_DECISIONS,
+            lambda policy, trial: self.used.append((policy, trial)),
+            self._hear,
+        )
+        self.keeper.load_active()
+        self.service = ModelService(configuration, self.store, self.keeper, self.trust, try_model)
+
+    def _hear(self, notices: tuple[Notice, ...]) -> None:
+        self.notices = notices
+
+    @property
+    def active(self) -> str:
+        """The name of the model in use; empty without one."""
+        model = self.service.active_model
+        return model.name if model is not None else ""
+
+    @property
+    def trial(self) -> Trial:
+        return self.used[-1][1]
+
+    def nonce(self) -> str:
+        request = PushNonce(schema_version=SCHEMA_VERSION, robot_id=ROBOT_ID)
+        reply = PushNonceReply.FromString(self.service.nonce(request.SerializeToString()))
+        assert reply.accepted, reply.reason
+        return reply.nonce
+
+    def begin(
+        self, data: bytes, signed: SignedManifest | None = None, **changes: object
+    ) -> PushReply:
+        """With a manifest of its own if none is given."""
+        if signed is None:
+            signed = sign(data, self.nonce())
+        model = self.service.active_model
+        fields: dict[str, object] = {
+            "schema_version": SCHEMA_VERSION,
+            "robot_id": ROBOT_ID,
+            "sha256": digest(data),
+            "size_bytes": len(data),
+            "expected_active_sha256": model.sha256 if model is not None else "",
+            "manifest": signed.manifest,
+            "signature": signed.signature,
+            "public_key": signed.public_key,
+        }
+        request = PushBegin(**(fields | changes))  # pyright: ignore[reportArgumentType]
+        return PushReply.FromString(self.service.begin(request.SerializeToString()))
+
+    def chunk(self, push_id: str, offset: int, data: bytes) -> PushReply:
+        request = PushChunk(
+            schema_version=SCHEMA_VERSION, push_id=push_id, offset_bytes=offset, data=data
+        )
+        return PushReply.FromString(self.service.chunk(request.SerializeToString()))
+
+    def commit(self, push_id: str) -> PushReply:
+        request = PushCommit(schema_version=SCHEMA_VERSION, push_id=push_id)
+        return PushReply.FromString(self.service.commit(request.SerializeToString()))
+
+    def push(
+        self, data: bytes, signed: SignedManifest | None = None, **changes: object
+    ) -> PushReply:
+        reply = self.begin(data, signed, **changes)
+        if not reply.accepted:
+            return reply
+        for offset in range(0, len(data), CHUNK_BYTES):
+            piece = data[offset : offset + CHUNK_BYTES]
+            acknowledged = self.chunk(reply.push_id, offset, piece)
+            if not acknowledged.accepted:
+                return acknowledged
+        return self.commit(reply.push_id)
+
+    def activate(self, sha256: str = "") -> ModelList:
+        request = Activate(schema_version=SCHEMA_VERSION, robot_id=ROBOT_ID, sha256=sha256)
+        return ModelList.FromString(self.service.activate(request.SerializeToString()))
+
+    def list(self) -> ModelList:
+        return ModelList.FromString(self.service.models(b""))
+
+    def decide_well(self) -> None:
+        """As many clean decisions as prove a model."""
+        for _ in range(CLEAN_DECISIONS):
+            self.trial.clean()
+        self.settle()
+
+    def fail(self, reason: str = "nonsense") -> None:
+        """As many failures as break it."""
+        for _ in range(3):
+            self.trial.failed(reason)
+        self.settle()
+
+    def settle(self) -> None:
+        """Carry out the verdicts there are, which in the daemon is a thread's work."""
+        verdicts = self.keeper._verdicts  # pyright: ignore[reportPrivateUsage]
+        while not verdicts.empty():
+            verdict = verdicts.get()
+            if verdict is not None:
+                self.keeper.carry_out(verdict)

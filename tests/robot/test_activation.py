@@ -1,0 +1,73 @@
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mbot_agent.activation import MOST_STARTS, Activation
+
+A, B, C = "a" * 64, "b" * 64, "c" * 64
+
+
+def test_a_person_goes_forth_and_back() -> None:
+    first = Activation().activated(A, "")
+    second = first.activated(B, A)
+    assert (second.active, second.previous) == (B, A)
+    assert second.activated(B, B) == second
+    back = second.activated(A, B)
+    assert (back.active, back.previous) == (A, B)
+
+
+def test_what_is_really_in_use_becomes_the_previous_one() -> None:
+    """The active one may be damaged, and the daemon got by with another."""
+    damaged = Activation(active=A, previous=B)
+    assert damaged.activated(C, B).previous == B
+    assert damaged.activated(C, "").previous == B
+
+
+def test_the_previous_model_is_gone_back_to_if_it_has_proven_itself() -> None:
+    both = Activation(active=C, previous=A, proven=(A, B))
+    assert both.successors(C) == (A, B)
+    unproven = Activation(active=C, previous=A, proven=(B,))
+    assert unproven.successors(C) == (B, A)
+    assert Activation(active=C, previous=C).successors(C) == ()
+
+
+def test_a_rejected_model_is_never_gone_back_to_until_a_person_wants_it() -> None:
+    broken = Activation(active=B, previous=A, proven=(A, B)).rolled_back(B, A, "nonsense")
+    assert (broken.active, broken.previous, broken.proven) == (A, "", (A,))
+    assert B not in broken.successors(A)
+    assert broken.rollback is not None
+    wanted = broken.activated(B, A)
+    assert (wanted.rejected, wanted.rollback) == ((), None)
+    assert wanted.successors(B) == (A,)
+
+
+def test_starts_are_counted_until_something_speaks_for_the_model() -> None:
+    activation = Activation().activated(A, "")
+    for _ in range(MOST_STARTS):
+        assert not activation.has_crashed_the_daemon(A)
+        activation = activation.started(A)
+    assert activation.has_crashed_the_daemon(A)
+    assert not activation.has_crashed_the_daemon(B)
+    for better in (activation.survived(), activation.proved(A), activation.activated(A, "")):
+        assert not better.has_crashed_the_daemon(A)
+
+
+digests = st.sampled_from([A, B, C])
+steps = st.one_of(
+    st.builds(lambda d: lambda a: a.activated(d, a.active), digests),
+    st.builds(lambda d: lambda a: a.started(d), digests),
+    st.builds(lambda d: lambda a: a.proved(d), digests),
+    st.just(lambda a: a.survived()),
+    st.builds(lambda d: lambda a: a.rolled_back(a.active, d, "x") if d != a.active else a, digests),
+)
+
+
+@given(st.lists(steps, max_size=30))
+def test_whatever_happens_nobody_is_proven_and_rejected_at_once(changes) -> None:
+    activation = Activation().activated(A, "")
+    for change in changes:
+        activation = change(activation)
+        assert activation.active
+        assert activation.active != activation.previous
+        successors = activation.successors(activation.active)
+        assert not {activation.active, *activation.rejected} & set(successors)
+        assert len(set(activation.proven)) == len(activation.proven)

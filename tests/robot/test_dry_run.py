@@ -1,0 +1,164 @@
+"""Row of the fault table: a hostile model takes a child process down, within 10 s, never us."""
+
+import base64
+import itertools
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import onnx
+import pytest
+from onnx import TensorProto, helper, numpy_helper
+
+from mbot_agent import dry_run as module
+from mbot_agent.dry_run import dry_run
+from mbot_protocol.errors import ContractError, NewerSchemaError, RefusedError
+from mbot_protocol.golden_frames import PROPERTY
+from mbot_protocol.policy_contract import PolicyMetadata
+
+from .tiny_models import constant_model
+
+RATE_HZ = 2.5
+TRAINED = Path(__file__).parents[2] / "models" / "red-cube.onnx"
+METADATA = PolicyMetadata("hostile").to_properties()
+NEWER = METADATA | {"mbot.contract_version": "99"}
+
+
+def constant(name: str, values: np.ndarray) -> TensorProto:
+    return numpy_helper.from_array(values, name)
+
+
+def hostile(nodes: list[onnx.NodeProto], constants: list[TensorProto]) -> bytes:
+    """A model that follows the contract from outside: `nodes` make `column`, (1, 2), of `flat`."""
+    first = [
+        helper.make_node("Cast", ["observation"], ["float"], to=TensorProto.FLOAT),
+        helper.make_node("Flatten", ["float"], ["flat"], axis=1),
+    ]
+    last = [helper.make_node("Clip", ["column"], ["action"])]
+    graph = helper.make_graph(
+        [*first, *nodes, *last],
+        "hostile",
+        [helper.make_tensor_value_info("observation", TensorProto.UINT8, (1, 64, 64, 3))],
+        [helper.make_tensor_value_info("action", TensorProto.FLOAT, (1, 2))],
+        constants,
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    helper.set_model_props(model, METADATA)
+    return model.SerializeToString()
+
+
+def huge_tensor() -> bytes:
+    """The outer product of the picture with itself: 12288 x 12288 floats, 604 MB."""
+    return hostile(
+        [
+            helper.make_node("Transpose", ["flat"], ["tall"], perm=[1, 0]),
+            helper.make_node("MatMul", ["tall", "flat"], ["square"]),
+            helper.make_node("ReduceMax", ["square"], ["least"], axes=[0, 1], keepdims=1),
+            helper.make_node("Mul", ["least", "pair"], ["column"]),
+        ],
+        [constant("pair", np.zeros((1, 2), np.float32))],
+    )
+
+
+def slow(layers: int) -> bytes:
+    """100 million multiplications a layer and picture: 2 to 10 ms each."""
+    names = ["tall", *[f"layer{i}" for i in range(layers)]]
+    return hostile(
+        [
+            helper.make_node("Transpose", ["flat"], ["thin"], perm=[1, 0]),
+            helper.make_node("MatMul", ["thin", "wide"], ["tall"]),
+            *[
+                helper.make_node("MatMul", [before, "square"], [after])
+                for before, after in itertools.pairwise(names)
+            ],
+            helper.make_node("ReduceMax", [names[-1]], ["one"], axes=[0, 1], keepdims=1),
+            helper.make_node("Mul", ["one", "pair"], ["column"]),
+        ],
+        [
+            constant("wide", np.ones((1, 64), np.float32)),
+            constant("square", np.zeros((64, 64), np.float32)),
+            constant("pair", np.ones((1, 2), np.float32)),
+        ],
+    )
+
+
+def with_golden_frame(action: tuple[float, float]) -> bytes:
+    picture = np.full((64, 64, 3), 90, np.uint8)
+    png = cv2.imencode(".png", picture)[1].tobytes()
+    entry = {"name": "grey", "png": base64.b64encode(png).decode(), "action": action}
+    return constant_model(0.25, -0.5, metadata=METADATA | {PROPERTY: json.dumps([entry])})
+
+
+def test_a_good_model_passes_and_its_cost_is_told() -> None:
+    report = dry_run(TRAINED.read_bytes(), RATE_HZ)
+    assert report.golden_frames == 3
+    assert 0 < report.inference_ms < 200
+    assert dry_run(constant_model(), RATE_HZ).golden_frames == 0
+
+
+@pytest.mark.parametrize(
+    ("data", "error", "words"),
+    [
+        (b"this is no model", ContractError, "no ONNX model"),
+        (constant_model(float("nan"), 0.0), ContractError, "two finite numbers"),
+        (constant_model(float("inf"), 0.0), ContractError, "two finite numbers"),
+        (constant_model(metadata=NEWER), NewerSchemaError, "upgrade mbot-agent"),
+        (constant_model(input_shape=(1, 96, 96, 3)), ContractError, "expected 'observation'"),
+        (constant_model(extra_operator="Loop"), ContractError, "'Loop', which a robot does not"),
+        (huge_tensor(), ContractError, "bfc_arena|alloc"),
+        (with_golden_frame((0.25, -0.4)), ContractError, "golden frames are off by 0.1"),
+    ],
+    ids=["text", "nan", "infinite", "newer", "shape", "loop", "huge", "golden"],
+)
+def test_a_bad_model_is_refused_in_one_line(
+    data: bytes, error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error, match=words) as caught:
+        dry_run(data, RATE_HZ)
+    assert "\n" not in str(caught.value)
+
+
+def test_golden_frames_that_are_right_pass() -> None:
+    assert dry_run(with_golden_frame((0.25, -0.5)), RATE_HZ).golden_frames == 1
+
+
+def test_a_model_that_never_answers_is_killed_within_10_s() -> None:
+    began_s = time.monotonic()
+    with pytest.raises(ContractError, match=r"dry run (took more than|was ended by signal)"):
+        dry_run(slow(5000), RATE_HZ)  # loops are refused, but this is as good as endless
+    assert time.monotonic() - began_s <= 10.0
+
+
+def test_a_model_too_slow_for_the_robots_rate_is_refused() -> None:
+    with pytest.raises(ContractError, match=r"ms for a decision, expected at most 25 ms"):
+        dry_run(slow(60), 20.0)
+
+
+def test_a_child_that_dies_is_a_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    program = tmp_path / "python"
+    program.write_text("#!/bin/sh\nkill -SEGV $$\n")
+    program.chmod(0o755)
+    monkeypatch.setattr(module.sys, "executable", str(program))
+    with pytest.raises(ContractError, match="ended by signal 11"):
+        dry_run(constant_model(), RATE_HZ)
+    program.chmod(0o644)
+    with pytest.raises(RefusedError, match="cannot try the model: Permission denied"):
+        dry_run(constant_model(), RATE_HZ)
+
+
+def test_the_child_leaves_no_file_and_can_write_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    dry_run(constant_model(), RATE_HZ)
+    assert list(tmp_path.iterdir()) == []
+    attempt = (
+        "import sys; sys.stdin.buffer.read(); import mbot_agent.dry_run as d; d._limit();"
+        f"open({str(tmp_path / 'x')!r}, 'wb', buffering=0).write(b'x')"
+    )
+    assert os.system(f'{sys.executable} -c "{attempt}" </dev/null 2>/dev/null') != 0
+    assert (tmp_path / "x").read_bytes() == b""

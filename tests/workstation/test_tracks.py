@@ -1,0 +1,441 @@
+"""Track files of every kind come out in one frame and unit; what is broken is named."""
+
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.writer import Writer
+from mcap_protobuf.schema import register_schema
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.recordings.track import Array, Track, multiply
+from mbot_workstation.recordings.track_files import read_track
+from mbot_workstation.recordings.track_format import (
+    PRESETS,
+    TrackFormat,
+    read_track_format,
+    track_format,
+)
+from mbot_workstation.recordings.track_frame import from_euler, to_file_frame, to_our_frame
+from mbot_workstation.recordings.track_tum import write_tum
+
+UPS = ("x", "y", "z", "-x", "-y", "-z")
+
+
+def spiral(count: int = 60, turns: float = 1.5) -> Track:
+    """To the left and outwards, level, the tracker's x ahead."""
+    yaw = np.linspace(0, turns * 2 * np.pi, count)
+    zero = np.zeros(count)
+    position = np.stack([yaw * np.cos(yaw) / 9, yaw * np.sin(yaw) / 9, zero + 0.1], axis=1)
+    quaternion = np.stack([np.cos(yaw / 2), zero, zero, np.sin(yaw / 2)], axis=1)
+    return Track(np.arange(count) / 90 + 12.5, position, quaternion)
+
+
+def same_attitudes(first: Array, second: Array) -> bool:
+    return bool((np.abs(np.sum(first * second, axis=1)) > 1 - 1e-9).all())
+
+
+def same(first: Track, second: Track) -> bool:
+    return (
+        np.allclose(first.time_s, second.time_s, atol=1e-6)
+        and np.allclose(first.position_m, second.position_m, atol=1e-6)
+        and same_attitudes(first.quaternion_wxyz, second.quaternion_wxyz)
+    )
+
+
+def write_csv(path: Path, header: str, table: Array, delimiter: str = ",") -> Path:
+    np.savetxt(path, table, "%.9f", delimiter, header=header, comments="")
+    return path
+
+
+def rotation(quaternion: Array) -> Array:
+    """Matrix of one quaternion, column by column, without the code under test."""
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+# Formats
+
+
+def test_tum_reads_back_as_written(tmp_path: Path) -> None:
+    write_tum(tmp_path / "a.tum", spiral())
+    assert same(read_track(tmp_path / "a.tum"), spiral())
+    (tmp_path / "a.tum").rename(tmp_path / "a.txt")
+    assert same(read_track(tmp_path / "a.txt"), spiral())
+
+
+def test_the_triad_openvr_preset(tmp_path: Path) -> None:
+    track = spiral()
+    x, y, z = track.position_m.T
+    w, _, _, qz = track.quaternion_wxyz.T
+    junk = np.zeros_like(x)
+    # OpenVR: x right, y up, -z forward; ours turned so that y is up.
+    table = np.column_stack([track.time_s, x, z, -y, junk, junk, junk, w, junk, qz, junk])
+    path = write_csv(tmp_path / "v.csv", "time,x,y,z,yaw,pitch,roll,r_w,r_x,r_y,r_z", table)
+    (tmp_path / "track.toml").write_text('preset = "triad-openvr"\n')
+    assert same(read_track(path, read_track_format(tmp_path)), track)
+    table[:, 1:4] *= 1000
+    write_csv(path, "time,x,y,z,yaw,pitch,roll,r_w,r_x,r_y,r_z", table)
+    (tmp_path / "track.toml").write_text('preset = "triad-openvr"\nposition_unit = "mm"\n')
+    assert same(read_track(path, read_track_format(tmp_path)), track)
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_columns_by_number_and_other_delimiters(tmp_path: Path, delimiter: str) -> None:
+    track = spiral()
+    table = np.column_stack([track.quaternion_wxyz, track.position_m, track.time_s * 1000])
+    np.savetxt(tmp_path / "a.csv", table, "%.9f", delimiter)
+    form = track_format(
+        {
+            "time": 8,
+            "time_unit": "ms",
+            "position": [5, 6, 7],
+            "quaternion": [1, 2, 3, 4],
+            "quaternion_order": "w-first",
+        }
+    )
+    assert same(read_track(tmp_path / "a.csv", form), track)
+
+
+def test_spreadsheets_quotes_and_byte_order_marks_are_read(tmp_path: Path) -> None:
+    rows = "".join(f'"{i / 50}", {i},0,0\r\n' for i in range(20))
+    (tmp_path / "a.csv").write_bytes(b"\xef\xbb\xbf" + f'"t",x,"y",yaw\r\n{rows}'.encode())
+    form = track_format(
+        {"time": "t", "position": ["x", "y", "y"], "euler": ["yaw"], "euler_axes": "z"}
+    )
+    track = read_track(tmp_path / "a.csv", form)
+    assert track.position_m[:3, 0].tolist() == [0, 1, 2]
+    assert len(track) == 20
+
+
+@pytest.mark.parametrize("unit", ["deg", "rad"])
+def test_euler_angles_serve_where_there_is_no_quaternion(tmp_path: Path, unit: str) -> None:
+    track = spiral()
+    yaw = track.yaw_rad * (180 / np.pi if unit == "deg" else 1)
+    table = np.column_stack([track.time_s, track.position_m, yaw, 0 * yaw, 0 * yaw])
+    path = write_csv(tmp_path / "e.csv", "t,x,y,z,yaw,pitch,roll", table)
+    form = track_format(
+        {
+            "time": "t",
+            "position": ["x", "y", "z"],
+            "euler": ["yaw", "pitch", "roll"],
+            "euler_unit": unit,
+        }
+    )
+    assert same(read_track(path, form), track)
+
+
+@settings(deadline=None)
+@given(st.tuples(*[st.floats(-3, 3)] * 3))
+def test_euler_angles_are_intrinsic(angles: tuple[float, float, float]) -> None:
+    yaw, pitch, roll = angles
+    (quaternion,) = from_euler(np.array([angles]), "zyx")
+    turns = [
+        (np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])),
+        np.array(
+            [[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]]
+        ),
+        np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]]),
+    ]
+    assert np.allclose(rotation(quaternion), turns[0] @ turns[1] @ turns[2], atol=1e-9)
+
+
+def pose_message(track: Track, row: int) -> PoseInFrame:
+    message = PoseInFrame(frame_id="world")
+    message.timestamp.FromNanoseconds(round(track.time_s[row] * 1e9))
+    place, turn = message.pose.position, message.pose.orientation
+    place.x, place.y, place.z = track.position_m[row]
+    turn.w, turn.x, turn.y, turn.z = track.quaternion_wxyz[row]
+    return message
+
+
+def transform_message(track: Track, row: int) -> FrameTransform:
+    message = FrameTransform(parent_frame_id="world", child_frame_id="tracker")
+    message.timestamp.FromNanoseconds(round(track.time_s[row] * 1e9))
+    place, turn = message.translation, message.rotation
+    place.x, place.y, place.z = track.position_m[row]
+    turn.w, turn.x, turn.y, turn.z = track.quaternion_wxyz[row]
+    return message
+
+
+def write_mcap(
+    path: Path, track: Track, topics: tuple[str, ...], make: Callable = pose_message
+) -> None:
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = register_schema(writer, type(make(track, 0)))
+        channels = [writer.register_channel(topic, "protobuf", schema) for topic in topics]
+        for row in range(len(track)):
+            for channel in channels:
+                data = make(track, row).SerializeToString()
+                # The log's own times are of no interest: here they are all the same.
+                writer.add_message(channel, 1, data, 1, row)
+        writer.finish()
+
+
+@pytest.mark.parametrize("make", [pose_message, transform_message])
+def test_foxglove_poses_in_mcap(tmp_path: Path, make: Callable) -> None:
+    write_mcap(tmp_path / "a.mcap", spiral(), ("/pose",), make)
+    assert same(read_track(tmp_path / "a.mcap"), spiral())
+
+
+@pytest.mark.parametrize("frame", ["", "map", "odom"])
+def test_ros_poses_in_mcap(tmp_path: Path, frame: str) -> None:
+    track = spiral()
+    with (tmp_path / "a.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2")
+        schema = writer.register_schema("geometry_msgs/msg/PoseStamped", "ros2msg", b"")
+        channel = writer.register_channel("/pose", "cdr", schema)
+        for row in range(len(track)):
+            nanoseconds = round(track.time_s[row] * 1e9)
+            name = frame.encode() + b"\0"
+            body = struct.pack("<iII", *divmod(nanoseconds, 10**9), len(name)) + name
+            body += b"\0" * (-len(body) % 8)
+            w, x, y, z = track.quaternion_wxyz[row]
+            body += struct.pack("<7d", *track.position_m[row], x, y, z, w)
+            writer.add_message(channel, nanoseconds, b"\0\1\0\0" + body, nanoseconds, row)
+        writer.finish()
+    assert same(read_track(tmp_path / "a.mcap"), track)
+
+
+def test_a_topic_must_be_chosen_where_there_are_several(tmp_path: Path) -> None:
+    write_mcap(tmp_path / "a.mcap", spiral(), ("/left", "/right"))
+    with pytest.raises(ConfigurationError, match=r'/left, /right; choose .* topic = "/left"'):
+        read_track(tmp_path / "a.mcap")
+    assert same(read_track(tmp_path / "a.mcap", track_format({"topic": "/right"})), spiral())
+    with pytest.raises(ConfigurationError, match="no poses on topic '/up'"):
+        read_track(tmp_path / "a.mcap", track_format({"topic": "/up"}))
+
+
+def test_a_cut_mcap_gives_what_is_whole(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:  # many small chunks, as a live recorder writes them
+        writer = Writer(file, chunk_size=500)
+        writer.start()
+        schema = register_schema(writer, PoseInFrame)
+        channel = writer.register_channel("/pose", "protobuf", schema)
+        for row in range(60):
+            writer.add_message(channel, row, pose_message(spiral(), row).SerializeToString(), row)
+        writer.finish()
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    assert 10 <= len(read_track(path)) < 60
+    assert "cut off" in caplog.text
+    path.write_bytes(b"no mcap at all")
+    with pytest.raises(ConfigurationError, match="no readable MCAP file"):
+        read_track(path)
+
+
+# Frames
+
+
+@settings(deadline=None)
+@given(st.sampled_from(UPS), st.sampled_from(["right", "left"]), st.integers(0, 2**32 - 1))
+def test_every_frame_can_be_undone(up: str, handedness: str, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    position, quaternion = random.normal(size=(5, 3)), random.normal(size=(5, 4))
+    quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
+    there = to_our_frame(position, quaternion, up, handedness)
+    back = to_file_frame(*there, up, handedness)
+    assert np.allclose(back[0], position)
+    assert np.allclose(back[1], quaternion)
+    assert np.allclose(np.linalg.norm(there[0], axis=1), np.linalg.norm(position, axis=1))
+
+
+@settings(deadline=None)
+@given(st.sampled_from(UPS), st.sampled_from(["right", "left"]), st.integers(0, 2**32 - 1))
+def test_up_becomes_z_and_attitudes_turn_along(up: str, handedness: str, seed: int) -> None:
+    """A point fixed to the tracker must be where it was, seen in the new frame."""
+    random = np.random.default_rng(seed)
+    quaternion = random.normal(size=(1, 4))
+    quaternion /= np.linalg.norm(quaternion)
+    arm = random.normal(size=3)
+    none = np.array([[1.0, 0, 0, 0]])
+    axis = np.zeros((1, 3))
+    axis[0, "xyz".index(up[-1])] = -1 if up.startswith("-") else 1
+    assert np.allclose(to_our_frame(axis, none, up, handedness)[0], [[0, 0, 1]])
+    world = (rotation(quaternion[0]) @ arm)[None]  # the arm's end, in the file's frame
+    turned = to_our_frame(world, quaternion, up, handedness)
+    own_arm = to_our_frame(arm[None], none, up, handedness)[0][0]
+    assert np.allclose(rotation(turned[1][0]) @ own_arm, turned[0][0])
+
+
+def test_only_a_left_handed_frame_turns_the_other_way() -> None:
+    track = spiral()
+    for up in UPS:
+        raw = to_file_frame(track.position_m, track.quaternion_wxyz, up, "right")
+        right = Track(track.time_s, *to_our_frame(*raw, up, "right"))
+        left = Track(track.time_s, *to_our_frame(*raw, up, "left"))
+        assert right.yaw_rad[-1] == pytest.approx(3 * np.pi)
+        assert left.yaw_rad[-1] == pytest.approx(-3 * np.pi)
+
+
+@settings(deadline=None)
+@given(st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: np.linalg.norm(q) > 0.1))
+def test_yaw_is_the_same_for_any_mount(mount: tuple[float, float, float, float]) -> None:
+    track = spiral()
+    quaternion = multiply(track.quaternion_wxyz, np.array(mount) / np.linalg.norm(mount))
+    mounted = Track(track.time_s, track.position_m, quaternion)
+    assert np.allclose(mounted.yaw_rad, track.yaw_rad, atol=1e-6)
+    up = mounted.up_in_tracker
+    assert np.allclose(up, up[0])
+    assert np.allclose(up[0], rotation(quaternion[0]).T @ [0, 0, 1])
+
+
+# Bad files
+
+
+def bad(path: Path, form: TrackFormat | None = None) -> str:
+    with pytest.raises(ConfigurationError) as caught:
+        read_track(path, form)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert path.name in text
+    return text
+
+
+def tum(path: Path, rows: list[list[float | str]]) -> Path:
+    path.write_text("".join(" ".join(map(str, row)) + "\n" for row in rows))
+    return path
+
+
+def rows(count: int = 20) -> list[list[float | str]]:
+    return [[i / 90, i / 200, 0, 0, 0, 0, 0, 1] for i in range(count)]
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "words"),
+    [
+        ((5, 0), 0.0, "line 6: time is 0.000000 after 0.044444, expected to rise"),
+        ((5, 0), 4 / 90, "expected to rise (1 such places)"),
+        ((7, 1), "nan", "line 8: 2 is nan; leave out the lines"),
+        ((7, 3), "inf", "line 8: 4 is inf"),
+        ((7, 3), "1,5", "expected a number with a decimal point"),
+        ((7, 7), 0.5, "line 8: the quaternion's length is 0.500, expected 1"),
+    ],
+)
+def test_a_bad_value_is_named_with_its_line(
+    tmp_path: Path, place: tuple[int, int], value: float | str, words: str
+) -> None:
+    table = rows()
+    table[place[0]][place[1]] = value
+    assert words in bad(tum(tmp_path / "a.tum", table))
+
+
+def test_a_short_line_is_named(tmp_path: Path) -> None:
+    table = rows()
+    table[-1] = table[-1][:4]
+    assert "line 20: 4 fields, so there is no column 5; was the file cut off?" in bad(
+        tum(tmp_path / "a.tum", table)
+    )
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_times_in_another_unit_are_named(tmp_path: Path, unit: str, factor: float) -> None:
+    table = [[float(row[0]) * factor, *row[1:]] for row in rows()]
+    text = bad(tum(tmp_path / "a.tum", table))
+    assert f'in {unit} it would be 90 a second: set time_unit = "{unit}"' in text
+    assert len(read_track(tmp_path / "a.tum", track_format({"time_unit": unit}))) == 20
+
+
+def test_seconds_declared_as_milliseconds_are_named(tmp_path: Path) -> None:
+    text = bad(tum(tmp_path / "a.tum", rows()), track_format({"time_unit": "ms"}))
+    assert 'set time_unit = "s"' in text
+
+
+def test_too_few_poses_are_refused(tmp_path: Path) -> None:
+    assert "holds 9 poses, expected at least 10" in bad(tum(tmp_path / "a.tum", rows(9)))
+
+
+def test_files_that_are_none_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "a.tum"
+    assert "can't read" in bad(path)
+    path.write_bytes(b"\xff\xfe\x00")
+    assert "it is no text" in bad(path)
+    path.write_text("# only a comment\n\n")
+    assert "is empty" in bad(path)
+    assert "ends in '.bag'" in bad(tmp_path / "a.bag")
+
+
+def test_a_csv_file_without_a_declaration_is_refused(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "a.csv", "time,x", np.zeros((20, 2)))
+    assert "needs a track.toml beside it" in bad(path)
+    assert "column 'r_w' is not among time, x" in bad(path, PRESETS["triad-openvr"]) or (
+        "column 'y' is not among time, x" in bad(path, PRESETS["triad-openvr"])
+    )
+    path.write_text("1,2,3\n" * 20)
+    assert "has no header" in bad(path, PRESETS["triad-openvr"])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('preset = "vive"', "expected 'tum' or 'triad-openvr'"),
+        ('colour = "red"', "colour"),
+        ('up = "north"', "$.up"),
+        ('position_unit = "km"', "$.position_unit"),
+        ('quaternion_order = "wxyz"', "$.quaternion_order"),
+        ('euler = ["yaw"]', "euler has 1 columns, euler_axes 'zyx' has 3 letters"),
+        ('euler = ["yaw"]\neuler_axes = "q"', "$.euler_axes"),
+        ("time = 0", "$.time"),
+        ("time", "track.toml"),
+    ],
+)
+def test_a_bad_declaration_is_named(tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "track.toml").write_text(text)
+    with pytest.raises(ConfigurationError) as caught:
+        read_track_format(tmp_path)
+    assert words in str(caught.value)
+    assert "track.toml" in str(caught.value)
+
+
+@settings(deadline=None)
+@given(st.binary(max_size=400))
+def test_no_bytes_make_a_reader_fail_otherwise(tmp_path_factory, data: bytes) -> None:
+    folder = tmp_path_factory.mktemp("bytes")
+    for name in ("a.tum", "a.csv", "a.mcap"):
+        (folder / name).write_bytes(data)
+        with pytest.raises(ConfigurationError):
+            read_track(folder / name, PRESETS["tum"])
+
+
+@settings(deadline=None)
+@given(
+    st.lists(
+        st.lists(st.sampled_from(["1", "0", "-2.5", "nan", "1e400", "", "x", "0.1"]), max_size=9),
+        max_size=30,
+    )
+)
+def test_no_table_makes_a_reader_fail_otherwise(tmp_path_factory, table: list[list[str]]) -> None:
+    path = tmp_path_factory.mktemp("tables") / "a.csv"
+    path.write_text("\n".join(",".join(row) for row in table))
+    with pytest.raises(ConfigurationError):
+        read_track(path, PRESETS["tum"])
+
+
+def test_a_track_checks_itself() -> None:
+    track = spiral()
+    with pytest.raises(ValueError, match="expected at least 2"):
+        track.where(np.arange(len(track)) == 3)
+    with pytest.raises(ValueError, match="does not rise"):
+        Track(track.time_s[::-1], track.position_m, track.quaternion_wxyz)
+    with pytest.raises(ValueError, match="unit length"):
+        Track(track.time_s, track.position_m, 2 * track.quaternion_wxyz)
+    with pytest.raises(ValueError, match="not finite"):
+        Track(track.time_s, np.full((60, 3), np.inf), track.quaternion_wxyz)
+    with pytest.raises(ValueError, match="expected"):
+        Track(track.time_s, track.position_m[:, :2], track.quaternion_wxyz)
+    assert track.between(99, 100) is None

@@ -1,0 +1,1 @@
+"""One robot's calibration: from its folder to everything that simulates it."""

@@ -1,0 +1,359 @@
+"""`workstation calibrate camera`: focal length, optical axis and distortion from photographs."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mbot_workstation.calibration.targets import (
+    BOARD_DICTIONARY,
+    BOARD_MARKER_SHARE,
+    BOARD_SQUARE_MM,
+    Board,
+)
+from mbot_workstation.calibration_option import DEFAULT_CALIBRATION, CalibrationOutputOption
+from mbot_workstation.link_options import JsonOption
+
+if TYPE_CHECKING:
+    from mbot_workstation.calibration.camera_fit import CameraFit, PictureFit
+    from mbot_workstation.calibration.camera_pictures import SeenBoards
+    from mbot_workstation.calibration.camera_quality import CameraQuality
+
+_BOARD, _LIVE = "Board", "Live"
+
+
+def camera(
+    *,
+    photos: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[PHOTO]...", help="Pictures of the board, or a folder of them."),
+    ] = None,
+    calibration: CalibrationOutputOption = DEFAULT_CALIBRATION,
+    live: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SOURCE",
+            help="Take the pictures now: a device (0, /dev/video0), a stream's URL or a film. Ends "
+            "by itself or with Ctrl-C.",
+            rich_help_panel=_LIVE,
+        ),
+    ] = None,
+    count: Annotated[
+        int, typer.Option(min=3, max=200, help="Pictures to take.", rich_help_panel=_LIVE)
+    ] = 25,
+    inner_corners: Annotated[
+        str | None,
+        typer.Option(
+            metavar="COLUMNSxROWS",
+            help="Corners inside the board where four squares meet; found by itself if not given.",
+            rich_help_panel=_BOARD,
+        ),
+    ] = None,
+    charuco: Annotated[
+        bool, typer.Option("--charuco", help="The board has markers.", rich_help_panel=_BOARD)
+    ] = False,
+    square_mm: Annotated[
+        float, typer.Option(min=1, max=500, help="Edge of a square.", rich_help_panel=_BOARD)
+    ] = BOARD_SQUARE_MM,
+    marker_mm: Annotated[
+        float | None,
+        typer.Option(
+            min=0.5,
+            max=475,
+            help=f"Edge of a marker; {BOARD_MARKER_SHARE:g} of a square's if not given.",
+            rich_help_panel=_BOARD,
+        ),
+    ] = None,
+    dictionary: Annotated[
+        str, typer.Option(metavar="NAME", help="Of the markers.", rich_help_panel=_BOARD)
+    ] = BOARD_DICTIONARY,
+    keep_outliers: Annotated[
+        bool,
+        typer.Option("--keep-outliers", help="Fit to every picture, also those that don't fit."),
+    ] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Write the result even if it is too poor.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Calibrate the camera with photographs of a board, and write camera.toml and camera.png.
+
+    Print a board by `workstation print board`. Take 20 pictures or more with the robot's own
+    camera in the mode it drives with: the board near enough to fill half of the view, tilted every
+    way, also in the corners of the view; sharp and still. Sizes may differ if all show the same
+    view.
+
+    Examples:
+
+    - `workstation calibrate camera photos/*.jpg`
+    - `workstation calibrate camera photos --inner-corners 9x6 --calibration calibration/mbot-2`
+    - `workstation calibrate camera --live http://mbot-1.local:8090/stream.mjpg`
+    """
+    from mbot_protocol.errors import ConfigurationError
+
+    boards = _boards(inner_corners, charuco, square_mm, marker_mm, dictionary)
+    if (live is None) == (not photos):
+        raise ConfigurationError("give either photographs or --live SOURCE")
+    if live is not None:
+        photos = _collect(live, boards, calibration / "camera-pictures", count)
+    seen, fit, quality = _calibrate(photos or [], boards, keep_outliers=keep_outliers)
+    refused = bool(quality.objections) and not force
+    if not as_json:
+        _print_table(fit)
+        _print_words(seen, fit, quality)
+    written = None if refused else _write(fit, calibration)
+    _draw(fit, calibration / ("camera-refused.png" if refused else "camera.png"), as_json=as_json)
+    if as_json:
+        import json
+
+        print(json.dumps(_fields(seen, fit, quality, written), indent=2))
+    elif written:
+        print(f"wrote {written}")
+    if refused:
+        raise ConfigurationError(
+            f"too poor to be used: {'; '.join(quality.objections)} (--force writes it all the same)"
+        )
+
+
+def _boards(
+    inner_corners: str | None,
+    charuco: bool,
+    square_mm: float,
+    marker_mm: float | None,
+    dictionary: str,
+) -> list[Board]:
+    """The boards named by the options; none if they are to be guessed."""
+    from mbot_protocol.errors import ConfigurationError
+    from mbot_workstation.calibration.targets import BOARD_COLUMNS, BOARD_ROWS, charuco_board
+
+    charuco = charuco or marker_mm is not None or dictionary != BOARD_DICTIONARY
+    if inner_corners is None and not charuco:
+        return []
+    columns, rows = BOARD_COLUMNS, BOARD_ROWS
+    if inner_corners is not None:
+        across, _, down = inner_corners.lower().partition("x")
+        if not (across.isdecimal() and down.isdecimal()):
+            raise ConfigurationError(
+                f"--inner-corners is {inner_corners!r}, expected COLUMNSxROWS such as 9x7"
+            )
+        columns, rows = int(across) + 1, int(down) + 1
+    share = BOARD_MARKER_SHARE if marker_mm is None else marker_mm / square_mm
+    try:
+        board = Board(columns, rows, square_mm, charuco, dictionary, share)
+        if charuco:
+            charuco_board(board)
+        return [board]
+    except ValueError as error:
+        raise ConfigurationError(
+            f"{error} (--inner-corners, --square-mm, --marker-mm, --dictionary)"
+        ) from None
+
+
+def _collect(source: str, boards: list[Board], folder: Path, count: int) -> list[Path]:
+    from rich.console import Console
+
+    from mbot_protocol.errors import ConfigurationError
+    from mbot_workstation.calibration.board_collector import Verdict
+    from mbot_workstation.calibration.camera_live import collect
+
+    console = Console(stderr=True)
+    looked_for = boards or [Board(), Board(charuco=True)]
+    console.print(
+        f"hold a {' or a '.join(board.name for board in looked_for)} before the camera, tilt it "
+        "and move it all over the view; a picture is taken whenever it is still; Ctrl-C ends",
+        highlight=False,
+        soft_wrap=True,
+    )
+    with console.status("waiting for the camera") as status:
+
+        def tell(verdict: Verdict, taken: int, empty: tuple[str, ...]) -> None:
+            missing = f"; still empty: {', '.join(empty)}" if empty else ""
+            words = f"{taken} of {count} pictures, {verdict.value}{missing}"
+            status.update(words)
+            if verdict is Verdict.TAKEN and not console.is_terminal:
+                console.print(words, highlight=False, soft_wrap=True)
+
+        taken = collect(source, looked_for, folder, count, tell)
+    if not taken:
+        raise ConfigurationError(
+            f"no picture taken from {source}: the board was never found standing still"
+        )
+    console.print(f"{len(taken)} pictures in {folder}", highlight=False, soft_wrap=True)
+    return taken
+
+
+def _calibrate(
+    photos: list[Path], boards: list[Board], *, keep_outliers: bool
+) -> "tuple[SeenBoards, CameraFit, CameraQuality]":
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from mbot_workstation.calibration.camera_fit import fit_camera
+    from mbot_workstation.calibration.camera_pictures import look_for_boards
+    from mbot_workstation.calibration.camera_quality import judge
+    from mbot_workstation.calibration.pictures import picture_files
+
+    files = picture_files(photos)
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("looking for the board", total=len(files))
+        seen = look_for_boards(files, boards, lambda done: progress.update(task, completed=done))
+    fit = fit_camera(seen.sightings, keep_outliers=keep_outliers)
+    return seen, fit, judge(fit)
+
+
+def _write(fit: "CameraFit", folder: Path) -> Path:
+    from datetime import datetime
+
+    from mbot_protocol.calibration import CameraCalibration
+    from mbot_protocol.errors import ConfigurationError
+    from mbot_workstation.calibration.folder import write_camera
+
+    model = fit.camera
+    try:
+        calibration = CameraCalibration(
+            width_px=model.width_px,
+            height_px=model.height_px,
+            focal_x_px=model.focal_x_px,
+            focal_y_px=model.focal_y_px,
+            principal_x_px=model.principal_x_px,
+            principal_y_px=model.principal_y_px,
+            distortion=model.distortion,
+            reprojection_error_px=fit.error_px,
+            pictures=len(fit.kept),
+            made_on=datetime.now().astimezone().date().isoformat(),
+        )
+    except ValueError as error:
+        raise ConfigurationError(f"these pictures fit no usable camera: {error}") from None
+    return write_camera(folder, calibration)
+
+
+def _draw(fit: "CameraFit", path: Path, *, as_json: bool) -> None:
+    from mbot_protocol.errors import ConfigurationError
+    from mbot_workstation.calibration.camera_drawing import draw_calibration
+
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(f"can't write {path}: {error.strerror}") from None
+    draw_calibration(fit, path)
+    if not as_json:
+        print(f"wrote {path}")
+
+
+def _print_table(fit: "CameraFit") -> None:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for heading in ("picture", "size", "corners", "distance", "tilt", "error", ""):
+        table.add_column(heading, justify="left" if heading in {"picture", ""} else "right")
+    for picture in fit.pictures:
+        row = _row(picture, fit)
+        table.add_row(
+            escape(str(row["name"])),
+            f"{row['width_px']} x {row['height_px']}",
+            str(row["corners"]),
+            f"{row['distance_m']:.2f} m",
+            f"{row['tilt_deg']:.0f}°",
+            f"{row['error_px']:.3f} px",
+            "" if row["kept"] else "left out",
+            style=None if row["kept"] else "red",
+        )
+    console = Console()
+    console.print(table, width=None if console.is_terminal else 200)
+
+
+def _row(picture: "PictureFit", fit: "CameraFit") -> dict[str, Any]:
+    import cv2
+    import numpy as np
+
+    facing = cv2.Rodrigues(picture.pose[:3])[0][2, 2]
+    return {
+        "name": picture.sighting.name,
+        "width_px": picture.sighting.size[0],
+        "height_px": picture.sighting.size[1],
+        "corners": len(picture.residuals_px),
+        "distance_m": round(float(np.linalg.norm(picture.pose[3:])), 4),
+        "tilt_deg": round(float(np.degrees(np.arccos(np.clip(abs(facing), 0, 1)))), 1),
+        "error_px": round(picture.error_px, 4),
+        "kept": picture.kept,
+    }
+
+
+def _print_words(seen: "SeenBoards", fit: "CameraFit", quality: "CameraQuality") -> None:
+    from mbot_workstation.calibration.camera_quality import view_deg
+
+    model, sigma = fit.camera, fit.deviations
+    across, up = view_deg(model)
+    print(f"{' and '.join(board.name for board in seen.boards)}")
+    print(
+        f"{model.width_px} x {model.height_px} pixels, view {across:.2f} x {up:.2f} degrees, "
+        f"error {fit.error_px:.3f} px over {len(fit.kept)} of {len(fit.pictures)} pictures"
+    )
+    print(
+        f"focal length {model.focal_x_px:.2f} +- {2 * sigma[0]:.2f}, "
+        f"{model.focal_y_px:.2f} +- {2 * sigma[1]:.2f} px (95 %)"
+    )
+    print(
+        f"optical axis at {model.principal_x_px:.2f} +- {2 * sigma[2]:.2f}, "
+        f"{model.principal_y_px:.2f} +- {2 * sigma[3]:.2f} px"
+    )
+    names = ("k1", "k2", "p1", "p2", "k3")
+    parts = [
+        f"{name} {value:+.5f} +- {2 * spread:.5f}"
+        for name, value, spread in zip(names, model.distortion, sigma[4:], strict=True)
+    ]
+    print(f"distortion {', '.join(parts)}")
+    if len(fit.kept) < len(fit.pictures):
+        print(
+            f"{len(fit.pictures) - len(fit.kept)} pictures left out: their errors are above "
+            f"{fit.limit_px:.3f} px, 3 times the median or the usual spread (--keep-outliers)"
+        )
+    for note in _all_notes(seen, quality):
+        print(f"note: {note}")
+
+
+def _all_notes(seen: "SeenBoards", quality: "CameraQuality") -> list[str]:
+    notes = list(quality.notes)
+    if seen.without:
+        few = ", ".join(seen.without[:5]) + (", ..." if len(seen.without) > 5 else "")
+        notes.append(f"no board found in {len(seen.without)} pictures: {few}")
+    notes += [
+        f"a {board.name} is its own mirror image: whether the camera mirrors its pictures can't be "
+        "told; with an even number of squares both ways, or a ChArUco board, it could"
+        for board in seen.boards
+        if not board.tells_mirrored
+    ]
+    return notes
+
+
+def _fields(
+    seen: "SeenBoards", fit: "CameraFit", quality: "CameraQuality", written: Path | None
+) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    return {
+        "camera": asdict(fit.camera),
+        "standard_deviations": dict(
+            zip(
+                (
+                    *("focal_x_px", "focal_y_px", "principal_x_px", "principal_y_px"),
+                    *("k1", "k2", "p1", "p2", "k3"),
+                ),
+                fit.deviations.tolist(),
+                strict=True,
+            )
+        ),
+        "reprojection_error_px": fit.error_px,
+        "limit_px": None if fit.limit_px == float("inf") else fit.limit_px,
+        "pictures": [_row(picture, fit) for picture in fit.pictures],
+        "without_board": list(seen.without),
+        "empty_areas": list(quality.empty_areas),
+        "poses": quality.poses,
+        "tilt_deg": quality.tilt_deg,
+        "objections": list(quality.objections),
+        "notes": _all_notes(seen, quality),
+        "path": str(written) if written else None,
+    }

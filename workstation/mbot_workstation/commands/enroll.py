@@ -1,0 +1,226 @@
+"""`workstation enroll`: certificates and rights for robots, people and routers."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mbot_protocol.keys import Right
+from mbot_workstation.link_options import JsonOption
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbot_workstation.enrolment.enroll import Enrolment, HandOver
+    from mbot_workstation.enrolment.roll import Roll
+
+_OTHER = "Instead of enrolling"
+
+
+def enroll(
+    *,
+    name: Annotated[
+        str, typer.Argument(metavar="[ROBOT]", help="Its robot_id; a router's name with --router.")
+    ] = "",
+    hosts: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--host",
+            metavar="NAME",
+            help="Name or address it is reached by, the best one first; may be repeated. "
+            "ROBOT.local if never given.",
+        ),
+    ] = None,
+    port: Annotated[
+        int | None, typer.Option(min=1, max=65535, help="Where it listens; 7447 if never given.")
+    ] = None,
+    people: Annotated[
+        list[str] | None,
+        typer.Option("--person", metavar="NAME", help="Whom to give --right; may be repeated."),
+    ] = None,
+    rights: Annotated[
+        list[Right] | None,
+        typer.Option("--right", help="view, push or drive; may be repeated. view if not given."),
+    ] = None,
+    via: Annotated[
+        str | None,
+        typer.Option(metavar="ROUTER", help="The router the robot is behind; none: no longer."),
+    ] = None,
+    router: Annotated[
+        bool, typer.Option("--router", help="It is a router (zenohd), not a robot.")
+    ] = False,
+    listing: Annotated[
+        bool,
+        typer.Option(
+            "--list",
+            help="Show everybody, their rights, and when certificates expire.",
+            rich_help_panel=_OTHER,
+        ),
+    ] = False,
+    revoke: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Take a person, robot or router off.", rich_help_panel=_OTHER
+        ),
+    ] = None,
+    renew: Annotated[
+        bool,
+        typer.Option(
+            "--renew", help="Renew all that expires within 60 days.", rich_help_panel=_OTHER
+        ),
+    ] = False,
+    join: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Join a fleet by the file made for you.", rich_help_panel=_OTHER
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Make certificates and rights for a robot and its people, and print how to copy them there.
+
+    Whoever enrols a robot may push models to it and drive it. Others get the rights that you give:
+    **view** shows status and telemetry and may stop the robot, **push** may also send models,
+    **drive** may also let it run and drive it by hand. Afterwards every command finds the robot by
+    its name: `--robot mbot-1`. Nothing is sent anywhere by this command.
+
+    Examples:
+
+    - `workstation enroll mbot-1`
+    - `workstation enroll mbot-1 --host mbot-1.local --host 10.0.0.7 --person max --right view`
+    - `workstation enroll lab --router --host lab.local`, then `workstation enroll mbot-1 --via lab`
+    - `workstation enroll --revoke max`
+    """
+    from mbot_protocol.errors import ConfigurationError
+    from mbot_workstation.enrolment.enroll import Enrolment
+
+    asked = [bool(name), listing, revoke is not None, renew, join is not None]
+    if sum(asked) != 1:
+        raise ConfigurationError(
+            "expected one of ROBOT, --list, --revoke, --renew and --join; see `workstation enroll "
+            "--help`"
+        )
+    if not name and (hosts or port or people or rights or via or router):
+        raise ConfigurationError("--host, --port, --person, --right, --via and --router need ROBOT")
+    _check_people(router=router, people=people, rights=rights, via=via)
+    enrolment = Enrolment()
+    begins = not enrolment.folder.has_authority and join is None
+    if listing:
+        _print_roll(enrolment.folder.roll(), as_json)
+        return
+    if join is not None:
+        _print_roll(enrolment.join(join), as_json)
+        return
+    if revoke is not None:
+        hand_overs = enrolment.revoke(revoke)
+    elif renew:
+        hand_overs = enrolment.renew()
+    elif router:
+        hand_overs = enrolment.router(name, hosts or (), port)
+    else:
+        given = {person: rights or [Right.VIEW] for person in people or ()}
+        behind = "" if via == "none" else via
+        hand_overs = enrolment.robot(name, hosts or (), port, given, behind)
+    if begins and not as_json:
+        print(
+            f"A fleet begins in {enrolment.folder.path}: keep that folder to yourself, and a copy "
+            "of it; whoever has it can let anybody in."
+        )
+    _print_hand_overs(enrolment, hand_overs, as_json)
+    if as_json:
+        return
+    if revoke is not None:
+        print(f"{revoke} is off the roll; until the above is copied, its certificate is let in")
+    elif name and not router:
+        print(f"Then: workstation robots --robot {name}")
+
+
+def _check_people(
+    *, router: bool, people: list[str] | None, rights: list[Right] | None, via: str | None
+) -> None:
+    from mbot_protocol.errors import ConfigurationError
+
+    if router and (people or rights or via):
+        raise ConfigurationError("people and --via belong to a robot, not to a router")
+    if rights and not people:
+        raise ConfigurationError("--right is for --person NAME: whom do you mean?")
+
+
+def _print_roll(roll: "Roll", as_json: bool) -> None:
+    import json
+    import sys
+
+    import msgspec
+    from rich.console import Console
+    from rich.table import Table
+
+    if as_json:
+        print(json.dumps(msgspec.to_builtins(roll), indent=2))
+        return
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for heading in ("", "name", "reached at", "rights", "certificate until"):
+        table.add_column(heading)
+    for robot_id, robot in sorted(roll.robots.items()):
+        via = f" by {robot.router}" if robot.router else ""
+        rights = "; ".join(
+            f"{person}: {', '.join(r.value for r in given)}"
+            for person, given in robot.people.items()
+        )
+        endpoint = str(roll.endpoint(robot_id))
+        table.add_row("robot", robot_id, endpoint + via, rights, f"{robot.expires:%Y-%m-%d}")
+    for person, entry in sorted(roll.people.items()):
+        me = "this workstation" if person == roll.me else ""
+        table.add_row("person", person, me, "", f"{entry.expires:%Y-%m-%d}")
+    for router, entry in sorted(roll.routers.items()):
+        table.add_row("router", router, str(entry.endpoint), "", f"{entry.expires:%Y-%m-%d}")
+    if roll.revoked:
+        table.add_row("revoked", ", ".join(roll.revoked), "", "", "")
+    Console(width=None if sys.stdout.isatty() else 200).print(table)
+
+
+def _print_hand_overs(
+    enrolment: "Enrolment", hand_overs: "Sequence[HandOver]", as_json: bool
+) -> None:
+    import json
+
+    if as_json:
+        fields = [
+            {"kind": h.kind.value, "name": h.name, "file": str(h.path), "host": h.host or None}
+            for h in hand_overs
+        ]
+        print(json.dumps(fields, indent=2))
+        return
+    roll = enrolment.folder.roll()
+    if not hand_overs:
+        print("nothing to do: every certificate is good for 60 days and more")
+    for h in hand_overs:
+        print("\n".join(_instructions(h, roll)))
+
+
+def _instructions(h: "HandOver", roll: "Roll") -> list[str]:
+    """How to get one file to where it belongs."""
+    from shlex import quote
+
+    from mbot_protocol.access_rules import Kind
+
+    if h.kind is Kind.PERSON:
+        return [
+            f"person {h.name}: hand over {h.path}, by a way that nobody else can read (the key is "
+            "in it);",
+            f"  there: workstation enroll --join {h.path.name}",
+        ]
+    file = h.path.name
+    copy = f"  scp {quote(str(h.path))} USER@{_bracketed(h.host)}:"
+    if h.kind is Kind.ROUTER:
+        expires, then = roll.routers[h.name].expires, "sudo systemctl restart zenohd"
+    else:
+        expires, then = roll.robots[h.name].expires, "sudo systemctl restart mbot-agent"
+    return [
+        f"{h.kind.value} {h.name}: certificate until {expires:%Y-%m-%d}; copy it there by",
+        copy,
+        f"  ssh -t USER@{h.host} 'sudo tar -xf {file} -C / && rm {file} && {then}'",
+    ]
+
+
+def _bracketed(host: str) -> str:
+    return f"[{host}]" if ":" in host else host

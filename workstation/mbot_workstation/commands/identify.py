@@ -1,0 +1,188 @@
+"""`workstation identify`: from recorded manoeuvres to the simulated robot's motion."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mbot_protocol.errors import ConfigurationError, MbotError
+from mbot_workstation.link_options import JsonOption
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbot_protocol.actions import WheelMaps
+    from mbot_workstation.identification.estimate import Identification
+    from mbot_workstation.recordings.run import Recording
+    from mbot_workstation.simulation.robot_parameters import RobotParameters
+
+TABLE_WIDTH = 120
+"""Characters, where the output is no terminal."""
+
+
+def identify(
+    *,
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RECORDING...",
+            help="Folders written by `workstation maneuvers run`, with a track; see "
+            "docs/recordings.md.",
+        ),
+    ],
+    calibration: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="The robot's calibration folder: its body is used, motion.toml is written. "
+            "calibration/ROBOT if not given.",
+        ),
+    ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ID", help="Whose recordings these are, if they do not say so or differ."
+        ),
+    ] = None,
+    same_clock: Annotated[
+        bool,
+        typer.Option(
+            "--same-clock",
+            help="The tracks' times are on the robot's clock: then the delay from command to "
+            "wheel can be told.",
+        ),
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Fit the simulated robot to half of the repetitions, try it on the other half.
+
+    What the recordings can't tell keeps its value and is listed with the reason. The tracker's
+    place on the robot, its floor, and its clock are estimated on the way.
+
+    Examples:
+
+    - `workstation identify recordings/mbot-1-2026-11-21`
+    - `workstation identify monday tuesday --calibration calibration/mbot-1 --json`
+    """
+    import json
+
+    from mbot_workstation.calibration.folder import write_motion
+    from mbot_workstation.identification.motion_file import motion_calibration, straight_maps
+    from mbot_workstation.identification.report import as_fields
+    from mbot_workstation.recordings.folder import read_recording
+
+    read = [read_recording(folder) for folder in recordings]
+    robot_id = robot or _robot_id(read)
+    folder = calibration or Path("calibration") / robot_id
+    maps = _maps(read)
+    found = _identified(read, _known(folder), robot_id, same_clock=same_clock)
+    worse = _is_worse(found)
+    written: list[str] = []
+    if not worse:
+        written = [str(write_motion(folder, motion_calibration(found, maps)))]
+    if as_json:
+        print(json.dumps(as_fields(found, written)))
+    else:
+        _show(found, straight_maps(found, maps), written)
+    if worse:
+        raise MbotError(
+            "on the held-out runs the identified robot is further off than before, so nothing was "
+            "written: look at the tables; are all runs of one robot, on one floor?"
+        )
+
+
+def _robot_id(recordings: "Sequence[Recording]") -> str:
+    names = list(dict.fromkeys(recording.robot_id for recording in recordings))
+    if len(names) > 1:
+        raise ConfigurationError(
+            f"the recordings are of {' and '.join(names)}; identify one robot at a time, or say "
+            "with --robot whose they are"
+        )
+    return names[0]
+
+
+def _maps(recordings: "Sequence[Recording]") -> "WheelMaps":
+    maps = [recording.wheel_maps for recording in recordings]
+    for one in maps[1:]:
+        if (one.left.reversed, one.right.reversed) != (
+            maps[0].left.reversed,
+            maps[0].right.reversed,
+        ):
+            raise ConfigurationError(
+                "the recordings differ in which motor is reversed (recording.toml); identify them "
+                "one by one"
+            )
+    return maps[-1]
+
+
+def _known(folder: Path) -> "RobotParameters":
+    """The robot without its motion: that is what shall be found."""
+    import msgspec
+
+    from mbot_workstation.calibration.folder import CalibrationFiles, read_files
+
+    files = read_files(folder) if folder.is_dir() else CalibrationFiles()
+    return msgspec.structs.replace(files, motion=None).robot
+
+
+def _identified(
+    recordings: "Sequence[Recording]",
+    nominal: "RobotParameters",
+    robot_id: str,
+    *,
+    same_clock: bool,
+) -> "Identification":
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from mbot_workstation.identification.identify import identify as run
+
+    console = Console(stderr=True)
+    runs = sum(len(recording.runs) for recording in recordings)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(f"{runs} runs", total=1.0)
+        return run(
+            recordings,
+            nominal,
+            robot_id=robot_id,
+            same_clock=same_clock,
+            advance=lambda done: progress.update(task, completed=done),
+        )
+
+
+def _is_worse(found: "Identification") -> bool:
+    """In place and in heading, on the whole."""
+    from statistics import mean
+
+    place = mean(e.after_m - e.before_m for e in found.errors)
+    heading = mean(e.after_rad - e.before_rad for e in found.errors)
+    return place > 0 and heading > 0
+
+
+def _show(found: "Identification", maps: "WheelMaps", written: "Sequence[str]") -> None:
+    from rich.console import Console
+
+    from mbot_workstation.identification.report import (
+        error_table,
+        map_lines,
+        parameter_table,
+        undetermined_lines,
+    )
+
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=TABLE_WIDTH)
+    for name, why in found.left_out.items():
+        print(f"left out {name}: {why}")
+    print(f"{found.robot_id}: fitted {found.fitted} runs, {len(found.errors)} held out\n")
+    console.print(parameter_table(found))
+    print("\nnot to be told from these recordings:")
+    for line in undetermined_lines(found):
+        console.print(f"  {line}", highlight=False, soft_wrap=True)
+    print()
+    console.print(error_table(found))
+    print()
+    for line in map_lines(maps.left, maps.right):
+        print(line)
+    for path in written:
+        print(f"wrote {path}")

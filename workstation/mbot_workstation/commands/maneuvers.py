@@ -1,0 +1,231 @@
+"""`workstation maneuvers`: drive the paper's eight manoeuvres and record what was told."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.link_options import (
+    CaOption,
+    CertificateOption,
+    IdOption,
+    JsonOption,
+    KeyOption,
+    RobotOption,
+    robot_link,
+)
+from mbot_workstation.maneuvers.plan import Order, Planned, duration_words, plan, room_needed_m
+from mbot_workstation.recordings.maneuver import (
+    MANEUVER_S,
+    MANEUVERS,
+    REPETITIONS,
+    maneuver_named,
+)
+
+if TYPE_CHECKING:
+    from mbot_workstation.maneuvers.journal import Journal
+    from mbot_workstation.maneuvers.session import SessionSettings
+    from mbot_workstation.robot_link import RobotLink
+
+app = typer.Typer(
+    help="Drive the paper's eight manoeuvres, to learn how a robot moves.", no_args_is_help=True
+)
+
+SecondsOption = Annotated[
+    float, typer.Option(min=0.3, max=120, help="Of each manoeuvre; the paper has 10.")
+]
+
+
+@app.command("list")
+def list_maneuvers(*, seconds: SecondsOption = MANEUVER_S, as_json: JsonOption = False) -> None:
+    """Show the manoeuvres and the free floor each needs.
+
+    Example: `workstation maneuvers list --seconds 5`
+    """
+    import json
+
+    from rich.console import Console
+    from rich.table import Table
+
+    if as_json:
+        rows = []
+        for maneuver in MANEUVERS:
+            length_m, width_m = room_needed_m(maneuver, seconds)
+            room = {"length_m": round(length_m, 2), "width_m": round(width_m, 2)}
+            told = {"name": maneuver.name, "left": maneuver.left, "right": maneuver.right}
+            rows.append(told | room)
+        print(json.dumps(rows))
+        return
+    table = Table("manoeuvre", "left", "right", "free floor, m", box=None, padding=(0, 2, 0, 0))
+    for maneuver in MANEUVERS:
+        length_m, width_m = room_needed_m(maneuver, seconds)
+        left, right = f"{maneuver.left:+g}", f"{maneuver.right:+g}"
+        table.add_row(maneuver.name, left, right, f"{length_m:.1f} x {width_m:.1f}")
+    Console().print(table)
+
+
+@app.command("run")
+def run(
+    *,
+    output: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="New recording; recordings/ROBOT-DATE if not given."),
+    ] = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Go on with a recording: only what is missing."),
+    ] = None,
+    seconds: SecondsOption = MANEUVER_S,
+    repetitions: Annotated[
+        int, typer.Option(min=1, max=100, help="Of every manoeuvre; the paper has 10.")
+    ] = REPETITIONS,
+    maneuver: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Only this one; may be given several times."),
+    ] = None,
+    order: Annotated[
+        Order,
+        typer.Option(
+            help="Of each round: each followed by its opposite, so that the robot comes back; as "
+            "listed; or shuffled."
+        ),
+    ] = Order.PAIRED,
+    seed: Annotated[int, typer.Option(help="Of the shuffling.")] = 0,
+    pause: Annotated[
+        float, typer.Option(metavar="SECONDS", min=0, max=600, help="Countdown before each run.")
+    ] = 5.0,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="The calibration that the robot's daemon uses, if it uses one: its trims are "
+            "noted in the recording.",
+        ),
+    ] = None,
+    telemetry: Annotated[
+        bool, typer.Option("--telemetry/--no-telemetry", help="Record all the robot publishes.")
+    ] = True,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Ask nothing and run through; for scripts.")
+    ] = False,
+    robot: RobotOption = "",
+    robot_id: IdOption = None,
+    ca: CaOption = None,
+    certificate: CertificateOption = None,
+    key: KeyOption = None,
+) -> None:
+    """Drive every manoeuvre, and record commands and telemetry on the robot's clock.
+
+    Start the tracker first (`workstation track`, or any other), and keep it running to the end.
+    The robot stands still for a second or more before and after each run. Keys: p or Enter
+    pauses, r forgets the last run and drives it again, q quits; while it drives any key stops it.
+    What was recorded is kept, whatever happens; --resume goes on.
+
+    Examples:
+
+    - `workstation maneuvers run --robot mbot-1.local`
+    - `workstation maneuvers run --seconds 5 --repetitions 4 --order shuffled`
+    - `workstation maneuvers run --maneuver forward-forward --repetitions 3`
+    - `workstation maneuvers run --resume recordings/mbot-1-2026-11-21`
+    """
+    import sys
+    import time
+
+    from mbot_protocol.actions import WheelMaps
+    from mbot_protocol.calibration import read_motion
+    from mbot_workstation.maneuvers.journal import Journal
+    from mbot_workstation.maneuvers.robot_time import measure_robot_time
+    from mbot_workstation.maneuvers.session import SessionSettings, check_ready
+
+    if output is not None and resume is not None:
+        raise ConfigurationError("--output and --resume exclude each other")
+    chosen = [maneuver_named(name) for name in maneuver] if maneuver else list(MANEUVERS)
+    planned = plan(chosen, repetitions, order, seed)
+    motion = read_motion(calibration) if calibration else None
+    attended = sys.stdin.isatty() and not yes
+    if not attended and not yes:
+        raise ConfigurationError("nobody can be asked here: --yes says that the robot may drive")
+    with robot_link(robot, robot_id, ca, certificate, key) as link:
+        check_ready(link)
+        robot_time = measure_robot_time(link)
+        began_unix_s = round(time.time() - robot_time.robot_s(time.monotonic_ns()), 3)
+        today = time.strftime("%Y-%m-%d")
+        if resume is not None:
+            journal = Journal.resume(resume, link.robot_id, began_unix_s)
+        else:
+            journal = Journal.create(
+                output or Path("recordings") / f"{link.robot_id}-{today}",
+                link.robot_id,
+                motion.wheel_maps() if motion else WheelMaps(),
+                today,
+                began_unix_s,
+            )
+        settings = SessionSettings(seconds, pause, attended)
+        left = [p for p in planned if (p.maneuver.name, p.repetition) not in journal.recorded]
+        _announce(left, settings)
+        if left and (yes or _may_drive()):
+            _drive(link, journal, planned, settings, telemetry=telemetry)
+
+
+def _announce(left: list[Planned], settings: "SessionSettings") -> None:
+    if not left:
+        print("everything is recorded already")
+        return
+    each_s = settings.seconds + settings.pause_s + 0.5
+    rooms = [room_needed_m(one.maneuver, settings.seconds) for one in left]
+    length_m = max(room[0] for room in rooms)
+    width_m = max(room[1] for room in rooms)
+    print(
+        f"{len(left)} runs of {settings.seconds:g} s, about {duration_words(len(left) * each_s)}; "
+        f"the longest needs {length_m:.1f} x {width_m:.1f} m of free floor ahead of the robot (or "
+        "behind it, when driving backward)"
+    )
+
+
+def _may_drive() -> bool:
+    return typer.confirm("Is the floor free, the tracker running, and may the robot drive?")
+
+
+def _drive(
+    link: "RobotLink",
+    journal: "Journal",
+    planned: tuple[Planned, ...],
+    settings: "SessionSettings",
+    *,
+    telemetry: bool,
+) -> None:
+    import sys
+    from contextlib import ExitStack
+
+    from rich.console import Console
+
+    from mbot_workstation.maneuvers.display import PlainDisplay, TerminalDisplay
+    from mbot_workstation.maneuvers.keyboard import Keyboard, NoKeys
+    from mbot_workstation.maneuvers.session import Session
+    from mbot_workstation.maneuvers.telemetry_recorder import TelemetryRecorder
+
+    before = len(journal.runs)
+    recorder = TelemetryRecorder(link, journal.telemetry_path()) if telemetry else None
+    whole = False
+    try:
+        with ExitStack() as stack:
+            if recorder is not None:
+                stack.enter_context(recorder)
+            keys = stack.enter_context(Keyboard()) if settings.attended else NoKeys()
+            console = Console()
+            shown = settings.attended and console.is_terminal
+            display = stack.enter_context(TerminalDisplay(console)) if shown else PlainDisplay()
+            whole = Session(link, journal, planned, settings, keys, display).run()
+    finally:
+        if recorder is not None and recorder.failure:
+            print(f"workstation: note: telemetry ends early: {recorder.failure}", file=sys.stderr)
+        print(
+            f"{len(journal.runs)} runs are in {journal.folder}, {len(journal.runs) - before} of "
+            "them new" + ("" if whole else f"; go on by --resume {journal.folder}")
+        )
+    if whole:
+        print(
+            f"now put the track there: track.csv, .tum or .mcap, see docs/recordings.md; then "
+            f"`workstation identify {journal.folder}`"
+        )

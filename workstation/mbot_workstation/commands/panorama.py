@@ -1,0 +1,134 @@
+"""`workstation panorama`: the robot's own room for the simulation."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mbot_workstation.calibration_option import DEFAULT_CALIBRATION, CalibrationOutputOption
+from mbot_workstation.link_options import JsonOption
+
+if TYPE_CHECKING:
+    from mbot_workstation.calibration.panorama_import import Room
+
+
+def panorama(
+    *,
+    photo: Annotated[
+        Path, typer.Argument(metavar="PHOTO", help="A 360-degree photo, twice as wide as high.")
+    ],
+    calibration: CalibrationOutputOption = DEFAULT_CALIBRATION,
+    name: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Of the room; the photo's if not given."),
+    ] = None,
+    heading: Annotated[
+        float,
+        typer.Option(
+            metavar="DEGREES",
+            min=-360,
+            max=360,
+            help="Where the robot looks first, to the right of the photo's middle.",
+        ),
+    ] = 0.0,
+    pitch: Annotated[
+        float | None,
+        typer.Option(
+            metavar="DEGREES",
+            min=-45,
+            max=45,
+            help="How far the photo's middle is above the horizon; with --roll, instead of asking "
+            "the upright edges.",
+        ),
+    ] = None,
+    roll: Annotated[
+        float | None,
+        typer.Option(
+            metavar="DEGREES", min=-45, max=45, help="How far the camera was turned clockwise."
+        ),
+    ] = None,
+    width: Annotated[
+        int | None,
+        typer.Option(
+            metavar="PIXELS",
+            help="A power of two; if not given, what the photo fills, up to 2048: as fine as the "
+            "robot's camera sees. Each simulation keeps the room in memory.",
+        ),
+    ] = None,
+    force: Annotated[
+        bool,
+        typer.Option("--force", help="Take it even if it doesn't look like a whole panorama."),
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Check a 360-degree photo, level and turn it, and keep it as a room of the calibration.
+
+    Take it from the middle of the arena, from a tripod at about 1.2 m, with the light as it is when
+    the robot drives. It goes to rooms/NAME.jpg, and previews/NAME.png shows what the robot will
+    see. `workstation train --calibration` and `virtual-robot --calibration` use it then.
+
+    Examples:
+
+    - `workstation panorama my-room.jpg`
+    - `workstation panorama R0010042.JPG --name lab --heading 90 --calibration calibration/mbot-2`
+    """
+    from mbot_protocol.errors import ConfigurationError
+    from mbot_workstation.calibration.folder import read_calibration
+    from mbot_workstation.calibration.panorama_import import check_width, prepare_room, write_room
+    from mbot_workstation.calibration.panorama_preview import draw_preview
+
+    if width is not None:
+        check_width(width)
+    tilt = None if pitch is None and roll is None else (pitch or 0.0, roll or 0.0)
+    called = photo.stem if name is None else name
+    if not called or called.startswith(".") or Path(called).name != called:
+        raise ConfigurationError(f"--name is {called!r}, expected a plain name such as lab")
+    room = prepare_room(photo, width_px=width, heading_deg=heading, tilt_deg=tilt, whole=not force)
+    path = write_room(calibration, called, room.picture)
+    known = read_calibration(calibration)
+    preview = calibration / "previews" / f"{called}.png"
+    try:
+        preview.parent.mkdir(exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(f"can't write {preview}: {error.strerror}") from None
+    effects = known.effects
+    gains = (
+        effects.exposure_gain * effects.red_gain,
+        effects.exposure_gain,
+        effects.exposure_gain * effects.blue_gain,
+    )
+    draw_preview(room.picture, known.robot, known.scene, gains, preview)
+    if as_json:
+        import json
+
+        print(json.dumps(_fields(room, path, preview), indent=2))
+        return
+    print(_words(room, given=tilt is not None))
+    for note in room.notes:
+        print(f"note: {note}")
+    print(f"wrote {path}, {room.picture.shape[1]} x {room.picture.shape[0]}")
+    print(f"wrote {preview}: look whether it is level, and not mirrored")
+
+
+def _words(room: "Room", *, given: bool) -> str:
+    tilt = f"pitch {room.pitch_deg:+.1f}, roll {room.roll_deg:+.1f} degrees"
+    if given:
+        return f"levelled by {tilt}, as given"
+    if room.tilt is None:
+        return "not levelled"
+    if room.pitch_deg == room.roll_deg == 0:
+        return f"level already, as {room.tilt.edges} upright edges say"
+    return f"levelled by {tilt}, as {room.tilt.edges} upright edges say"
+
+
+def _fields(room: "Room", path: Path, preview: Path) -> dict[str, Any]:
+    return {
+        "pitch_deg": room.pitch_deg,
+        "roll_deg": room.roll_deg,
+        "upright_edges": room.tilt.edges if room.tilt else 0,
+        "width_px": room.picture.shape[1],
+        "height_px": room.picture.shape[0],
+        "notes": list(room.notes),
+        "path": str(path),
+        "preview": str(preview),
+    }

@@ -1,0 +1,1 @@
+"""Certificates and rights for the robots, people and routers of one fleet."""

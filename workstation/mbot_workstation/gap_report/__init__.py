@@ -1,0 +1,1 @@
+"""How far simulation and reality are apart, as one page a person can read."""

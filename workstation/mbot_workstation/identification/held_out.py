@@ -1,0 +1,76 @@
+"""Runs that were not fitted: which they are, and how far the simulation ends from them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mbot_workstation.identification.estimate import Repeatability, RunError
+from mbot_workstation.identification.linearisation import simulate_views
+from mbot_workstation.identification.run_view import RunView
+from mbot_workstation.recordings.track import Array
+from mbot_workstation.simulation.robot_parameters import RobotParameters
+
+AT_S = 10.0
+"""After the first command, or at the last one if that comes sooner."""
+
+
+def is_held_out(views: Sequence[RunView]) -> list[bool]:
+    """Every other repetition of each manoeuvre, the first one kept for the fit."""
+    seen: dict[str, int] = {}
+    order = sorted(
+        range(len(views)),
+        key=lambda i: (
+            views[i].flat.run.maneuver,
+            views[i].flat.recording,
+            views[i].flat.run.repetition,
+            views[i].flat.run.number,
+        ),
+    )
+    result = [False] * len(views)
+    for index in order:
+        name = views[index].flat.run.maneuver
+        seen[name] = seen.get(name, 0) + 1
+        result[index] = seen[name] % 2 == 0
+    return result
+
+
+def errors(
+    views: Sequence[RunView], settings: Array, before: RobotParameters, after: RobotParameters
+) -> tuple[RunError, ...]:
+    """Drive each run with both robots from where it began, and compare the ends.
+
+    Args:
+        views: held-out runs.
+        settings: of the recordings, shape (recordings, 5).
+        before, after: the robots.
+
+    """
+    calm = [np.zeros(view.deviations) for view in views]
+    old = simulate_views(views, [before] * len(views), calm)
+    new = simulate_views(views, [after] * len(views), calm)
+    result: list[RunError] = []
+    for view, old_path, new_path in zip(views, old, new, strict=True):
+        setting = settings[view.flat.recording]
+        at_s = min(AT_S, view.covered_s[1])
+        old_m, old_rad = view.end_error(old_path, setting, at_s)
+        new_m, new_rad = view.end_error(new_path, setting, at_s)
+        result.append(
+            RunError(view.flat.name, view.flat.run.maneuver, at_s, old_m, new_m, old_rad, new_rad)
+        )
+    return tuple(result)
+
+
+def repeatability(views: Sequence[RunView], settings: Array) -> tuple[Repeatability, ...]:
+    """How far repetitions are apart, for each manoeuvre that has at least two."""
+    result: list[Repeatability] = []
+    for name in dict.fromkeys(view.flat.run.maneuver for view in views):
+        chosen = [view for view in views if view.flat.run.maneuver == name]
+        if len(chosen) < 2:
+            continue
+        at_s = min(AT_S, *(view.covered_s[1] for view in chosen))
+        ends = np.array([view.end(settings[view.flat.recording], at_s) for view in chosen])
+        off = ends - ends.mean(axis=0)
+        spread = (np.abs(off) ** 2).sum(axis=0) / (len(chosen) - 1)
+        place_m, heading_rad = np.sqrt(spread.real)
+        result.append(Repeatability(name, float(place_m), float(heading_rad)))
+    return tuple(result)

@@ -1,0 +1,1 @@
+"""Driving a robot through the paper's manoeuvres and keeping what it was told."""

@@ -1,0 +1,92 @@
+"""Which manoeuvre is driven when."""
+
+import math
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+from mbot_workstation.recordings.maneuver import Maneuver
+
+FULL_SPEED_MPS = 0.41
+"""120 rpm on wheels of 32.5 mm (paper, derived)."""
+
+WHEELS_APART_M = 0.115
+
+OUTER_REACH_M = 0.15
+"""From the axle's centre to the robot's farthest corner, with a tracker or marker on it."""
+
+SPREAD = 1.3
+"""Of a real robot's path against the nominal one: motors differ, circles drift."""
+
+TURNED_FROM = {"forward": "backward", "backward": "forward", "neutral": "neutral"}
+
+
+class Order(Enum):
+    """How one round of all manoeuvres is ordered."""
+
+    PAIRED = "paired"
+    """Each manoeuvre is followed by its opposite, so the robot comes back by itself."""
+    LISTED = "listed"
+    SHUFFLED = "shuffled"
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """One run to drive. `repetition` counts from 1."""
+
+    maneuver: Maneuver
+    repetition: int
+
+
+def plan(
+    maneuvers: Sequence[Maneuver], repetitions: int, order: Order, seed: int = 0
+) -> tuple[Planned, ...]:
+    """All runs, in rounds: every manoeuvre once, then every one again.
+
+    Rounds spread a battery's decline over all manoeuvres alike.
+    """
+    chance = random.Random(seed)
+    runs: list[Planned] = []
+    for repetition in range(1, repetitions + 1):
+        one_round = list(maneuvers)
+        if order is Order.PAIRED:
+            one_round = _paired(maneuvers)
+        elif order is Order.SHUFFLED:
+            chance.shuffle(one_round)
+        runs += [Planned(maneuver, repetition) for maneuver in one_round]
+    return tuple(runs)
+
+
+def room_needed_m(maneuver: Maneuver, seconds: float) -> tuple[float, float]:
+    """Free floor for one run: length along the robot's start heading, width across it.
+
+    Straight runs need their whole way, turning ones the circle they turn in. Generous.
+    """
+    robot_m = 2 * OUTER_REACH_M
+    if maneuver.left == maneuver.right:
+        way_m = FULL_SPEED_MPS * seconds
+        return way_m * 1.1 + robot_m, way_m * 0.5 + robot_m
+    forward = abs(maneuver.left + maneuver.right) / 2
+    turn = abs(maneuver.right - maneuver.left) / WHEELS_APART_M
+    circle_m = 2 * forward / turn * SPREAD + robot_m
+    return circle_m, circle_m
+
+
+def duration_words(seconds: float) -> str:
+    """Such as "45 s", "18 min"."""
+    return f"{seconds:.0f} s" if seconds < 90 else f"{math.ceil(seconds / 60)} min"
+
+
+def _paired(maneuvers: Sequence[Maneuver]) -> list[Maneuver]:
+    left = list(maneuvers)
+    ordered: list[Maneuver] = []
+    while left:
+        first = left.pop(0)
+        ordered.append(first)
+        opposite = "-".join(TURNED_FROM[side] for side in first.name.split("-"))
+        partner = next((other for other in left if other.name == opposite), None)
+        if partner is not None:
+            left.remove(partner)
+            ordered.append(partner)
+    return ordered

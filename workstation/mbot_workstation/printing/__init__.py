@@ -1,0 +1,1 @@
+"""Pages to print at their exact size: boards and markers."""

@@ -1,0 +1,37 @@
+"""Can a robot have driven this? Every check a recording must pass before anything is fitted."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.recordings.direction_check import check_directions
+from mbot_workstation.recordings.driven_run import DrivenRun
+from mbot_workstation.recordings.frame_check import check_frame
+from mbot_workstation.recordings.run import Run
+from mbot_workstation.recordings.run_check import check_repeated_numbers, check_run
+from mbot_workstation.recordings.track_format import TrackFormat
+from mbot_workstation.recordings.unit_check import check_units
+
+
+def check_runs(folder: Path, runs: Sequence[Run], form: TrackFormat) -> None:
+    """Units, axes, completeness, directions, in the order in which one can hide the next.
+
+    Args:
+        folder: for messages.
+        runs: at least one.
+        form: as their tracks were declared.
+
+    Raises:
+        ConfigurationError: the first thing that can't be.
+
+    """
+    driven = [DrivenRun.of(run) for run in runs]
+    try:
+        check_repeated_numbers(driven)
+        check_units(driven, form.position_unit)
+        check_frame(driven, form)
+        for run in driven:
+            check_run(run)
+        check_directions(driven)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{folder}: {error}") from None

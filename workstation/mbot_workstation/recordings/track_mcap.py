@@ -1,0 +1,102 @@
+"""Poses from an MCAP file: Foxglove's schemas in protobuf, ROS 2's stamped poses in CDR."""
+
+import logging
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from google.protobuf.message import DecodeError
+from mcap.exceptions import McapError
+from mcap.reader import NonSeekingReader
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.recordings.raw_track import RawTrack
+
+_log = logging.getLogger(__name__)
+
+_Pose = tuple[float, ...]
+"""Time in s, x, y, z, then the quaternion, w first."""
+
+
+def _pose_in_frame(data: bytes) -> _Pose:
+    message = PoseInFrame.FromString(data)
+    place, turn = message.pose.position, message.pose.orientation
+    time_s = message.timestamp.ToNanoseconds() / 1e9
+    return (time_s, place.x, place.y, place.z, turn.w, turn.x, turn.y, turn.z)
+
+
+def _frame_transform(data: bytes) -> _Pose:
+    message = FrameTransform.FromString(data)
+    place, turn = message.translation, message.rotation
+    time_s = message.timestamp.ToNanoseconds() / 1e9
+    return (time_s, place.x, place.y, place.z, turn.w, turn.x, turn.y, turn.z)
+
+
+def _ros_pose_stamped(data: bytes) -> _Pose:
+    # CDR: 4 bytes say the byte order, then everything is aligned to its size from there on.
+    order = "<" if data[1] & 1 else ">"
+    seconds, nanoseconds, length = struct.unpack_from(f"{order}iII", data, 4)
+    numbers_at = 4 + (12 + length + 7) // 8 * 8
+    x, y, z, qx, qy, qz, qw = struct.unpack_from(f"{order}7d", data, numbers_at)
+    return (seconds + nanoseconds / 1e9, x, y, z, qw, qx, qy, qz)
+
+
+READERS: dict[tuple[str, str], Callable[[bytes], _Pose]] = {
+    ("foxglove.PoseInFrame", "protobuf"): _pose_in_frame,
+    ("foxglove.FrameTransform", "protobuf"): _frame_transform,
+    ("geometry_msgs/msg/PoseStamped", "cdr"): _ros_pose_stamped,
+}
+
+
+def read_mcap(path: Path, topic: str | None = None) -> RawTrack:
+    """The poses of one topic, at the times the messages themselves carry.
+
+    Args:
+        path: the file.
+        topic: which; None: the only one with poses.
+
+    Raises:
+        ConfigurationError: no such file, no poses, poses on several topics, or damage.
+
+    """
+    poses: dict[str, list[_Pose]] = {}
+    others: set[str] = set()
+    try:
+        with path.open("rb") as stream:
+            reader = NonSeekingReader(stream, validate_crcs=True)
+            for schema, channel, record in reader.iter_messages(log_time_order=False):
+                name = "" if schema is None else schema.name
+                read = READERS.get((name, channel.message_encoding))
+                if read is None:
+                    others.add(f"{channel.topic} ({name or 'no schema'})")
+                elif topic in (None, channel.topic):
+                    poses.setdefault(channel.topic, []).append(read(record.data))
+    except OSError as error:
+        raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
+    except (McapError, DecodeError, struct.error, ValueError, IndexError) as error:
+        whole = sum(len(found) for found in poses.values())
+        if whole == 0:
+            raise ConfigurationError(f"{path} is no readable MCAP file: {error}") from None
+        # What is whole is good; a run that lost its end is found by its length.
+        _log.warning("%s was cut off or damaged; %d poses of it are whole", path, whole)
+    if len(poses) != 1:
+        raise ConfigurationError(_choice(path, topic, sorted(poses), sorted(others)))
+    ((_topic, found),) = poses.items()
+    table = np.array(found, dtype=np.float64)
+    places = tuple(f"pose {number}" for number in range(1, len(found) + 1))
+    return RawTrack(path, places, table[:, 0], table[:, 1:4], table[:, 4:8])
+
+
+def _choice(path: Path, topic: str | None, found: list[str], others: list[str]) -> str:
+    if found:
+        return (
+            f"{path} holds poses on {len(found)} topics: {', '.join(found)}; choose one in "
+            f'track.toml, such as topic = "{found[0]}"'
+        )
+    known = ", ".join(name for name, _encoding in READERS)
+    what = "no poses" if topic is None else f"no poses on topic {topic!r}"
+    there = f"; it holds {', '.join(others)}" if others else ""
+    return f"{path} holds {what} (expected one of {known}){there}"

@@ -1,0 +1,188 @@
+"""The afternoon of measuring, step by step, each by the command a person would type."""
+
+import shutil
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.picture import Picture
+from mbot_workstation.calibration.folder import read_files
+from mbot_workstation.calibration.toml_writer import write_toml
+from mbot_workstation.recordings.maneuver import MANEUVERS
+from mbot_workstation.rehearsal.board_photos import board_photos
+from mbot_workstation.rehearsal.card_photos import HEIGHT_PX, WIDTH_PX, card_photos
+from mbot_workstation.rehearsal.command_line import CommandLine
+from mbot_workstation.rehearsal.drive_session import drive_session
+from mbot_workstation.rehearsal.frame_photos import take_frames
+from mbot_workstation.rehearsal.leave_out import leave_out_spoilt
+from mbot_workstation.rehearsal.outcome import Row, outcome
+from mbot_workstation.rehearsal.robot_pair import ROBOT_ID, robot_pair
+from mbot_workstation.rehearsal.truth import BODY, TRUTH, save_picture, true_room, write_truth
+
+CALIBRATION = f"calibration/{ROBOT_ID}"
+RECORDING = f"recordings/{ROBOT_ID}"
+INTO = ("--calibration", CALIBRATION)
+TRACK = "track.csv"
+REPORT = "gap.html"
+TRUTH_FOLDER = "truth"
+
+ROOM_HEADING_DEG = 45.0
+"""The tape on the floor, to the right of the photograph's middle."""
+
+_BETWEEN_RUNS_S = 3.7
+"""Beside the pause: standing before and after, stopping, saving."""
+
+
+@dataclass(frozen=True, slots=True)
+class Afternoon:
+    """How much of it.
+
+    Attributes:
+        folder: where everything is left; made anew.
+        seconds, repetitions, pause_s: of each manoeuvre; the paper has 10, 10.
+        maneuvers: which; all eight if empty.
+        photos: of the board.
+        tolerance: a tolerance map to hold the result against.
+        seed: of everything that is drawn.
+
+    """
+
+    folder: Path
+    seconds: float
+    repetitions: int
+    pause_s: float = 2.5
+    maneuvers: tuple[str, ...] = ()
+    photos: int = 20
+    tolerance: Path | None = None
+    seed: int = 1
+
+
+def rehearse(afternoon: Afternoon, console: Console) -> tuple[Row, ...]:
+    """Measure a virtual robot as a person would a real one; the truth is opened at the end only.
+
+    Returns:
+        What was found, beside the truth.
+
+    Raises:
+        MbotError: a step failed.
+
+    """
+    folder = afternoon.folder.absolute()
+    clear(folder)
+    write_truth(folder / TRUTH_FOLDER)
+    line = CommandLine(folder, console)
+    _print_targets(line)
+    _weigh(line)
+    _photograph_board(line, afternoon)
+    _photograph_card(line, afternoon)
+    _photograph_room(line)
+    _drive(line, afternoon)
+    _identify(line)
+    _report(line, afternoon)
+    return outcome(TRUTH, read_files(folder / CALIBRATION))
+
+
+def clear(folder: Path) -> None:
+    """An empty folder, made anew.
+
+    Raises:
+        ConfigurationError: it holds something else, or can't be made.
+
+    """
+    try:
+        if folder.exists() and any(folder.iterdir()) and not (folder / TRUTH_FOLDER).is_dir():
+            raise ConfigurationError(f"{folder} holds other things; choose another --output")
+        shutil.rmtree(folder, ignore_errors=True)
+        (folder / "log").mkdir(parents=True)
+    except OSError as error:
+        raise ConfigurationError(f"can't make {folder}: {error.strerror}") from None
+
+
+def _print_targets(line: CommandLine) -> None:
+    line.step("1. Print", "A board for the camera, a frame for the gray card, a marker to track.")
+    for what in ("board", "gray-card", "marker"):
+        line.run("workstation", "print", what, "-o", f"{what}.pdf", quiet=True)
+
+
+def _weigh(line: CommandLine) -> None:
+    line.step("2. Weigh and measure", "Every part on the kitchen scale, its place by ruler.")
+    line.run("workstation", "calibrate", "body", "--example", to="components.toml")
+    line.say("here a person fills in components.toml")
+    write_toml(line.folder / "components.toml", BODY, "Weighed and measured by hand.")
+    line.run("workstation", "calibrate", "body", "components.toml", *INTO)
+
+
+def _photograph_board(line: CommandLine, afternoon: Afternoon) -> None:
+    words = f"{afternoon.photos} photographs of the board by the robot's own camera."
+    line.step("3. The lens", words)
+    camera = TRUTH.robot.camera.scaled_to(WIDTH_PX, HEIGHT_PX)
+    _save_all(line, "board", board_photos(camera, afternoon.photos, afternoon.seed))
+    line.run("workstation", "calibrate", "camera", "photos/board", *INTO)
+
+
+def _photograph_card(line: CommandLine, afternoon: Afternoon) -> None:
+    line.step("4. The light", "A gray card in its printed frame, turned every way.")
+    _save_all(line, "gray", card_photos(TRUTH, afternoon.seed))
+    line.run("workstation", "calibrate", "light", "photos/gray", *INTO)
+
+
+def _photograph_room(line: CommandLine) -> None:
+    line.step("5. The room", "One 360-degree photograph from the middle of the floor.")
+    # Nobody points such a camera's middle exactly along the tape on the floor.
+    room = true_room()
+    photo = np.roll(room, round(ROOM_HEADING_DEG / 360 * room.shape[1]), axis=1)
+    save_picture(line.folder / "photos" / "room.jpg", photo)
+    heading = f"{ROOM_HEADING_DEG:g}"
+    line.run("workstation", "panorama", "photos/room.jpg", "--heading", heading, *INTO)
+
+
+def _save_all(line: CommandLine, name: str, pictures: Iterable[Picture]) -> None:
+    count = 0
+    with line.console.status(f"taking photos/{name}"):
+        for count, picture in enumerate(pictures, start=1):
+            save_picture(line.folder / "photos" / name / f"{name}-{count:02}.jpg", picture)
+    line.say(f"{count} photographs in photos/{name}")
+
+
+def _drive(line: CommandLine, afternoon: Afternoon) -> None:
+    runs = (len(afternoon.maneuvers) or len(MANEUVERS)) * afternoon.repetitions
+    each_s = afternoon.seconds + afternoon.pause_s + _BETWEEN_RUNS_S
+    line.step(
+        "6. Drive", f"{runs} runs, about {runs * each_s / 60:.0f} min, with a tracker on the robot."
+    )
+    with robot_pair(line, line.folder / TRUTH_FOLDER, TRACK) as address:
+        drive_session(
+            line,
+            RECORDING,
+            *("--robot", address, "--yes", "--seconds", f"{afternoon.seconds:g}"),
+            *("--repetitions", str(afternoon.repetitions), "--pause", f"{afternoon.pause_s:g}"),
+            *(word for name in afternoon.maneuvers for word in ("--maneuver", name)),
+        )
+    recording = line.folder / RECORDING
+    line.show(["mv", TRACK, f"{RECORDING}/"])
+    shutil.move(line.folder / TRACK, recording / TRACK)
+    line.say("echo 'preset = \"triad-openvr\"' > " + f"{RECORDING}/track.toml")
+    (recording / "track.toml").write_text('preset = "triad-openvr"\n', encoding="utf-8")
+    if spoilt := leave_out_spoilt(recording):
+        numbers = ", ".join(map(str, spoilt))
+        line.say(f"the tracker was lost in run {numbers}: leave_out in recording.toml")
+
+
+def _identify(line: CommandLine) -> None:
+    line.step("7. Identify", "Half of the repetitions are fitted, the others held out.")
+    line.run("workstation", "identify", RECORDING, *INTO)
+
+
+def _report(line: CommandLine, afternoon: Afternoon) -> None:
+    line.step("8. Report the gap", "Three frames from marked places, then the page.")
+    take_frames(line.folder / "frames", TRUTH, afternoon.seed)
+    line.say("3 photographs from marked places in frames, their places in frames/frames.csv")
+    tolerance = () if afternoon.tolerance is None else ("--tolerance", str(afternoon.tolerance))
+    line.run(
+        *("workstation", "gap-report", RECORDING, *INTO),
+        *("--frames", "frames", *tolerance, "-o", REPORT),
+    )

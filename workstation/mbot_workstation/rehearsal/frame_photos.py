@@ -1,0 +1,48 @@
+"""What the robot's camera shows from marked places, with the cube: for the gap report's frames."""
+
+import csv
+import math
+from pathlib import Path
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.calibration.folder import CalibrationFiles
+from mbot_workstation.gap_report.frames_folder import CUBE, FRAMES_FILE, ROBOT
+from mbot_workstation.gap_report.simulated_view import Place, SimulatedView
+from mbot_workstation.rehearsal.truth import save_picture, true_room
+from mbot_workstation.simulation.pose import ORIGIN, Pose
+from mbot_workstation.simulation.sensor_noise import SensorNoise
+
+WIDTH_PX, HEIGHT_PX = 640, 480
+
+PLACES = (
+    Place(ORIGIN, Pose(0.9, 0.15, math.radians(20))),
+    Place(Pose(0.5, -0.5, math.radians(120)), Pose(0.2, 0.7, 0.0)),
+    Place(Pose(-0.8, 0.3, math.radians(-140))),
+)
+
+
+def take_frames(folder: Path, truth: CalibrationFiles, seed: int) -> None:
+    """Write a picture from each of `PLACES`, and frames.csv.
+
+    Raises:
+        ConfigurationError: the folder can't be written.
+
+    """
+    noise = SensorNoise(WIDTH_PX, HEIGHT_PX, seed)
+    rows: list[list[str]] = []
+    with SimulatedView(truth, true_room(), (WIDTH_PX, HEIGHT_PX), walls=True) as view:
+        for number, place in enumerate(PLACES, start=1):
+            name = f"frame-{number}.jpg"
+            save_picture(folder / name, noise.apply(view.picture(place)))
+            rows.append([name, *_fields(place.robot), *(_fields(place.cube) or [""] * len(CUBE))])
+    try:
+        with (folder / FRAMES_FILE).open("w", newline="", encoding="utf-8") as file:
+            csv.writer(file, lineterminator="\n").writerows([["file", *ROBOT, *CUBE], *rows])
+    except OSError as error:
+        raise ConfigurationError(f"can't write to {folder}: {error.strerror}") from None
+
+
+def _fields(pose: Pose | None) -> list[str]:
+    if pose is None:
+        return []
+    return [f"{pose.x_m:g}", f"{pose.y_m:g}", f"{math.degrees(pose.yaw_rad):g}"]

@@ -1,0 +1,131 @@
+"""The robot to be found out: a calibration folder that is shown to nobody before the end.
+
+It differs from the nominal robot about as far as a real one may: within the spreads that
+`simulation/robot_parameters.py` gives, most of them near the end.
+"""
+
+from pathlib import Path
+from typing import cast
+
+import cv2
+
+from mbot_protocol.calibration import CameraCalibration, MotionCalibration, MotorCalibration
+from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.picture import Picture
+from mbot_workstation.calibration.body_calibration import (
+    BodyCalibration,
+    Component,
+    MountCalibration,
+    Weighing,
+)
+from mbot_workstation.calibration.folder import (
+    ROOMS_FOLDER,
+    CalibrationFiles,
+    write_body,
+    write_camera,
+    write_light,
+    write_motion,
+)
+from mbot_workstation.calibration.light_calibration import LightCalibration
+from mbot_workstation.simulation.robot_parameters import NOMINAL_BODIES
+from mbot_workstation.simulation.room_generator import generate_room
+
+MADE_ON = "2026-11-21"
+
+ROOM_SEED = 11
+
+CAMERA = CameraCalibration(
+    width_px=2028,
+    height_px=1520,
+    focal_x_px=1989.0,
+    focal_y_px=1987.0,
+    principal_x_px=1038.0,
+    principal_y_px=741.0,
+    distortion=(-0.085, 0.031, 0.0005, -0.0004, 0.0),
+    reprojection_error_px=0.0,
+    pictures=1,
+    made_on=MADE_ON,
+)
+
+MOTION = MotionCalibration(
+    left_motor=MotorCalibration(gain=1.05, dead_band=46.0, time_constant_ms=105.0),
+    right_motor=MotorCalibration(gain=0.94, dead_band=57.0, time_constant_ms=118.0),
+    free_speed_rpm=118.0,
+    wheel_radius_m=0.0320,
+    track_m=0.1175,
+    wheel_friction=0.8,
+    load_loss=0.03,
+    latency_ms=38.0,
+    made_on=MADE_ON,
+)
+
+LIGHT = LightCalibration(
+    exposure_gain=0.84,
+    red_gain=1.07,
+    blue_gain=0.90,
+    direction=(0.45, -0.5, -0.74),
+    ambient=0.62,
+    delta_e_before=0.0,
+    delta_e_after=0.0,
+    pictures=1,
+    made_on=MADE_ON,
+)
+
+_MASSES_KG = {"chassis": 0.322, "battery pack": 0.251, "camera": 0.147, "mCore board": 0.043}
+
+BODY = BodyCalibration(
+    components=tuple(
+        Component(
+            name=body.name,
+            mass_kg=_MASSES_KG.get(body.name, body.mass_kg),
+            mass_uncertainty_kg=0.001,
+            size_m=body.size_m,
+            centre_m=body.centre_m,
+            source="kitchen scale, ruler",
+            centre_uncertainty_m=0.002,
+            colour_rgb=body.colour_rgb,
+        )
+        for body in NOMINAL_BODIES
+    ),
+    camera_mount=MountCalibration(height_m=0.078, ahead_m=0.062, pitch_down_deg=6.5),
+    wheel_mass_kg=0.037,
+    weighings=(Weighing("whole robot", 0.977, 0.002),),
+)
+
+TRUTH = CalibrationFiles(camera=CAMERA, motion=MOTION, body=BODY, light=LIGHT)
+
+
+def true_room() -> Picture:
+    """The room it stands in. Shape (h, 2 h, 3), RGB."""
+    return generate_room(ROOM_SEED)
+
+
+def write_truth(folder: Path) -> None:
+    """Write the folder that the virtual robot is made from.
+
+    Raises:
+        ConfigurationError: it can't be written.
+
+    """
+    write_body(folder, BODY)
+    write_camera(folder, CAMERA)
+    write_motion(folder, MOTION)
+    write_light(folder, LIGHT)
+    save_picture(folder / ROOMS_FOLDER / "room.png", true_room())
+
+
+def save_picture(path: Path, picture: Picture) -> None:
+    """Write a picture, in a folder that is made if need be.
+
+    Raises:
+        ConfigurationError: it can't be written.
+
+    """
+    bgr = cast(Picture, cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+    options = [] if path.suffix == ".png" else [cv2.IMWRITE_JPEG_QUALITY, 95]
+    encoded = cv2.imencode(path.suffix, bgr, options)[1]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(encoded.tobytes())
+    except OSError as error:
+        raise ConfigurationError(f"can't write {path}: {error.strerror}") from None

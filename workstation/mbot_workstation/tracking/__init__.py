@@ -1,0 +1,1 @@
+"""Watching where a robot goes: through a camera overhead, or SteamVR."""
