@@ -76,10 +76,11 @@ FINE_TUNING = LearnerSettings(
     batch=1024,
     epochs=5,
     learning_rate=2e-4,
-    final_learning_rate=5e-5,
+    final_learning_rate=2e-5,
     discount=0.98,
     entropy_weight=0.0,
     noise=0.165,
+    final_noise=0.06,
 )
 """For a trained policy. What is left to win is less than what luck with objects and robots adds to
 an episode: with 2,048 decisions an update and batches of 256 PPO made such a policy worse, with

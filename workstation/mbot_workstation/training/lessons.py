@@ -106,14 +106,16 @@ ROUGH_LESSON = Lesson(
     objects=10,
     kinds=(
         USUAL,
+        USUAL,
         _WORN,
         (("left_gain", (0.4, 0.7)),),
         (("right_gain", (0.4, 0.7)),),
         (("camera_latency_ms", (100.0, 190.0)),),
+        (("friction_scale", (0.15, 0.4)),),
     ),
 )
-"""Robots worse than any unit measured, among usual ones: a weak motor, late pictures, or a bit of
-everything, with slow wheels, a slippery floor and poor light. For a policy that holds when a robot
+"""Robots worse than any unit measured, among usual ones: a weak motor, late pictures, a slippery
+floor, or a bit of everything, with slow wheels and poor light. For a policy that holds when a robot
 wears."""
 
 _BY_NAME = {lesson.name: lesson for lesson in (*LESSONS, BLUR_LESSON, ROUGH_LESSON)}
