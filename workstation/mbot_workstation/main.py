@@ -68,7 +68,7 @@ app.command("training-curve")(training_curve)
 app.command("study")(study)
 
 
-TRAINING_LIBRARIES = {"gymnasium", "joblib", "matplotlib", "stable_baselines3", "torch"}
+TRAINING_LIBRARIES = {"gymnasium", "joblib", "stable_baselines3", "torch"}
 
 
 def main() -> None:
