@@ -99,7 +99,7 @@ def test_bytes_that_changed_on_the_way_are_refused_before_anything_reads_them(
 def test_a_push_that_should_not_begin_is_told_why(
     robot: Robot, changes: dict[str, object], words: str
 ) -> None:
-    reply = robot.begin(FIRST, **changes)
+    reply = robot.begin(FIRST, None, **changes)
     assert not reply.accepted
     assert words in reply.reason
 

@@ -128,6 +128,31 @@ def test_the_file_says_where_it_comes_from(run: RunDirectory, tmp_path: Path) ->
     assert "private" not in str(model.metadata_props)
 
 
+def test_weights_can_be_averaged_with_another_runs(
+    learner: PicturePPO, run: RunDirectory, tmp_path: Path
+) -> None:
+    other = begin_run(tmp_path / "second", CONFIG)
+    write_json(other.git_file, [{"from_step": 0, "commit": COMMIT, "changed_files": []}])
+    state = CheckpointState(10, 1.0, CurriculumState(), RandomState.now(), None)
+    kept = {name: weight.clone() for name, weight in learner.policy.state_dict().items()}
+    with torch.no_grad():
+        for parameter in learner.policy.parameters():
+            parameter.mul_(3.0)
+    other.add_checkpoint(10, lambda folder: write_checkpoint(folder, learner, state))
+    learner.policy.load_state_dict(kept)
+    path = tmp_path / "policy.onnx"
+    invoke(str(run.path), "--average", str(other.path), "-o", str(path))
+    model = onnx.load(path)
+    assert json.loads(properties(model)[PROVENANCE])["averaged_with"] == ["second"]
+    doubled = {name: 2 * weight for name, weight in read_weights(run.last_checkpoint()).items()}
+    expected = OnnxPolicy(policy_graph(doubled, PolicyMetadata("policy")).SerializeToString()).act(
+        PICTURES
+    )
+    ours = OnnxPolicy(model.SerializeToString()).act(PICTURES)
+    np.testing.assert_allclose(ours, expected, rtol=0, atol=1e-4)
+    assert np.abs(ours - learner.policy.predict(PICTURES, deterministic=True)[0]).max() > 0.01
+
+
 def test_golden_frames_travel_along_and_are_checked(run: RunDirectory, tmp_path: Path) -> None:
     path = tmp_path / "policy.onnx"
     invoke(str(run.path), "-o", str(path), "--name", "golden")

@@ -22,6 +22,14 @@ def export(
     name: Annotated[
         str | None, typer.Option(help="What robots call it; the file's name if not given.")
     ] = None,
+    average: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="RUN",
+            help="Average the weights with those of this run, which began with RUN's weights or "
+            "the other way round; may be given several times.",
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Write a trained policy as one ONNX file, ready for `workstation push-model`.
@@ -42,7 +50,8 @@ def export(
     found = find_source(source)
     path = output or Path(f"{found.run.path.resolve().name}.onnx")
     policy_name = name or path.stem
-    data = export_policy(found, policy_name).SerializeToString(deterministic=True)
+    others = [find_source(other) for other in average or ()]
+    data = export_policy(found, policy_name, others).SerializeToString(deterministic=True)
     try:
         path.write_bytes(data)
     except OSError as error:
