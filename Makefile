@@ -7,14 +7,17 @@ FIRMWARE := out/firmware
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 .DEFAULT_GOAL := help
-.PHONY: help demo demo-firmware test check protocol firmware benchmark lock clean
+.PHONY: help demo calibrate-demo demo-firmware test check protocol firmware benchmark reliability fuzz lock clean
 
 help: ## Show this help
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 	@echo "  Options of the demo: make demo DEMO='--panorama my-room.jpg --radius 2.5'"
 
 demo: $(VENV)/.demo ## Drive a virtual robot with the real daemon; leaves pictures in out/demo
 	$(BIN)/workstation demo --model models/red-cube.onnx $(DEMO)
+
+calibrate-demo: $(VENV)/.all ## Rehearse the measuring of a robot on a virtual one; leaves out/calibrate-demo/gap.html
+	$(BIN)/workstation calibrate demo $(DEMO)
 
 demo-firmware: $(VENV)/.demo $(FIRMWARE)/mbot-deadman.elf ## The demo with the board's processor and firmware emulated
 	@PYTHON=$(PYTHON) sh deploy/workstation-libraries.sh emulator
@@ -46,6 +49,12 @@ $(FIRMWARE)/mbot-deadman.hex: $(FIRMWARE)/mbot-deadman.elf
 
 benchmark: $(VENV)/.all ## Measure the daemon; use a quiet machine
 	$(BIN)/python benchmarks/agent.py
+
+reliability: $(VENV)/.all ## Cause every fault of the table, write docs/results/reliability.md; use a quiet machine
+	$(BIN)/python benchmarks/reliability.py $(RELIABILITY)
+
+fuzz: $(VENV)/.all ## Feed every parser 100,000 inputs
+	MBOT_FUZZ_CASES=100000 $(BIN)/pytest tests/reliability/test_fuzz.py tests/reliability/test_serial_garbage.py
 
 lock: $(VENV)/.all ## Write the installed versions into constraints.txt
 	$(BIN)/pip freeze --exclude-editable | sed 's/+cpu$$//' > constraints.txt

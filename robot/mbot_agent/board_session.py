@@ -169,11 +169,12 @@ class BoardSession:
         self._write(frame)
         deadline = time.monotonic() + ACKNOWLEDGE_TIMEOUT_S
         while (left := deadline - time.monotonic()) > 0:
-            for reply in self._read(left, wakeable=False):
-                if isinstance(reply, Banner):
-                    raise BoardResetError(f"the board on {self.path} has been reset")
-                if isinstance(reply, Acknowledgement):
-                    return written_ns, time.monotonic_ns()
+            replies = self._read(left, wakeable=False)
+            # All of them are looked at: a banner behind the acknowledgement counts too.
+            if any(isinstance(reply, Banner) for reply in replies):
+                raise BoardResetError(f"the board on {self.path} has been reset")
+            if any(isinstance(reply, Acknowledgement) for reply in replies):
+                return written_ns, time.monotonic_ns()
         raise UnacknowledgedError(f"{self.path} does not acknowledge commands")
 
     def _drain(self) -> None:

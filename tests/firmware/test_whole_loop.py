@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from signal import SIGKILL
@@ -58,12 +58,13 @@ def distance_m(one: Pose, other: Pose) -> float:
 
 
 def test_the_robot_stops_soon_after_its_daemon_was_killed(
-    tmp_path: Path, firmware_folder: Path
+    tmp_path: Path, firmware_folder: Path, record_property: Callable[[str, object], None]
 ) -> None:
     with driving(tmp_path, firmware_folder / "mbot-deadman.hex") as (robot, board, process):
         before, killed_s = robot.world.status().robot, time.monotonic()
         process.signal(SIGKILL)
         assert until(lambda: board.state.motors == STOP)
+        record_property("motors off ms", (board.changed_us - board.heard_us) / 1000)
         assert TIMEOUT_US - 1000 <= board.changed_us - board.heard_us <= TIMEOUT_US + BAR_US
         assert until(lambda: speed_mps(robot) < 0.001)
         stood = robot.world.status().robot

@@ -1,6 +1,7 @@
 """Driven runs and tolerance maps whose figures are known beforehand."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -11,8 +12,6 @@ from mbot_workstation.gap_report.report import GapReport, driven, judged
 from mbot_workstation.recordings.maneuver import MANEUVERS, Maneuver
 from mbot_workstation.recordings.track import Array
 from mbot_workstation.training.tolerance_file import MapAxis, RewardMap, Tolerances
-
-from pathlib import Path
 
 Wheels = tuple[float, float, float]
 """Speeds of the left and right wheel at full command [m/s], and the track [m]."""

@@ -122,7 +122,7 @@ class Tracker:
         noise, noise_deg: standard deviations.
         rate_hz, jitter: of its poses.
         lost: share of single poses that are missing.
-        gaps: how many times a run it is blind, for 0.1 to 0.3 s.
+        gaps: how many times a run it is blind, for 0.05 to 0.2 s.
         wrong: share of poses that are far off.
         ahead_s, drift: its clock: offset at the robot's time 0, and its rate beyond 1.
 
@@ -150,7 +150,7 @@ class Tracker:
         seen = seen[rng.random(seen.size) >= self.lost]
         for _ in range(rng.poisson(self.gaps)):
             begin = rng.uniform(seen[0], seen[-1])
-            seen = seen[(seen < begin) | (seen > begin + rng.uniform(0.1, 0.3))]
+            seen = seen[(seen < begin) | (seen > begin + rng.uniform(0.05, 0.2))]
         x, y, yaw = (np.interp(seen, time_s, column) for column in poses.T)
         turn = turned("z", yaw)
         floor = turned("x", np.radians([self.floor_deg[0]])) @ turned(
@@ -178,7 +178,7 @@ class Session:
     repetitions: int = 10
     stand_s: float = 0.7
     pause_s: float = 8.0
-    maps: WheelMaps = WheelMaps()
+    maps: WheelMaps = field(default_factory=WheelMaps)
 
     def shortened(self, seconds: float, repetitions: int) -> "Session":
         """The same manoeuvres, each with one piece of this length."""
@@ -212,7 +212,7 @@ def record(
             _strength(robot, len(plans), grid.size, rng),
         )[0]
         for number, (start, plan) in enumerate(zip(starts, plans, strict=True), start=1):
-            placed = _put_down(poses[number - 1], rng)
+            placed = put_down(poses[number - 1], rng)
             edges = start + np.concatenate([[0.0], np.cumsum(plan[:, 0])])
             commands = CommandSeries(edges, np.append(plan[:, 1], 0), np.append(plan[:, 2], 0))
             last = grid <= plan[:, 0].sum() + session.stand_s
@@ -239,11 +239,12 @@ def _strength(robot: PlanarRobot, runs: int, steps: int, rng: np.random.Generato
     return result
 
 
-def _put_down(path: Array, rng: np.random.Generator) -> Array:
+def put_down(path: Array, rng: np.random.Generator) -> Array:
+    """The path from some place on the floor, in some direction."""
     x, y, yaw = rng.uniform(-0.5, 0.5), rng.uniform(-0.5, 0.5), rng.uniform(-np.pi, np.pi)
     c, s = np.cos(yaw), np.sin(yaw)
     moved = path @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
-    return moved + [x, y, yaw]
+    return moved + np.array([x, y, yaw])
 
 
 def turned(axis: str, angle_rad: Array) -> Array:

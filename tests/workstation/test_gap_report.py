@@ -32,8 +32,10 @@ from mbot_workstation.gap_report.quantity import DEVIATIONS_OF_QUANTITIES, Quant
 from mbot_workstation.gap_report.report import driven
 from mbot_workstation.gap_report.simulated_view import Place
 from mbot_workstation.gap_report.steady_rates import steady_rate, steady_rates
+from mbot_workstation.gap_report.telemetry_frames import telemetry_frames
 from mbot_workstation.gap_report.verdict import Word, judge
-from mbot_workstation.recordings.folder import write_recording
+from mbot_workstation.recording import Recording
+from mbot_workstation.recordings.folder import TELEMETRY_FILE, write_recording
 from mbot_workstation.recordings.maneuver import MANEUVERS, maneuver_named
 from mbot_workstation.simulation.pose import ORIGIN, Pose
 from mbot_workstation.training.study_plans import DEVIATIONS
@@ -47,6 +49,7 @@ from mbot_workstation.training.tolerance_map import BEARABLE, ToleranceMap, as_f
 from .calibrations import BODY, CAMERA, LIGHT, MOTION
 from .driven_robot import session
 from .gap_samples import FITTED, TRUE, compared_runs, report, tolerances
+from .samples import decision, picture
 
 ALL = CalibrationFiles(
     folder="calibration/mbot-1", camera=CAMERA, motion=MOTION, body=BODY, light=LIGHT
@@ -142,9 +145,7 @@ def test_errors_of_the_nominal_robot_are_those_of_its_path() -> None:
 
 def test_bands_reach_over_all_repetitions() -> None:
     maneuver = maneuver_named("forward-forward")
-    near, far = (
-        compared_runs([maneuver], 1, offset=(size, 0.0, 0.0))[0] for size in (0.01, 0.03)
-    )
+    near, far = (compared_runs([maneuver], 1, offset=(size, 0.0, 0.0))[0] for size in (0.01, 0.03))
     (gap,) = driven([near, far]).maneuvers
     assert gap.calibrated.position_m.low == pytest.approx(np.full_like(gap.calibrated.time_s, 0.01))
     assert gap.calibrated.position_m.high[-1] == pytest.approx(0.03)
@@ -244,9 +245,7 @@ def test_beyond_a_map_whose_border_is_not_on_it_nothing_is_sure() -> None:
 def test_of_two_maps_the_stricter_one_counts() -> None:
     mild, strict = tolerances(), tolerances()
     harder = strict.maps[0]
-    rewards = tuple(
-        tuple(20 - 2 * (20 - reward) for reward in row) for row in harder.rewards
-    )
+    rewards = tuple(tuple(20 - 2 * (20 - reward) for reward in row) for row in harder.rewards)
     both = Tolerances(
         contestant="x",
         nominal_reward=20.0,
@@ -386,6 +385,31 @@ def test_unusable_frames_are_named(tmp_path: Path, content: str | None, message:
         read_frames(tmp_path)
 
 
+def test_frames_of_the_first_run_are_found_in_telemetry(tmp_path: Path) -> None:
+    (run,) = compared_runs([maneuver_named("forward-forward")], 1, duration_s=4.0)
+    # Decisions from 100 s on, every 0.1 s; their pictures are 0.03 s older.
+    with Recording(tmp_path / TELEMETRY_FILE, "mbot-1") as file:
+        for number in range(80):
+            one = decision(number)
+            if number != 17:  # one picture got lost
+                file.write(picture(one.unix_time_ns))
+            file.write(one)
+    frames = telemetry_frames(tmp_path, run, start_s=103.0)
+    assert [frame.title for frame in frames] == [
+        "before it starts",
+        "1.4 s into forward-forward",
+        "2.8 s into forward-forward",
+    ]
+    assert frames[0].place.robot == ORIGIN
+    driven_s = 1.4 - 0.03
+    where = frames[1].place.robot
+    expected = [np.interp(driven_s, run.time_s, column) for column in run.measured.T]
+    assert (where.x_m, where.y_m, where.yaw_rad) == pytest.approx(expected, abs=0.01)
+    assert frames[0].picture[0, 0].tolist() == [255, 0, 0]
+    assert telemetry_frames(tmp_path, run, start_s=500.0) == ()
+    assert telemetry_frames(tmp_path / "none", run, start_s=103.0) == ()
+
+
 def test_tolerance_maps_survive_their_file(tmp_path: Path) -> None:
     grid = ToleranceMap.of("track_scale", "exposure_gain", 3)
     rewards = np.arange(9.0).reshape(3, 3)
@@ -479,6 +503,6 @@ def test_bad_input_is_named(recording: Path, tmp_path: Path) -> None:
     options = ("--calibration", str(tmp_path))
     assert "wrong.json" in fails(str(recording), *options, "--tolerance", str(wrong))
     other = tmp_path / "other"
-    write_recording(other, "mbot-2", session(1, duration_s=2.0, maneuvers=MANEUVERS[:1]))
+    write_recording(other, "mbot-2", session(None, 1, 2.0, MANEUVERS[:1]))
     assert "mbot-2" in fails(str(recording), str(other), *options)
     assert "can't write" in fails(str(recording), *options, "-o", str(tmp_path / "no" / "gap.html"))

@@ -158,6 +158,12 @@ def fisheyes() -> NDArray[np.uint8]:
     return picture
 
 
+def cut_above_and_below() -> NDArray[np.uint8]:
+    """The middle third of a room that is lit from one side, stretched."""
+    light = 0.7 + 0.3 * np.cos(np.linspace(0, 2 * np.pi, 512))
+    return (cv2.resize(room()[170:340], (512, 256)) * light[:, None]).astype(np.uint8)
+
+
 @pytest.mark.parametrize(
     ("picture", "words"),
     [
@@ -166,7 +172,7 @@ def fisheyes() -> NDArray[np.uint8]:
         (room()[150:350], r"is 1024 x 200, a strip, or the six sides"),
         (room()[60:460], r"is 1024 x 400, a strip such as phones"),
         (cv2.resize(room()[:, 100:700], (512, 256)), "does not close: its left and right edge"),
-        (cv2.resize(room()[180:380], (512, 256)), "upper or lower edge with different things"),
+        (cut_above_and_below(), "upper or lower edge with different things"),
         (fisheyes(), "two round fisheye pictures"),
     ],
 )

@@ -37,6 +37,7 @@ _DAMAGE = (
     struct.error,
     ValueError,
     KeyError,
+    OverflowError,
     MemoryError,
 )
 

@@ -1,5 +1,6 @@
 """Frames of a camera on this machine, of a stream or of a video file."""
 
+import os
 from pathlib import Path
 from types import TracebackType
 from typing import Self, cast
@@ -26,6 +27,9 @@ class VideoSource:
         self._capture: cv2.VideoCapture | None = None
 
     def __enter__(self) -> Self:
+        # What went wrong is said once, by us: OpenCV and FFmpeg would each write lines of theirs.
+        os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
         digits = self.source.removeprefix("/dev/video")
         if digits.isascii() and digits.isdigit():
             capture = cv2.VideoCapture(int(digits))

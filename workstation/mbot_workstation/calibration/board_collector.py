@@ -36,7 +36,6 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    board: Board
     found: FoundBoard
     outline_px: NDArray[np.float64]
 
@@ -96,7 +95,8 @@ class BoardCollector:
         for board in self._boards:
             found = find_board(picture, board)
             if found is not None:
-                return _Seen(board, found, _outline(found, board))
+                self._boards = [board]  # nobody changes boards in between
+                return _Seen(found, _outline(found, board))
         return None
 
 

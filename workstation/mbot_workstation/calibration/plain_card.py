@@ -78,9 +78,12 @@ def _candidates(picture: Picture) -> list[_Candidate]:
     even = cv2.erode((steps < EVEN_BELOW).astype(np.uint8), block)
     # Two levels: outlines of areas, also of those within others, and below them their holes.
     contours, levels = cv2.findContours(even, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
+    if not contours:
+        return []
+    parents = np.asarray(levels, np.intp).reshape(-1, 4)[:, 3]
     found = [
         _candidate(np.asarray(contour, np.int32), picture)
-        for contour, (_, _, _, parent) in zip(contours, levels[0] if contours else (), strict=True)
+        for contour, parent in zip(contours, parents, strict=True)
         if parent < 0
     ]
     return [candidate for candidate in found if candidate is not None]

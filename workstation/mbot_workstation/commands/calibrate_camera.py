@@ -81,13 +81,16 @@ def camera(
     Print a board by `workstation print board`. Take 20 pictures or more with the robot's own
     camera in the mode it drives with: the board near enough to fill half of the view, tilted every
     way, also in the corners of the view; sharp and still. Sizes may differ if all show the same
-    view.
+    view. On the Pi, with mbot-agent stopped:
+    `rpicam-still --mode 2028:1520 --width 2028 --height 1520 -o 01.jpg`.
 
     Examples:
 
     - `workstation calibrate camera photos/*.jpg`
     - `workstation calibrate camera photos --inner-corners 9x6 --calibration calibration/mbot-2`
-    - `workstation calibrate camera --live http://mbot-1.local:8090/stream.mjpg`
+    - `workstation calibrate camera --live tcp://mbot-1.local:8888` while the Pi runs
+      `rpicam-vid -t 0 --mode 2028:1520 --width 1014 --height 760 --codec mjpeg --listen
+      -o tcp://0.0.0.0:8888`
     """
     from mbot_protocol.errors import ConfigurationError
 
@@ -157,7 +160,7 @@ def _collect(source: str, boards: list[Board], folder: Path, count: int) -> list
     from mbot_workstation.calibration.camera_live import collect
 
     console = Console(stderr=True)
-    looked_for = boards or [Board(), Board(charuco=True)]
+    looked_for = boards or [Board(charuco=True), Board()]  # the one that is quicker to rule out
     console.print(
         f"hold a {' or a '.join(board.name for board in looked_for)} before the camera, tilt it "
         "and move it all over the view; a picture is taken whenever it is still; Ctrl-C ends",

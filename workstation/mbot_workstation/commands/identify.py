@@ -178,7 +178,7 @@ def _show(found: "Identification", maps: "WheelMaps", written: "Sequence[str]") 
     console.print(parameter_table(found))
     print("\nnot to be told from these recordings:")
     for line in undetermined_lines(found):
-        console.print(f"  {line}", highlight=False, soft_wrap=True)
+        console.print(f"  {line}", highlight=False, markup=False, soft_wrap=True)
     print()
     console.print(error_table(found))
     print()

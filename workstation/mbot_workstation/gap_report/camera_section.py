@@ -78,12 +78,12 @@ def _camera(files: CalibrationFiles) -> str:
     return (
         paragraph(words)
         + table(["", "calibrated", "nominal"], rows, numbers=2)
-        + _drawing(Path(files.folder) / "camera.png")
+        + _drawing(Path(files.folder) / "camera.png", "the calibration's corners and errors")
     )
 
 
-def _drawing(path: Path) -> str:
-    """What `calibrate camera` drew, if it is still there."""
+def _drawing(path: Path, words: str) -> str:
+    """What `calibrate` drew, if it is still there."""
     drawn = cv2.imread(str(path), cv2.IMREAD_COLOR) if path.is_file() else None
     if drawn is None:
         return ""
@@ -92,7 +92,7 @@ def _drawing(path: Path) -> str:
         size = DRAWING_WIDTH_PX, round(height * DRAWING_WIDTH_PX / width)
         drawn = cv2.resize(drawn, size, interpolation=cv2.INTER_AREA)
     pixels = cast(Picture, cv2.cvtColor(drawn, cv2.COLOR_BGR2RGB))
-    return figure(picture(pixels, "corners and errors of the calibration"), f"From {path.name}.")
+    return figure(picture(pixels, words), f"From {path.name}.")
 
 
 def _light(files: CalibrationFiles) -> str:
@@ -111,7 +111,11 @@ def _light(files: CalibrationFiles) -> str:
         ["light comes from", _from_words(x, y, z), ""],
         ["light from all sides", f"{100 * light.ambient:.0f} %", ""],
     ]
-    return paragraph(words) + table(["", "calibrated", "nominal"], rows, numbers=2)
+    return (
+        paragraph(words)
+        + table(["", "calibrated", "nominal"], rows, numbers=2)
+        + _drawing(Path(files.folder) / "light.png", "the gray card, real and simulated")
+    )
 
 
 def _from_words(x: float, y: float, z: float) -> str:

@@ -6,18 +6,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbot_workstation.calibration.folder import CalibrationFiles
+from mbot_workstation.gap_report.body_path import Setting, body_path
 from mbot_workstation.gap_report.compared_run import ComparedRun
 from mbot_workstation.identification.held_out import is_held_out
 from mbot_workstation.identification.mixed_fit import MixedFit, begin
 from mbot_workstation.identification.preparation import prepare
 from mbot_workstation.identification.run_view import RunView, simulate_views
+from mbot_workstation.identification.stray_runs import stray_runs
 from mbot_workstation.recordings.run import Recording
 from mbot_workstation.recordings.track import Array
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_mjcf import TIMESTEP_S
 
 GRID_S = 0.02
-"""Between the moments compared; the tracked place at each is a mean over 0.1 s."""
+"""Between the moments compared."""
 
 ROUNDS = 8
 """Clock and tracker settle within as many: the robot is not fitted."""
@@ -61,7 +63,7 @@ def compare(recordings: Sequence[Recording], files: CalibrationFiles) -> Compari
     away = is_held_out(prepared.views)
     fitted = [view for view, out in zip(prepared.views, away, strict=True) if not out]
     shown = [view for view, out in zip(prepared.views, away, strict=True) if out]
-    words = "Every other repetition of each manoeuvre, which `identify` did not fit."
+    words = "Every other repetition of each manoeuvre: those that were not fitted."
     if files.motion is None or not shown:
         shown = list(prepared.views)
         words = "All runs: nothing was fitted to them."
@@ -70,35 +72,65 @@ def compare(recordings: Sequence[Recording], files: CalibrationFiles) -> Compari
     fit = MixedFit(fitted, prepared.fixed, begin(fitted, robot, prepared.fixed.guess))
     fit.run((), ROUNDS)
     settings = fit.state.settings
+    left_out = dict(prepared.left_out)
+    if files.motion is not None:
+        # As `identify` does: a run with a blocked wheel or a hand on the robot is no measurement.
+        stray = stray_runs(fit, shown)
+        numbered = list(enumerate(shown, start=len(fitted)))
+        if any(number not in stray for number, _view in numbered):
+            shown = [view for number, view in numbered if number not in stray]
+            left_out |= {view.flat.name: stray[n] for n, view in numbered if n in stray}
     first = min(prepared.views, key=lambda view: view.flat.run.commands.start_s)
-    compared = _compared([*shown, first], settings, files.robot)
+    compared = _compared([*shown, first], recordings, settings, files.robot)
     return Comparison(
         tuple(compared[:-1]),
         compared[-1] if first.flat.run.number == recordings[0].runs[0].number else None,
         words,
-        prepared.left_out,
+        left_out,
     )
 
 
 def _compared(
-    views: Sequence[RunView], settings: Array, calibrated: RobotParameters
+    views: Sequence[RunView],
+    recordings: Sequence[Recording],
+    settings: Array,
+    calibrated: RobotParameters,
 ) -> list[ComparedRun]:
     calm = [np.zeros(view.deviations) for view in views]
     paths = [
         simulate_views(views, [robot] * len(views), calm)
         for robot in (calibrated, RobotParameters())
     ]
+    middles_s = [
+        float(np.mean([run.commands.start_s for run in recording.runs])) for recording in recordings
+    ]
     return [
-        _beside(view, settings[view.flat.recording], mine, nominal)
+        _beside(
+            view,
+            _setting(settings[view.flat.recording]),
+            view.flat.run.commands.start_s - middles_s[view.flat.recording],
+            mine,
+            nominal,
+        )
         for view, mine, nominal in zip(views, *paths, strict=True)
     ]
 
 
-def _beside(view: RunView, setting: Array, calibrated: Array, nominal: Array) -> ComparedRun:
+def _setting(values: Array) -> Setting:
+    """In the order of `run_view.SETTING`."""
+    ahead_s, drift, ahead_m, left_m, yaw_rad = (float(value) for value in values)
+    return Setting(ahead_s, drift, complex(ahead_m, left_m), yaw_rad)
+
+
+def _beside(
+    view: RunView, setting: Setting, since_middle_s: float, calibrated: Array, nominal: Array
+) -> ComparedRun:
     run = view.flat.run
-    time_s = np.arange(0, view.covered_s[1], GRID_S)
-    ends = [view.end(setting, float(at_s)) for at_s in time_s]
-    measured = np.array([[place.real, place.imag, heading] for place, heading in ends])
+    # The track may end before the drive does, by a little: see `preparation.LEAST_COVERED`.
+    tracked_s = float(view.flat.time_s[-1]) - view.ahead_s - run.commands.start_s
+    until_s = min(view.drive_s, tracked_s)
+    time_s = np.linspace(0, until_s, max(2, round(until_s / GRID_S) + 1))
+    measured = body_path(view, setting, since_middle_s, time_s)
     simulated = [_at(path, time_s) for path in (calibrated, nominal)]
     return ComparedRun(
         run.number, run.maneuver, run.repetition, view.drive_s, time_s, measured, *simulated

@@ -12,6 +12,7 @@ from mbot_workstation.gap_report.simulated_view import Place, SimulatedView
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.room import load_room
 from mbot_workstation.simulation.room_generator import generate_room
+from mbot_workstation.simulation.scene_renderer import SHOW, TRAINING
 
 LARGEST_WIDTH_PX = 640
 """Of a picture on the page."""
@@ -69,8 +70,10 @@ def _draw(frames: Sequence[RealFrame], files: CalibrationFiles, room: Picture) -
     for frame in frames:
         height, width, _ = frame.picture.shape
         size = (camera.width_px, camera.height_px) if frame.is_observation else (width, height)
-        # Manoeuvres need more floor than the arena has, so they are driven without its walls.
-        with SimulatedView(files, room, size, walls=not frame.is_observation) as view:
+        # Manoeuvres need more floor than the arena has, so they are driven without its walls; and
+        # a policy's pictures are drawn as in its training.
+        walls, quality = (False, TRAINING) if frame.is_observation else (True, SHOW)
+        with SimulatedView(files, room, size, walls=walls, quality=quality) as view:
             picture = view.picture(frame.place)
         observer = Observer(camera, FULL_VIEW) if frame.is_observation else None
         pictures.append(picture if observer is None else observer.observe(picture))

@@ -50,6 +50,7 @@ def _lines(motion: MotionCalibration) -> list[_Line]:
     return [
         *_motor_lines("left", motion.left_motor, robot.left_motor),
         *_motor_lines("right", motion.right_motor, robot.right_motor),
+        *_optional_lines(motion, robot),
         _Line("track_m", "track, mm", motion.track_m, robot.track_m, 1000),
         _Line(
             "wheel_radius_m",
@@ -72,6 +73,18 @@ def _lines(motion: MotionCalibration) -> list[_Line]:
     ]
 
 
+def _optional_lines(motion: MotionCalibration, robot: RobotParameters) -> list[_Line]:
+    lines = [
+        _Line(
+            "inertia_scale", "moment of inertia, of the body's", motion.inertia_scale, 1, digits=2
+        )
+    ]
+    if motion.mass_ahead_m is not None:
+        ahead = motion.mass_ahead_m, robot.centre_of_mass_m
+        lines.append(_Line("mass_ahead_m", "centre of mass ahead of the axle, mm", *ahead, 1000))
+    return lines
+
+
 def _motor_lines(side: str, motor: MotorCalibration, nominal: MotorParameters) -> list[_Line]:
     key = f"{side}_motor"
     return [
@@ -87,6 +100,13 @@ def _motor_lines(side: str, motor: MotorCalibration, nominal: MotorParameters) -
             f"{side} motor: time constant, ms",
             motor.time_constant_ms,
             1000 * nominal.time_constant_s,
+        ),
+        _Line(
+            f"{key}.dry_friction",
+            f"{side} motor: dry friction, %",
+            motor.dry_friction,
+            nominal.dry_friction,
+            100,
         ),
     ]
 

@@ -11,7 +11,7 @@ from mbot_workstation.calibration.folder import CalibrationFiles
 from mbot_workstation.simulation.camera_renderer import CameraRenderer
 from mbot_workstation.simulation.pose import Pose
 from mbot_workstation.simulation.scene_parameters import SceneParameters
-from mbot_workstation.simulation.scene_renderer import SHOW
+from mbot_workstation.simulation.scene_renderer import SHOW, Quality
 from mbot_workstation.simulation.simulation import Simulation
 
 NOWHERE = Pose(500.0, 0.0)
@@ -41,6 +41,7 @@ class SimulatedView:
         size: tuple[int, int],
         *,
         walls: bool,
+        quality: Quality = SHOW,
     ) -> None:
         """Prepare to draw.
 
@@ -49,6 +50,7 @@ class SimulatedView:
             room_picture: the panorama.
             size: width and height of the pictures.
             walls: whether the arena has any.
+            quality: of the drawing.
 
         """
         scene = files.scene if walls else without_walls(files.scene)
@@ -58,7 +60,7 @@ class SimulatedView:
         self._renderer = CameraRenderer(
             self._simulation,
             *size,
-            SHOW,
+            quality,
             gains=(exposure * effects.red_gain, exposure, exposure * effects.blue_gain),
         )
 

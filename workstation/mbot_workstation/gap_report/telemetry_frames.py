@@ -65,16 +65,23 @@ def telemetry_frames(folder: Path, first: ComparedRun, start_s: float) -> tuple[
 
 def _pictures_between(path: Path, first_s: float, last_s: float) -> dict[float, Picture]:
     """Pictures by when they were taken, on the robot's clock, in order."""
-    found: dict[float, Picture] = {}
-    captured_s = None
+    captured_s: dict[int, float] = {}
+    coded: dict[int, bytes] = {}
     for _topic, message in read_recording(path):
-        if isinstance(message, Decision):  # the picture that belongs to it comes next
-            captured_s = message.captured_monotonic_ns / 1e9 or None
-        elif captured_s is not None and first_s <= captured_s <= last_s:
-            picture = cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_COLOR)
+        if isinstance(message, Decision):
+            if message.captured_monotonic_ns:
+                captured_s[message.unix_time_ns] = message.captured_monotonic_ns / 1e9
+        else:
+            coded[message.timestamp.ToNanoseconds()] = message.data
+    found: dict[float, Picture] = {}
+    for stamp_ns, moment_s in sorted(captured_s.items(), key=lambda item: item[1]):
+        # A decision and its picture carry the same time; either may have got lost.
+        if stamp_ns in coded and first_s <= moment_s <= last_s:
+            pixels = np.frombuffer(coded[stamp_ns], np.uint8)
+            picture = cv2.imdecode(pixels, cv2.IMREAD_COLOR)
             if picture is not None and picture.shape == OBSERVATION_SHAPE:
-                found[captured_s] = cast(Picture, cv2.cvtColor(picture, cv2.COLOR_BGR2RGB))
-    return dict(sorted(found.items()))
+                found[moment_s] = cast(Picture, cv2.cvtColor(picture, cv2.COLOR_BGR2RGB))
+    return found
 
 
 def _pose(run: ComparedRun, since_s: float) -> Pose:

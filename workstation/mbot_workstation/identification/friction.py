@@ -48,12 +48,24 @@ def look_for_friction(
     fit: MixedFit, names: Sequence[str], progress: Progress | None = None
 ) -> FrictionFinding:
     """Try frictions on a finished fit, and leave it at what explains the runs clearly better."""
+    dry_reason = _look_for_dry(fit, names, progress)
     slips = _look_for_slip(fit, names, progress)
-    wanted = [*names, GRIP_NAME] if slips else list(names)
-    dry_reason = _look_for_dry(fit, wanted, progress)
     grip = value(fit.state.robot, GRIP_NAME)
     grip_reason = f"no wheels with less grip than {grip:g} explain the runs better"
     return FrictionFinding(slips, dry_reason, None if slips else grip_reason)
+
+
+def _look_for_dry(fit: MixedFit, names: Sequence[str], progress: Progress | None) -> str | None:
+    base = _explored(fit, {}, names, progress)
+    trials = {dry: _explored(fit, {DRY_NAME: dry}, names, progress) for dry in DRY}
+    least = min(cost for cost, _ in trials.values())
+    if base[0] - least < CLEARLY:
+        return "no wheels that are held while they stand explain the runs better"
+    alike = [dry for dry, (cost, _) in trials.items() if cost - least < ALIKE]
+    fit.here = trials[alike[0]][1].here
+    if alike[-1] == DRY[-1]:
+        return f"a standing wheel is held; {alike[0]:g} and more look alike"
+    return None
 
 
 def _look_for_slip(fit: MixedFit, names: Sequence[str], progress: Progress | None) -> bool:
@@ -70,19 +82,6 @@ def _look_for_slip(fit: MixedFit, names: Sequence[str], progress: Progress | Non
         return False
     fit.here = trial.here
     return True
-
-
-def _look_for_dry(fit: MixedFit, names: Sequence[str], progress: Progress | None) -> str | None:
-    base = _explored(fit, {}, names, progress)
-    trials = {dry: _explored(fit, {DRY_NAME: dry}, names, progress) for dry in DRY}
-    least = min(cost for cost, _ in trials.values())
-    if base[0] - least < CLEARLY:
-        return "no wheels that are held while they stand explain the runs better"
-    alike = [dry for dry, (cost, _) in trials.items() if cost - least < ALIKE]
-    fit.here = trials[alike[0]][1].here
-    if alike[-1] == DRY[-1]:
-        return f"a standing wheel is held; {alike[0]:g} and more look alike"
-    return None
 
 
 def _explored(

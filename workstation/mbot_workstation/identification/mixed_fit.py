@@ -120,16 +120,19 @@ class MixedFit:
             learn: the scatter too.
 
         """
+        was_stuck = not names
         for count in range(1, rounds + 1):
             normal = self.linearise(names)
             largest, gain = self._improve(normal)
-            if largest > NEARBY:
+            stuck = largest == gain == 0
+            if largest > NEARBY or stuck:
                 self._twists = None
             if learn:
                 self._learn(normal, about_maneuvers=True)
             if progress is not None:
                 progress()
-            settled = largest < SETTLED and gain < WORTHWHILE
+            settled = largest < SETTLED and gain < WORTHWHILE and not (stuck and not was_stuck)
+            was_stuck = stuck
             if settled and count >= (FEWEST_ROUNDS if learn else 1):
                 break
 

@@ -20,7 +20,7 @@ class Parameter:
         factor: from the model's unit to the table's.
         step_share: finite differences take this share of the spread: so little that a path of
             65 rad stays linear in it, or parameters would seem to differ that are one. Friction
-            needs more, since a wheel that sticks knows no small changes.
+            needs more: it works by beginning and ending to slip.
 
     """
 
@@ -47,7 +47,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("mass_ahead_m", "centre of mass ahead [mm]", 0.01, -0.03, 0.06, 1000),
     Parameter("inertia_scale", "moment of inertia", 0.3, 0.4, 4.0),
     Parameter("dry_friction", "dry friction", 0.1, 0.0, 0.4, step_share=0.2),
-    Parameter("wheel_friction", "wheel friction", 0.2, 0.05, 1.5, step_share=0.1),
+    Parameter("wheel_friction", "wheel friction", 0.2, 0.05, 1.5, step_share=0.02),
     Parameter("wheel_radius_m", "wheel radius [mm]", 0.0006, 0.01, 0.1, 1000),
     Parameter("free_speed_rpm", "free speed [rpm]", 12, 20, 600),
     Parameter("load_loss", "loss under load", 0.02, 0.0, 0.5),

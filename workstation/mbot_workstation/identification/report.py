@@ -6,6 +6,7 @@ from dataclasses import asdict
 from statistics import median
 from typing import Any
 
+from rich.markup import escape
 from rich.table import Table
 
 from mbot_protocol.actions import MotorMap
@@ -48,11 +49,11 @@ def parameter_table(found: Identification) -> Table:
                 f"{known.factor * number:.4g}"
                 for number in (one.before, one.value, one.low, one.high)
             )
-            table.add_row(known.words, before, value, f"{low} to {high}")
+            table.add_row(escape(known.words), before, value, f"{low} to {high}")
     latency = found.latency
     if latency.low is not None and latency.high is not None:
         table.add_row(
-            "latency [ms]",
+            escape("latency [ms]"),
             f"{1000 * latency.before:.4g}",
             f"{1000 * latency.value:.4g}",
             f"{1000 * latency.low:.4g} to {1000 * latency.high:.4g}",

@@ -6,8 +6,8 @@ by theta, and its clock is ahead. So at the tracker's time t it should be seen a
 p0 + exp(i psi0) (X + exp(i psi) o), heading psi0 + psi + theta, with s = t - ahead - start.
 
 Whatever differs from run to run is part of the run's own deviations: each motor's strength over
-the whole run and from second to second, the moment it began, and where on the robot the point is
-about which it turns.
+the whole run and from second to second, what loads both alike, the moment it began, and where on
+the robot the point is about which it turns.
 """
 
 import math
@@ -51,8 +51,10 @@ NEAREST = 9
 SETTING = ("ahead_s", "drift", "tracker_ahead_m", "tracker_left_m", "tracker_yaw_rad")
 """What is unknown of a recording: its clock, beyond what was guessed, and its tracker."""
 
-OWN = ("left_strength", "right_strength", "moment_s", "ahead_m", "left_m")
-"""A run's own deviations: motors, as shares of their gain, the beginning, the tracker's place."""
+OWN = ("strength", "left_strength", "right_strength", "moment_s", "ahead_m", "left_m")
+"""A run's own deviations: of both motors alike and of each, as shares of their gain; of the
+beginning; of the tracker's place."""
+STRENGTH, SIDES, MOMENT, PLACE = 0, slice(1, 3), 3, slice(4, 6)
 
 POSE = 3
 """x, y, yaw at the start: what is unknown of every run."""
@@ -147,7 +149,8 @@ class RunView:
         """The wheels' voltages with the run's own deviations. Shape (steps, 2)."""
         commands = self.flat.run.commands
         volts = wheel_volts(robot, commands, self._maps, self.steps)
-        stronger = deviation[:2, None] + deviation[len(OWN) :].reshape(2, -1)[:, self._piece]
+        stronger = deviation[STRENGTH] + deviation[SIDES, None]
+        stronger = stronger + deviation[len(OWN) :].reshape(2, -1)[:, self._piece]
         # Strength is a factor on the gain: dry friction has no part in it.
         frictionless = with_values(robot, {"dry_friction": 0.0})
         return volts + wheel_volts(frictionless, commands, self._maps, self.steps) * stronger.T
@@ -189,7 +192,7 @@ class RunView:
 
     def residual(self, path: Array, setting: Array, pose: Array, deviation: Array) -> Residual:
         """Compare with a simulated path, shape (steps + 1, 3)."""
-        x, yaw = self._at(path, self._moments(setting, deviation[2]))
+        x, yaw = self._at(path, self._moments(setting, deviation[MOMENT]))
         seen = np.exp(1j * pose[2]) * (x + np.exp(1j * yaw) * _tracker(setting, deviation))
         away = self._place - complex(pose[0], pose[1]) - seen
         values = np.stack([away.real, away.imag, self._heading - pose[2] - yaw - setting[4]])
@@ -218,7 +221,7 @@ class RunView:
             setting, pose, deviation: where.
 
         """
-        moments = self._moments(setting, deviation[2])
+        moments = self._moments(setting, deviation[MOMENT])
         x, yaw = self._at(path, moments)
         ahead, arm = np.exp(1j * pose[2]), np.exp(1j * (pose[2] + yaw))
         tracker = _tracker(setting, deviation)
@@ -247,8 +250,8 @@ class RunView:
             self._binned(residual, np.vstack([one, 1j * one, start]), np.vstack([none, none, one])),
             self._binned(
                 residual,
-                np.vstack([driven[:2], -speed, shift, driven[2:]]),
-                np.vstack([steered[:2], -rate, none, none, steered[2:]]),
+                np.vstack([driven[:2].sum(axis=0), driven[:2], -speed, shift, driven[2:]]),
+                np.vstack([steered[:2].sum(axis=0), steered[:2], -rate, none, none, steered[2:]]),
             ),
         )
 
@@ -274,14 +277,14 @@ class RunView:
         )
 
     def _binned(self, residual: Residual, place: NDArray[Any], heading: Array) -> Array:
-        stacked = np.stack([place.real, place.imag, heading], axis=1)
+        stacked = np.stack([np.real(place), np.imag(place), heading], axis=1)
         return self._binning.sums(stacked * residual.weights) / residual.samples
 
 
 def _tracker(setting: Array, deviation: Array | None) -> complex:
     if deviation is None:
         return complex(setting[2], setting[3])
-    return complex(setting[2] + deviation[3], setting[3] + deviation[4])
+    return complex(*(setting[2:4] + deviation[PLACE]))
 
 
 def _index(path: Array, moments: Array) -> tuple[np.ndarray, Array]:

@@ -6,7 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbot_workstation.identification.binning import ROBUST
-from mbot_workstation.identification.run_view import OWN, Residual, RunView
+from mbot_workstation.identification.run_view import (
+    MOMENT,
+    OWN,
+    PLACE,
+    SIDES,
+    STRENGTH,
+    Residual,
+    RunView,
+)
 from mbot_workstation.recordings.track import Array
 
 
@@ -15,7 +23,8 @@ def usual_scatter() -> "Scatter":
     return Scatter(
         place_floor_m=0.002,
         heading_floor_rad=0.005,
-        strength=0.005,
+        load=0.005,
+        strength=0.003,
         wander=0.005,
         moment_s=0.001,
     )
@@ -33,7 +42,9 @@ class Scatter:
         place_m, heading_rad: of a single sample.
         place_floor_m, heading_floor_rad: of a bin, however many samples it has: what the model
             can't follow.
-        strength: of a motor, from run to run, as a share.
+        load: of both motors' strength alike, from run to run and from manoeuvre to manoeuvre: a
+            turn loads motors otherwise than a straight line, which the model may not know.
+        strength: of each motor, from run to run, as a share.
         wander: likewise from second to second.
         moment_s: of a run's beginning.
         centre_m: of the point about which the robot turns.
@@ -44,6 +55,7 @@ class Scatter:
     heading_rad: float = 0.005
     place_floor_m: float = 0.02
     heading_floor_rad: float = 0.05
+    load: float = 0.02
     strength: float = 0.02
     wander: float = 0.01
     moment_s: float = 0.005
@@ -52,7 +64,8 @@ class Scatter:
     def own(self, view: RunView) -> Array:
         """Of a run's own deviations. Shape (deviations,)."""
         moment_s = OWN_CLOCK_S if view.own_clock else self.moment_s
-        whole = [self.strength, self.strength, moment_s, self.centre_m, self.centre_m]
+        sides = [self.strength, self.strength]
+        whole = [self.load, *sides, moment_s, self.centre_m, self.centre_m]
         return np.concatenate([whole, np.full(2 * view.pieces, self.wander)])
 
     def bins(self, residual: Residual) -> Array:
@@ -95,10 +108,11 @@ def learn_scatter(
         heading,
         max(_floor([one.value[:2] for one in residuals], place, residuals), 0.0003),
         max(_floor([one.value[2:] for one in residuals], heading, residuals), 0.0003),
-        strength=_size(repeated[:, :2], known[:, :2], 0.0005, 0.2),
+        load=_size(own[:, STRENGTH], known[:, STRENGTH], 0.0005, 0.2),
+        strength=_size(repeated[:, SIDES], known[:, SIDES], 0.0005, 0.2),
         wander=_size(wander, wander_known, 0.0005, 0.1),
-        moment_s=_size(repeated[shared, 2], known[shared, 2], 0.0005, 0.05),
-        centre_m=_size(own[:, 3:], known[:, 3:], 0.0002, 0.02),
+        moment_s=_size(repeated[shared, MOMENT], known[shared, MOMENT], 0.0005, 0.05),
+        centre_m=_size(own[:, PLACE], known[:, PLACE], 0.0002, 0.02),
     )
 
 

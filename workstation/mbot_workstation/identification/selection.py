@@ -18,7 +18,7 @@ from mbot_workstation.recordings.track import Array
 LEAST_SINGULAR = 3.0
 """Standard deviation at most a third of the spread, in every direction."""
 
-LEAST_OWN_SHARE = 0.1
+LEAST_OWN_SHARE = 0.2
 """Of a parameter's effect, what no combination of the others makes as well. Less is what details
 make that are not modelled."""
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from mbot_workstation.identification.binning import ROBUST
 from mbot_workstation.identification.linearisation import Fixed
 from mbot_workstation.identification.mixed_fit import MixedFit, begin
-from mbot_workstation.identification.run_view import OWN, Residual, RunView
+from mbot_workstation.identification.run_view import OWN, SIDES, STRENGTH, Residual, RunView
 from mbot_workstation.recordings.track import Array
 
 FAR = 6.0
@@ -47,12 +47,13 @@ def stray_runs(fit: MixedFit, others: Sequence[RunView]) -> dict[int, str]:
         deviations += trial.state.deviations
         residuals += trial.here.residuals
     own = np.array([deviation[: len(OWN)] for deviation in deviations])
+    strength = own[:, STRENGTH, None] + own[:, SIDES]
     misfit = np.array([_misfit(residual) for residual in residuals])
     usual = np.median(misfit, axis=0)
     found: dict[int, str] = {}
     for index, view in enumerate(views):
         group = [v.flat.run.maneuver == view.flat.run.maneuver for v in views]
-        why = _odd_strength(own[:, :2], index, np.array(group))
+        why = _odd_strength(strength, index, np.array(group))
         if why is None:
             why = _odd_misfit(misfit[index], usual)
         if why is not None:

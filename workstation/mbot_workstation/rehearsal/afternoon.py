@@ -165,7 +165,7 @@ def _drive(line: CommandLine, afternoon: Afternoon) -> None:
     recording = line.folder / RECORDING
     line.show(["mv", TRACK, f"{RECORDING}/"])
     shutil.move(line.folder / TRACK, recording / TRACK)
-    line.say("echo 'preset = \"triad-openvr\"' > " + f"{RECORDING}/track.toml")
+    line.show(["echo", 'preset = "triad-openvr"'], f" > {RECORDING}/track.toml")
     (recording / "track.toml").write_text('preset = "triad-openvr"\n', encoding="utf-8")
     if spoilt := leave_out_spoilt(recording):
         numbers = ", ".join(map(str, spoilt))

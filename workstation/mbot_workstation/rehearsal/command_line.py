@@ -45,7 +45,7 @@ class CommandLine:
 
     def say(self, text: str) -> None:
         """What happens here that no command does."""
-        self.console.print(escape(f"  # {text}"), highlight=False, style="dim")
+        self.console.print(escape(f"  # {text}"), highlight=False, style="dim", soft_wrap=True)
 
     def show(self, words: Sequence[str], ending: str = "") -> None:
         """A command as it is typed."""

@@ -26,6 +26,10 @@ SLICE_S = 0.005
 MOST_SLICES_AT_ONCE = 20
 """0.1 s; after a longer stall of this machine the simulated world simply stood still."""
 
+MOST_SLICES_IN_A_MANEUVER = 400
+"""2 s, made up within 10 ms: motors that hold their speed turn on while this machine stalls, and a
+world that stood still would show as a robot that is slower than it is."""
+
 
 @dataclass(frozen=True, slots=True)
 class WorldStatus:
@@ -137,7 +141,8 @@ class LiveWorld:
 
     def run(self, stop: threading.Event) -> None:
         """Step until stopped or until the run has ended."""
-        pacer = Pacer(SLICE_S, MOST_SLICES_AT_ONCE)
+        most = MOST_SLICES_AT_ONCE if self._carry_back is None else MOST_SLICES_IN_A_MANEUVER
+        pacer = Pacer(SLICE_S, most)
         while (slices := pacer.wait(stop)) > 0:
             with self._lock:
                 for _ in range(slices):

@@ -1,0 +1,295 @@
+"""The faults a robot must survive, what is promised for each, and the tests that show it."""
+
+from dataclasses import dataclass
+
+END = "tests/end_to_end"
+FIRE = f"{END}/test_under_fire.py"
+MODELS = f"{END}/test_model_faults.py"
+RELIABILITY = "tests/reliability"
+CAMERA = f"{RELIABILITY}/test_camera_faults.py"
+BOARD = f"{RELIABILITY}/test_board_faults.py"
+PROCESS = f"{RELIABILITY}/test_process_faults.py"
+TRUST = "tests/robot/test_trust.py"
+
+
+@dataclass(frozen=True, slots=True)
+class Bar:
+    """A promise with a number.
+
+    Attributes:
+        words: what it says, with the unit.
+        measured: the name of the property in which the tests record it.
+        most: the largest that keeps the promise, or, with `least`, the smallest.
+        least: whether `most` is the smallest instead.
+
+    """
+
+    words: str
+    measured: str
+    most: float
+    least: bool = False
+
+    def is_met(self, values: list[float]) -> bool:
+        """Whether every value keeps the promise; there must be one."""
+        return bool(values) and all(
+            value >= self.most if self.least else value <= self.most for value in values
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One row: the fault, what is promised, the tests (files, or names in them)."""
+
+    name: str
+    bars: tuple[Bar, ...]
+    tests: tuple[str, ...]
+    promise: str = ""  # for a row whose promise the tests themselves decide
+
+
+FAULTS = (
+    Fault(
+        "camera stalls or dies",
+        (
+            Bar("stopped ≤ 600 ms after the last frame", "stopped ms", 600),
+            Bar("recovered ≤ 5 s after it returns", "recovered s", 5),
+        ),
+        (f"{CAMERA}::test_the_robot_stops_for_a_camera_that_ends_and_drives_on_with_it",),
+    ),
+    Fault(
+        "black, frozen, wrong-shape frames",
+        (Bar("0 motor frames", "motor frames", 0),),
+        (f"{CAMERA}::test_nothing_is_driven_by_a_bad_picture",),
+    ),
+    Fault(
+        "serial unplugged",
+        (Bar("noticed ≤ 200 ms", "noticed ms", 200),),
+        (f"{BOARD}::test_an_unplugged_board_is_noticed",),
+    ),
+    Fault(
+        "serial garbage, partial write",
+        (
+            Bar("100,000 cases", "cases", 100_000, least=True),
+            Bar("0 not stopped", "not stopped", 0),
+        ),
+        (
+            f"{RELIABILITY}/test_serial_garbage.py",
+            f"{BOARD}::test_a_torn_write_ends_in_a_stop",
+            "tests/firmware/test_torn_frames.py",
+        ),
+    ),
+    Fault(
+        "board resets",
+        (Bar("0 motor frames before the handshake", "motor frames before the handshake", 0),),
+        (f"{BOARD}::test_a_board_that_was_reset_is_not_driven_before_it_has_answered",),
+    ),
+    Fault(
+        "wrong port, second process",
+        (Bar("0 drive frames to a wrong device", "motor frames", 0),),
+        (
+            f"{BOARD}::test_a_wrong_device_never_gets_a_drive_frame",
+            f"{BOARD}::test_a_second_daemon_gets_no_say",
+        ),
+    ),
+    Fault(
+        "inference raises, NaN, infinite",
+        (
+            Bar(
+                "≤ 1 decision moves a motor",
+                "decisions with the bad model that moved a motor",
+                1,
+            ),
+        ),
+        (
+            f"{MODELS}::test_a_model_that_answers_nan_stops_the_robot_and_is_rolled_back_after_3",
+            "tests/robot/test_control_loop.py::"
+            "test_a_model_that_answers_nonsense_stops_and_is_given_up",
+        ),
+    ),
+    Fault(
+        "inference takes 2 s",
+        (Bar("stopped ≤ 600 ms after the last decision", "stopped ms", 600),),
+        (f"{PROCESS}::test_a_decision_that_takes_2_s_stops_the_robot",),
+    ),
+    Fault(
+        "SIGKILL, out of memory",
+        (
+            Bar("motors off ≤ 350 ms (time-out 300)", "motors off ms", 350),
+            Bar("running again ≤ 10 s", "running again s", 10),
+        ),
+        (
+            "tests/firmware/test_whole_loop.py::"
+            "test_the_robot_stops_soon_after_its_daemon_was_killed",
+            f"{PROCESS}::test_a_killed_daemon_drives_again_soon",
+            f"{END}/test_daemon.py::test_stop_motors_is_what_systemd_runs_after_a_crash",
+        ),
+    ),
+    Fault(
+        "SIGSTOP",
+        (Bar("0 expired commands obeyed", "obeyed", 0),),
+        (
+            f"{END}/test_stale_commands.py",
+            "tests/firmware/test_daemon_with_firmware.py::"
+            "test_a_frozen_daemon_stops_in_time_and_recovers_by_itself",
+            "tests/robot/test_systemd_unit.py::"
+            "test_a_hung_or_dead_daemon_is_replaced_and_the_motors_are_stopped",
+        ),
+    ),
+    Fault(
+        "clock jumps by 10 years",
+        (Bar("0 missed decisions", "missed decisions", 0),),
+        (
+            f"{PROCESS}::test_a_clock_that_jumps_by_ten_years_changes_nothing",
+            f"{TRUST}::test_a_clock_that_jumps_by_ten_years_changes_nothing",
+        ),
+    ),
+    Fault(
+        "disk full, EIO",
+        (Bar("old model loads, 100 %", "old model loads %", 100, least=True),),
+        (
+            f"{RELIABILITY}/test_full_disk.py",
+            "tests/robot/test_killed_by_strace.py::"
+            "test_a_disk_that_refuses_at_any_call_keeps_the_old_model",
+            "tests/robot/test_crash_points.py::test_a_disk_that_refuses_at_any_point_costs_no_model",
+        ),
+    ),
+    Fault(
+        "power cut during activation",
+        (),
+        (
+            "tests/robot/test_crash_points.py::"
+            "test_after_a_power_cut_at_any_point_one_whole_model_loads",
+            "tests/robot/test_killed_by_strace.py::"
+            "test_killed_at_any_call_the_old_model_or_the_new_one_loads_whole",
+            "tests/robot/test_model_life.py",
+        ),
+        "every crash point loads the old or the new model",
+    ),
+    Fault(
+        "power cut while recording",
+        (Bar("lost ≤ 1 s, never a file", "lost s", 1),),
+        (
+            f"{RELIABILITY}/test_recording_power_cut.py",
+            "tests/workstation/test_recording.py::test_every_cut_gives_back_a_beginning",
+        ),
+    ),
+    Fault(
+        "network partition",
+        (
+            Bar("0 missed decisions when cut", "cut: missed decisions", 0),
+            Bar("0 missed decisions when frozen", "frozen: missed decisions", 0),
+        ),
+        (f"{END}/test_network_partition.py",),
+    ),
+    Fault(
+        "workstation dies in mid-push",
+        (),
+        (
+            f"{MODELS}::test_a_workstation_that_dies_in_mid_push_leaves_nothing_behind",
+            "tests/robot/test_model_service.py::"
+            "test_the_memory_of_a_push_whose_sender_died_comes_back",
+        ),
+        "nothing visible; memory back after 15 s (≤ 60)",
+    ),
+    Fault(
+        "1,000 malformed messages on each key",
+        (
+            Bar("STOP meanwhile ≤ 100 ms, median", "stop p50 ms", 100),
+            Bar("STOP meanwhile ≤ 100 ms, worst", "stop worst ms", 100),
+            Bar("memory + ≤ 20 MB", "memory MB", 20),
+        ),
+        (f"{FIRE}::test_malformed_messages_are_refused_and_a_stop_gets_through",),
+    ),
+    Fault(
+        "giant payload (64 MiB)",
+        (Bar("memory + ≤ 16 MB", "memory MB", 16),),
+        (
+            f"{FIRE}::test_a_giant_payload_is_never_put_together",
+            f"{FIRE}::test_a_request_just_over_its_limit_never_reaches_the_daemon",
+        ),
+    ),
+    Fault(
+        "replay, downgrade, other robot's model, unsigned",
+        (),
+        tuple(
+            f"{TRUST}::{name}"
+            for name in (
+                "test_a_recorded_push_cannot_be_replayed",
+                "test_nor_by_another_start_of_the_daemon",
+                "test_a_downgrade_is_refused_unless_it_is_signed_as_one",
+                "test_another_robots_model_is_refused",
+                "test_an_unsigned_model_is_refused",
+                "test_a_strangers_signature_is_refused",
+            )
+        ),
+        "0 accepted",
+    ),
+    Fault(
+        "wrong input shape",
+        (),
+        (
+            f"{TRUST}::test_a_wrong_input_shape_is_refused_before_a_byte_is_sent",
+            "tests/robot/test_dry_run.py::test_a_bad_model_is_refused_in_one_line",
+            "tests/robot/test_model_service.py::test_a_bad_model_leaves_the_old_one",
+        ),
+        "the old model stays active",
+    ),
+    Fault(
+        "hostile ONNX (huge tensor, endless loop, other files)",
+        (Bar("child killed ≤ 10 s", "refused after s", 10),),
+        (
+            "tests/robot/test_dry_run.py::test_a_model_that_never_answers_is_killed_within_10_s",
+            f"{MODELS}::test_a_hostile_model_leaves_the_driving_daemon_alone",
+            "tests/protocol/test_model_structure.py",
+        ),
+    ),
+    Fault(
+        "slow subscriber",
+        (Bar("publishing ≤ 10 ms, p99", "publish p99 ms", 10),),
+        (f"{FIRE}::test_a_subscriber_that_stopped_reading_holds_nobody_up",),
+    ),
+    Fault(
+        "two pushes at once",
+        (),
+        (
+            f"{MODELS}::test_of_two_pushes_at_once_exactly_one_wins_and_the_other_learns_why",
+            "tests/robot/test_model_service.py::"
+            "test_of_two_pushes_at_once_one_wins_and_the_other_learns_why",
+        ),
+        "exactly one wins, the other learns why",
+    ),
+    Fault(
+        "SIGTERM in motion",
+        (
+            Bar("frame out ≤ 20 ms, median", "frame p50 ms", 20),
+            Bar("frame out ≤ 20 ms, worst", "frame worst ms", 20),
+            Bar("acknowledged ≤ 100 ms, worst", "acknowledged worst ms", 100),
+        ),
+        (f"{PROCESS}::test_sigterm_in_motion_stops_at_once",),
+    ),
+    Fault(
+        "new model crashes the daemon",
+        (Bar("rolled back within 3 starts", "starts", 3),),
+        (f"{MODELS}::test_a_model_that_crashes_the_daemon_is_rolled_back_within_3_starts",),
+    ),
+)
+
+BESIDE = (
+    Fault(
+        "100,000 inputs to each parser",
+        (),
+        (f"{RELIABILITY}/test_fuzz.py",),
+        "a value or a clear error",
+    ),
+    Fault(
+        "10,000 decisions among random faults",
+        (
+            Bar("10,000 decisions", "decisions", 10_000, least=True),
+            Bar("memory + ≤ 20 MB", "memory MB", 20),
+            Bar("threads + ≤ 2", "threads", 2),
+            Bar("descriptors + ≤ 3", "descriptors", 3),
+            Bar("0 silences while moving", "silences while moving", 0),
+        ),
+        (f"{RELIABILITY}/test_soak.py",),
+    ),
+)
+"""Not in the table of faults, but promised as well."""

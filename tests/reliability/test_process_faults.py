@@ -1,0 +1,166 @@
+"""Rows of the fault table: a slow inference, SIGTERM in motion, SIGKILL, a clock that jumps."""
+
+import re
+import signal
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from mbot_protocol.v1.messages_pb2 import Decision
+from mbot_workstation.remote_control import RemoteControl
+from mbot_workstation.robot_link import RobotLink
+from mbot_workstation.telemetry_stream import TelemetryStream
+
+from ..end_to_end.processes import Daemon, until
+from ..robot.fake_board import FakeBoard
+from ..robot.tiny_models import constant_model
+from .effort import REPEATS
+from .motion import FORWARD, FORWARD_BOARD, driven_since, driving, script
+
+Record = Callable[[str, object], None]
+
+JUMPING = str(Path(__file__).with_name("jumping_clock.c"))
+UNIT = Path(__file__).parents[2] / "deploy" / "systemd" / "mbot-agent.service"
+
+
+@pytest.mark.timeout(600)
+def test_a_decision_that_takes_2_s_stops_the_robot(
+    daemon: Daemon, board: FakeBoard, record_property: Record
+) -> None:
+    """The time counts from the last decision in time: what it ordered is held no longer."""
+    slow = daemon.directory / "slow"
+    stopped_ms: list[float] = []
+    with daemon.camera(), driving(daemon, board, script(daemon, "slow_daemon.py")):
+        for _ in range(REPEATS):
+            time.sleep(1.0)
+            slow.touch()
+            assert until(lambda: len(slow.read_text().split()) == 2)
+            last_s, slow_s = (float(word) for word in slow.read_text().split())
+            assert board.wait_for(0, 0)
+            slow.unlink()
+            at_s = next(at for at, m1, _ in board.commands if at > slow_s and m1 == 0)
+            stopped_ms.append((at_s - last_s) * 1000)
+            assert board.wait_for(*FORWARD_BOARD, timeout_s=15)
+    record_property("stopped ms", round(max(stopped_ms)))
+    assert max(stopped_ms) < 1900  # before the slow answer came
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("deciding", ["quickly", "slowly"])
+def test_sigterm_in_motion_stops_at_once(
+    daemon: Daemon, board: FakeBoard, deciding: str, record_property: Record
+) -> None:
+    """Also in the middle of an inference, behind which Python's own signal handlers would wait."""
+    slow = daemon.directory / "slow"
+    frame_ms: list[float] = []
+    acknowledged_ms: list[float] = []
+    with daemon.camera():
+        for _ in range(max(2, REPEATS * 2)):
+            slow.unlink(missing_ok=True)
+            daemon.log.write_text("")
+            with driving(daemon, board, script(daemon, "slow_daemon.py")) as process:
+                if deciding == "slowly":
+                    slow.touch()
+                    assert until(lambda: slow.read_text() != "")
+                sent_s = time.monotonic()
+                process.signal(signal.SIGTERM)
+                assert board.wait_for(0, 0)
+                assert process.wait() == 0
+            stops = [at for at, m1, m2 in board.commands if at >= sent_s and (m1, m2) == (0, 0)]
+            assert not driven_since(board, stops[0])
+            frame_ms.append((stops[0] - sent_s) * 1000)
+            # The second burst follows the first one's acknowledgement; its own ends the stop.
+            acknowledged_ms.append((stops[1] - sent_s) * 1000)
+    record_property("frame p50 ms", round(statistics.median(frame_ms), 1))
+    record_property("frame worst ms", round(max(frame_ms), 1))
+    record_property("acknowledged p50 ms", round(statistics.median(acknowledged_ms), 1))
+    record_property("acknowledged worst ms", round(max(acknowledged_ms), 1))
+    assert statistics.median(frame_ms) < 1000
+    assert max(frame_ms) < 1900  # a handler in the main thread would need 2 s when it is slow
+
+
+@pytest.mark.timeout(600)
+def test_a_killed_daemon_drives_again_soon(
+    daemon: Daemon, board: FakeBoard, record_property: Record
+) -> None:
+    """What systemd does after RestartSec, with `control.start = "running"`."""
+    found = re.search(r"^RestartSec=(\d+)$", UNIT.read_text(), re.MULTILINE)
+    assert found is not None
+    again_s: list[float] = []
+    text = daemon.config.read_text().replace('start = "idle"', 'start = "running"')
+    daemon.config.write_text(text)
+    with daemon.camera():
+        process = daemon.start()
+        with process:
+            assert daemon.is_up()
+            daemon.push(FORWARD)
+            assert board.wait_for(*FORWARD_BOARD, timeout_s=15)
+            for _ in range(REPEATS):
+                killed_s = time.monotonic()
+                process.signal(signal.SIGKILL)
+                process.wait()
+                mark = len(board.commands)
+                process = daemon.start().__enter__()
+                assert until(lambda mark=mark: len(board.commands) > mark)
+                assert board.commands[mark][1:] == (0, 0)
+                assert board.wait_for(*FORWARD_BOARD, timeout_s=30)
+                again_s.append(time.monotonic() - killed_s + float(found[1]))
+        with process:
+            process.signal(signal.SIGTERM)
+            process.wait()
+    record_property("running again s", round(max(again_s), 2))
+    assert max(again_s) < 40
+
+
+TEN_YEARS_S = 10 * 365 * 24 * 3600
+
+
+def test_a_clock_that_jumps_by_ten_years_changes_nothing(
+    daemon: Daemon, board: FakeBoard, record_property: Record
+) -> None:
+    """The whole process, libraries included, gets another time of day."""
+    library, clock = daemon.directory / "jumping_clock.so", daemon.directory / "clock"
+    command = ["gcc", "-shared", "-fPIC", "-O2", "-Wall", "-Werror", "-o", str(library), JUMPING]
+    subprocess.run([*command, "-ldl"], check=True)
+    clock.write_bytes(bytes(8))
+    environment = {"LD_PRELOAD": str(library), "JUMPING_CLOCK": str(clock)}
+    with ExitStack() as stack:
+        stack.enter_context(daemon.camera())
+        stack.enter_context(driving(daemon, board, daemon.start(environment=environment)))
+        link = stack.enter_context(daemon.link())
+        before = link.status()
+        assert wall_clock_s(link) == pytest.approx(time.time(), abs=3600)
+        for jump_s in (TEN_YEARS_S, -TEN_YEARS_S):
+            mark, began_s = len(board.commands), time.monotonic()
+            with clock.open("r+b") as file:
+                file.write(jump_s.to_bytes(8, sys.byteorder, signed=True))
+            time.sleep(2.0)
+            daemon.push(constant_model(0.6, 0.6, name=f"after {jump_s}"))
+            assert wall_clock_s(link) == pytest.approx(time.time() + jump_s, abs=3600)
+            assert RemoteControl(link).run() in ("running", "fault")
+            assert board.wait_for(*FORWARD_BOARD)
+            driven = sum(command[1:] == FORWARD_BOARD for command in board.commands[mark:])
+            assert driven > 3 * (time.monotonic() - began_s)
+        after = link.status()
+    record_property("missed decisions", after.missed_ticks - before.missed_ticks)
+    assert after.decisions - before.decisions > after.missed_ticks - before.missed_ticks
+    assert after.session_id == before.session_id
+
+
+def wall_clock_s(link: RobotLink) -> float:
+    """The time of day, as the daemon takes it."""
+    found: list[Decision] = []
+
+    def hear() -> bool:
+        found.extend(s.message for s in stream.poll(0.2) if isinstance(s.message, Decision))
+        return bool(found)
+
+    with TelemetryStream(link) as stream:
+        assert until(hear)
+    return found[-1].unix_time_ns / 1e9

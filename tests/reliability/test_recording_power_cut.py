@@ -1,0 +1,43 @@
+"""Row of the fault table: power cut while recording. The real command, killed without a word."""
+
+import signal
+import time
+from collections.abc import Callable
+
+import pytest
+
+from mbot_protocol.v1.messages_pb2 import Decision
+from mbot_workstation.recording import read_recording
+
+from ..end_to_end.processes import Daemon, until, workstation
+from ..robot.fake_board import FakeBoard
+from .effort import REPEATS
+from .motion import configure, driving
+
+Record = Callable[[str, object], None]
+
+PERIOD_S = 0.1
+
+
+@pytest.mark.timeout(600)
+def test_a_recording_that_was_cut_off_lacks_less_than_a_second(
+    daemon: Daemon, board: FakeBoard, record_property: Record
+) -> None:
+    configure(daemon, "control", f"decision_rate_hz = {1 / PERIOD_S}")
+    lost_s: list[float] = []
+    with daemon.camera(), driving(daemon, board, daemon.start()):
+        for number in range(REPEATS):
+            path = daemon.directory / f"{number}.mcap"
+            arguments = ("telemetry", "--robot", daemon.address, "--record", str(path))
+            with workstation(*arguments, log=daemon.directory / "telemetry.log") as recorder:
+                assert until(lambda path=path: path.exists() and path.stat().st_size > 40_000, 60)
+                recorder.signal(signal.SIGKILL)
+                killed_s = time.time()
+                recorder.wait()
+            found = [m for _, m in read_recording(path) if isinstance(m, Decision)]
+            sequences = [decision.sequence for decision in found]
+            assert len(sequences) >= 5
+            assert sequences == sorted(sequences)
+            lost_s.append(killed_s - found[-1].unix_time_ns / 1e9)
+    record_property("lost s", round(max(lost_s), 2))
+    assert max(lost_s) < 5

@@ -1,0 +1,75 @@
+"""Row of the fault table: serial garbage. Whatever the board says, a stop stops it.
+
+The real motor thread on a pseudo-terminal; a thousand pieces of garbage in every run of the tests,
+100,000 by `make reliability` and `make fuzz`.
+"""
+
+import random
+import time
+from collections.abc import Callable
+
+import pytest
+
+from mbot_agent.configuration import Board
+from mbot_agent.motors import DriveCommand, Motors
+from mbot_protocol.mcore import Joystick
+
+from ..end_to_end.processes import until
+from ..robot.fake_board import FakeBoard
+from .effort import FUZZ_CASES
+
+FULL_SPEED = Joystick(-255, 255)
+PIECES = (
+    b"\xff\x55",
+    b"\xff\x55\r\n",
+    b"\xff\x55\x00\x04\x20",
+    b"\xff\x55\x80\x01\x01\r\n",
+    b"Version: ",
+    b"Version: 06.01.107\r\n",
+    b"\r\n",
+    b"\xff\x55\x07\x00\x02\x05",
+)
+
+Record = Callable[[str, object], None]
+
+
+def garbage(chance: random.Random) -> bytes:
+    """Noise with pieces of the protocol in it, whole banners and acknowledgements among them."""
+    parts = [
+        chance.choice(PIECES) if chance.random() < 0.3 else chance.randbytes(chance.randrange(20))
+        for _ in range(chance.randrange(1, 6))
+    ]
+    return b"".join(parts)
+
+
+def comes_to_rest(motors: Motors, board: FakeBoard) -> bool:
+    deadline_s = time.monotonic() + 5
+    while not (motors.wait_stopped(0.0) and board.speeds == (0, 0)):
+        if time.monotonic() > deadline_s:
+            return False
+        time.sleep(0.0002)
+    return True
+
+
+@pytest.mark.timeout(7200)
+def test_garbage_from_the_board_ends_stopped(board: FakeBoard, record_property: Record) -> None:
+    chance = random.Random(5)
+    not_stopped = 0
+    with Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
+        assert until(lambda: motors.fault is None)
+        for _ in range(FUZZ_CASES):
+            motors.drive(DriveCommand(FULL_SPEED, time.monotonic_ns() + 10**10))
+            board.say(garbage(chance))
+            if chance.random() < 0.5:
+                time.sleep(0)  # sometimes it arrives before the stop is asked for
+            motors.stop()
+            # Stopped by the daemon, and the thread at rest: then nothing else can come.
+            not_stopped += not comes_to_rest(motors, board)
+            if len(board.commands) > 10_000:
+                del board.commands[:-1]
+                board.received.clear()
+        assert until(lambda: motors.fault is None)
+    record_property("cases", FUZZ_CASES)
+    record_property("not stopped", not_stopped)
+    assert not_stopped == 0
+    assert board.speeds == (0, 0)
