@@ -44,7 +44,8 @@ def record_simulated(
         count = step_count(series) + 1
         standing = round((session.stand_s + delay_s) / TIMESTEP_S)
         whole = np.concatenate([np.zeros((standing, 3)), path[:count]])
-        time_s = series.start_s - session.stand_s + TIMESTEP_S * np.arange(len(whole))
+        began_s = series.start_s - session.stand_s
+        time_s = (began_s + TIMESTEP_S * np.arange(len(whole))).astype(np.float64)
         track = tracker.watch(time_s, put_down(whole, rng), rng)
         runs.append(Run(len(runs) + 1, name, repetition, series, track))
     return Recording("simulated", session.maps, tuple(runs), tracker.ahead_s)

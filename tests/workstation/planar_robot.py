@@ -195,29 +195,26 @@ def record(
     """Drive a session and watch it."""
     session, tracker = session or Session(), tracker or Tracker()
     rng = np.random.default_rng(seed)
-    runs: list[Run] = []
+    told: list[tuple[str, int, float, Array]] = []
     clock = 100.0
     for name, schedule in session.schedules.items():
-        starts, plans = [], []
-        for _ in range(session.repetitions):
+        for repetition in range(1, session.repetitions + 1):
             plan = np.array(schedule)
             plan[:, 0] += rng.uniform(-0.01, 0.01, len(plan))
-            starts.append(clock)
-            plans.append(plan)
+            told.append((name, repetition, clock, plan))
             clock += plan[:, 0].sum() + session.pause_s + rng.uniform(0, 2)
-        length = max(plan[:, 0].sum() for plan in plans) + 2 * session.stand_s
-        grid = np.arange(round(length / STEP_S)) * STEP_S - session.stand_s
-        poses = robot.drive(
-            np.array([_duty(grid - robot.delay, plan, session.maps) for plan in plans]),
-            _strength(robot, len(plans), grid.size, rng),
-        )[0]
-        for number, (start, plan) in enumerate(zip(starts, plans, strict=True), start=1):
-            placed = put_down(poses[number - 1], rng)
-            edges = start + np.concatenate([[0.0], np.cumsum(plan[:, 0])])
-            commands = CommandSeries(edges, np.append(plan[:, 1], 0), np.append(plan[:, 2], 0))
-            last = grid <= plan[:, 0].sum() + session.stand_s
-            track = tracker.watch(start + STEP_S + grid[last], placed[last], rng)
-            runs.append(Run(len(runs) + 1, name, number, commands, track))
+    length = max(plan[:, 0].sum() for *_, plan in told) + 2 * session.stand_s
+    grid = np.arange(round(length / STEP_S), dtype=np.float64) * STEP_S - session.stand_s
+    duty = np.array([_duty(grid - robot.delay, plan, session.maps) for *_, plan in told])
+    poses, _ = robot.drive(duty, _strength(robot, len(told), grid.size, rng))
+    runs: list[Run] = []
+    for (name, repetition, start, plan), path in zip(told, poses, strict=True):
+        edges = start + np.concatenate([[0.0], np.cumsum(plan[:, 0])])
+        commands = CommandSeries(edges, np.append(plan[:, 1], 0), np.append(plan[:, 2], 0))
+        last = grid <= plan[:, 0].sum() + session.stand_s
+        placed = put_down(path, rng)
+        track = tracker.watch(start + STEP_S + grid[last], placed[last], rng)
+        runs.append(Run(len(runs) + 1, name, repetition, commands, track))
     return Recording("planar", session.maps, tuple(runs), tracker.ahead_s)
 
 

@@ -320,6 +320,9 @@ def test_bad_input_is_named(tmp_path: Path) -> None:
     ):
         with pytest.raises(ConfigurationError, match=message):
             run(*arguments, "--calibration", str(tmp_path / "calibration"))
+    two = [str(path) for path in saved(tmp_path / "two", pictures(CHECKERBOARD, SMALL, 8)[:2])]
+    with pytest.raises(ConfigurationError, match=r"there is a .*--inner-corners 9x7"):
+        run(*two, "--inner-corners", "8x6", "--calibration", str(tmp_path / "calibration"))
     with pytest.raises(UnreachableError, match="can't open the camera"):
         run("--live", str(tmp_path / "none.mp4"), "--calibration", str(tmp_path / "calibration"))
 

@@ -22,6 +22,13 @@ from .planar_robot import PlanarRobot, Session, Tracker, record
 
 TRUTH = PlanarRobot()
 SHORT = Session().shortened(3.0, 2)
+FOUR = Session(
+    schedules={
+        name: SHORT.schedules[name]
+        for name in ("forward-forward", "forward-neutral", "neutral-forward", "backward-forward")
+    },
+    repetitions=2,
+)
 
 
 def simulated_rates(
@@ -42,7 +49,8 @@ def simulated_rates(
 
 def true_lag_s(truth: PlanarRobot, left: float, right: float) -> float:
     duty = np.tile([left, right], (1, 6000, 1)).astype(np.float64)
-    forward, turn = truth.drive(duty, np.ones_like(duty))[1][0].T
+    _, speeds = truth.drive(duty, np.ones_like(duty))
+    forward, turn = speeds[0].T
     moving = forward if abs(forward[-1]) > 0.2 else turn
     return float((1 - moving / moving[-1]).sum() * 0.0005)
 
@@ -73,7 +81,8 @@ def test_steady_motion_of_a_robot_that_is_not_mujocos_is_recovered(found: Identi
 
 def test_its_asymmetry_and_its_time_constants_are_recovered(found: Identification) -> None:
     speed, rate, lag_s = simulated_rates(found.robot, 1, 1)
-    ratio = wheel_ratio(*TRUTH.steady(1, 1), TRUTH.track)
+    true_speed, true_rate = TRUTH.steady(1, 1)
+    ratio = wheel_ratio(true_speed, true_rate, TRUTH.track)
     assert wheel_ratio(speed, rate, TRUTH.track) == pytest.approx(ratio, rel=0.01)
     assert lag_s == pytest.approx(true_lag_s(TRUTH, 1, 1), rel=0.15)
     assert simulated_rates(found.robot, -1, 1)[2] == pytest.approx(
@@ -107,7 +116,7 @@ def test_what_full_speed_cannot_tell_keeps_its_value_and_says_why(found: Identif
         assert "changes nothing" in str(estimates[name].why_not)
     for name in ("wheel_radius_m", "free_speed_rpm", "load_loss"):
         assert estimates[name].value == estimates[name].before
-        assert "left motor gain and right motor gain" in str(estimates[name].why_not)
+        assert "motor gain" in str(estimates[name].why_not)
     assert "clock" in str(found.latency.why_not)
     for name in ("left_gain", "right_gain", "left_time_constant_s", "track_m", "inertia_scale"):
         one = estimates[name]
@@ -154,28 +163,28 @@ def test_dead_bands_are_told_from_gains_at_several_speeds() -> None:
 
 
 def test_clocks_of_single_runs_and_two_trackers_are_no_obstacle() -> None:
-    own = record(TRUTH, SHORT, Tracker(drift=0.0), seed=2)
+    own = record(TRUTH, FOUR, Tracker(drift=0.0), seed=2)
     rng = np.random.default_rng(0)
     runs = tuple(_shifted(run, float(rng.uniform(-50, 50))) for run in own.runs)
-    other = record(TRUTH, SHORT, Tracker(ahead=0.05, left=-0.03, mount_deg=(-120.0, 1.0, 4.0)))
+    other = record(TRUTH, FOUR, Tracker(ahead=0.05, left=-0.03, mount_deg=(-120.0, 1.0, 4.0)))
     both = [replace(own, runs=runs, tracker_ahead_s=None), other]
     found = identify(both, RobotParameters(), robot_id="both")
-    assert found.fitted == 16
+    assert found.fitted == 8
     speed, rate, lag_s = simulated_rates(found.robot, 1, 1)
     assert speed == pytest.approx(TRUTH.steady(1, 1)[0], rel=0.02)
     assert lag_s == pytest.approx(true_lag_s(TRUTH, 1, 1), rel=0.15)
-    assert found.tracker[1][:2] == pytest.approx((0.05, -0.03), abs=0.001)
+    assert found.tracker[1][:2] == pytest.approx((0.05, -0.03), abs=0.002)
     assert math.degrees(found.tracker[1][2]) != pytest.approx(0, abs=1)
     assert abs(rate) > 0.1
 
 
 def test_the_delay_is_told_with_one_clock() -> None:
     truth = RobotParameters()
-    recording = record_simulated(truth, SHORT, Tracker(ahead_s=0.0, drift=0.0), delay_s=0.045)
+    recording = record_simulated(truth, FOUR, Tracker(ahead_s=0.0, drift=0.0), delay_s=0.045)
     found = identify([recording], RobotParameters(), robot_id="x", same_clock=True)
     assert found.latency.value == pytest.approx(0.045, abs=0.006)
     assert found.latency.low is not None
-    later = record_simulated(truth, SHORT, Tracker(ahead_s=3.0, drift=0.0))
+    later = record_simulated(truth, FOUR, Tracker(ahead_s=3.0, drift=0.0))
     with pytest.raises(
         ConfigurationError, match=r"--same-clock: .* ahead of the robot's by 3\.0 s"
     ):

@@ -78,13 +78,26 @@ def look_for_boards(
             seen.append(board)
         looked(count)
     if not sightings:
-        wanted = " or ".join(board.name for board in boards) or "checkerboard or ChArUco board"
-        raise ConfigurationError(
-            f"no {wanted} in any of {len(paths)} pictures; is all of it in view, sharp, with a "
-            "white margin? Another board is named by --inner-corners and --charuco"
-        )
+        raise _no_board(paths, boards)
     check_not_mirrored(sightings)
     return SeenBoards(tuple(sightings), tuple(without), tuple(dict.fromkeys(seen)))
+
+
+def _no_board(paths: Sequence[Path], boards: Sequence[Board]) -> ConfigurationError:
+    wanted = " or ".join(board.name for board in boards) or "checkerboard or ChArUco board"
+    others = [board for board in guess_boards(paths) if board not in boards] if boards else []
+    if others:
+        across, down = others[0].inner_corners
+        hint = (
+            f"there is a {others[0].name} (--inner-corners {across}x{down}"
+            f"{' --charuco' if others[0].charuco else ''}), or leave the board's options out"
+        )
+    else:
+        hint = (
+            "is all of it in view, sharp, with a white margin? Another board is named by "
+            "--inner-corners and --charuco"
+        )
+    return ConfigurationError(f"no {wanted} in any of {len(paths)} pictures; {hint}")
 
 
 def look(

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration_option import DEFAULT_CALIBRATION
 from mbot_workstation.link_options import JsonOption
 
 if TYPE_CHECKING:
@@ -22,9 +21,13 @@ def gap_report(
         ),
     ],
     calibration: Annotated[
-        Path,
-        typer.Option("--calibration", metavar="FOLDER", help="The robot's calibration."),
-    ] = DEFAULT_CALIBRATION,
+        Path | None,
+        typer.Option(
+            "--calibration",
+            metavar="FOLDER",
+            help="The robot's calibration; calibration/ROBOT if not given.",
+        ),
+    ] = None,
     tolerance: Annotated[
         Path | None,
         typer.Option(

@@ -23,7 +23,7 @@ class Sources:
 
     Attributes:
         recordings: folders, at least one, of one robot.
-        calibration: its folder.
+        calibration: its folder; None is calibration/ROBOT.
         tolerance: tolerance.json, if there is one.
         frames: a folder of pictures with their places, if there is one.
         made_on: ISO date.
@@ -31,7 +31,7 @@ class Sources:
     """
 
     recordings: tuple[Path, ...]
-    calibration: Path
+    calibration: Path | None
     tolerance: Path | None
     frames: Path | None
     made_on: str
@@ -48,12 +48,14 @@ def build(sources: Sources, tell: Callable[[str], None] = lambda _: None) -> Gap
         ConfigurationError: something is unusable.
 
     """
-    files = read_files(sources.calibration)
     tolerances = read_tolerances(sources.tolerance) if sources.tolerance else None
     real = read_frames(sources.frames) if sources.frames else ()
+    files = read_files(sources.calibration) if sources.calibration else None
     tell("reading the recordings")
     recordings = tuple(read_recording(folder) for folder in sources.recordings)
     robot_id = _one_robot(sources.recordings, recordings)
+    if files is None:
+        files = read_files(Path("calibration") / robot_id)
     tell("driving every run in simulation")
     comparison = compare(recordings, files)
     seen = _seen(sources.recordings[0], recordings[0], comparison)

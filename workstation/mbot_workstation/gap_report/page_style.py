@@ -64,7 +64,7 @@ td.number, th.number { text-align: right; white-space: nowrap; }
 .frames figure { margin: 0; } .frames .title { grid-column: 1 / -1; }
 footer { margin-top: 56px; padding-top: 12px; border-top: 1px solid var(--line);
   font-size: 13px; color: var(--soft); }
-@media (max-width: 760px) {
+@media screen and (max-width: 760px) {
   main { padding: 18px 14px 48px; } h1 { font-size: 24px; } .lead { font-size: 17px; }
   .tiles { grid-template-columns: repeat(2, 1fr); }
   .verdict { grid-template-columns: 1fr 1fr; } .verdict.head { display: none; }
@@ -72,7 +72,13 @@ footer { margin-top: 56px; padding-top: 12px; border-top: 1px solid var(--line);
 }
 @media print {
   @page { size: A4; margin: 14mm; }
-  body { font-size: 11px; } main { max-width: none; padding: 0; } h2 { margin-top: 26px; }
+  body, p { font-size: 11px; } main { max-width: none; padding: 0; }
+  h1 { font-size: 21px; } h2 { margin-top: 26px; font-size: 16px; } h3 { font-size: 11px; }
+  .lead { font-size: 14px; } .soft, .key, table, th, code, figcaption { font-size: 10px; }
+  .tiles { grid-template-columns: repeat(6, 1fr); gap: 6px; } .tile { padding: 7px 9px; }
+  .tile .value { font-size: 16px; } .tile .name, .tile .was { font-size: 9px; }
+  .verdict { grid-template-columns: 100px 1fr 150px 150px; padding: 6px 0; }
+  .verdict .why, .verdict.head, .detail, .pill { font-size: 9.5px; }
   .charts { grid-template-columns: repeat(4, 1fr); gap: 10px; }
   .charts.wide { grid-template-columns: repeat(2, 1fr); }
   .tile, .missing, .pill { -webkit-print-color-adjust: exact; print-color-adjust: exact; }

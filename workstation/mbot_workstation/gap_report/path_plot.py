@@ -9,15 +9,14 @@ from matplotlib.ticker import MaxNLocator
 
 from mbot_workstation.gap_report.compared_run import CALIBRATED, MEASURED, NOMINAL, ComparedRun
 from mbot_workstation.gap_report.svg import COLOURS, INK, styled, to_svg
-from mbot_workstation.recordings.track import Array
 
 SMALLEST_SIDE_M = 0.12
 """Of what is shown: below, one would look at the tracker's noise."""
 
 MARGIN = 1.12
 
-SMOOTH_S = 0.1
-"""In which a robot that turns on one wheel, at 3.5 rad/s, turns by 20 degrees."""
+EVERY = 2
+"""Of the compared moments, 0.02 s apart: a robot on one wheel turns by 8 degrees in between."""
 
 
 def path_plot(maneuver: str, runs: Sequence[ComparedRun]) -> str:
@@ -28,7 +27,7 @@ def path_plot(maneuver: str, runs: Sequence[ComparedRun]) -> str:
         widths = {NOMINAL: 0.9, MEASURED: 0.8, CALIBRATED: 1.3}
         for path, width in widths.items():
             for run in runs:
-                x, y = _smooth(run, path)
+                x, y, _yaw = run.paths()[path][::EVERY].T
                 axes.plot(-y, x, color=COLOURS[path], linewidth=width, alpha=0.8, zorder=2)
         axes.plot(0, 0, "o", color=INK, markersize=4.5, zorder=3)
         left, right, bottom, top = _window(runs)
@@ -40,14 +39,6 @@ def path_plot(maneuver: str, runs: Sequence[ComparedRun]) -> str:
         axes.set_xlabel("to the right (m)")
         axes.set_ylabel("ahead (m)")
         return to_svg(figure, f"path-{maneuver}", f"Paths of {maneuver} from above")
-
-
-def _smooth(run: ComparedRun, path: str) -> tuple[Array, Array]:
-    """Means over `SMOOTH_S`: otherwise small circles vanish below the tracker's noise."""
-    reach = max(1, round(SMOOTH_S / float(np.median(np.diff(run.time_s)))))
-    places = run.paths()[path][:, :2]
-    whole = len(places) // reach * reach
-    return tuple(places[:whole].reshape(-1, reach, 2).mean(axis=1).T)  # type: ignore[return-value]
 
 
 def _window(runs: Sequence[ComparedRun]) -> tuple[float, float, float, float]:

@@ -23,7 +23,10 @@ changes nothing. Dusty vinyl has 0.3 to 0.5."""
 QUICKER = 0.7
 """Wheels that slip seem slower than they are: the search begins with such time constants."""
 
-ROUNDS, FAR_ROUNDS = 4, 8
+HOPELESS = 3.0
+"""A trial that still costs so many times as much has gone astray."""
+
+ROUNDS, FAR_ROUNDS = 4, 6
 
 DRY_NAME, GRIP_NAME = "dry_friction", "wheel_friction"
 _TIMES = ("left_time_constant_s", "right_time_constant_s")
@@ -77,6 +80,8 @@ def _look_for_slip(fit: MixedFit, names: Sequence[str], progress: Progress | Non
     trial = MixedFit(fit.views, fit.fixed, fit.state.changed(start))
     trial.run([*names, GRIP_NAME], FAR_ROUNDS, progress)
     trial.scatter = fit.scatter
+    if trial.cost > HOPELESS * base:
+        return False
     trial.run([*names, GRIP_NAME], FAR_ROUNDS, progress, learn=False)
     if base - trial.cost < CLEARLY:
         return False

@@ -1,0 +1,123 @@
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner, Result
+
+from mbot_protocol.calibration import read_motion
+from mbot_protocol.errors import ConfigurationError, MbotError
+from mbot_workstation.calibration.folder import read_calibration
+from mbot_workstation.commands.identify import identify
+from mbot_workstation.recordings.folder import write_recording
+from mbot_workstation.recordings.run import Recording
+from mbot_workstation.recordings.track import Track
+from mbot_workstation.simulation.robot_parameters import RobotParameters
+
+from .mujoco_truth import record_simulated
+from .planar_robot import PlanarRobot, Session, Tracker, record
+
+NAMES = ("forward-forward", "forward-neutral", "neutral-forward", "backward-forward")
+
+
+def session() -> Session:
+    short = Session().shortened(2.5, 2)
+    return replace(short, schedules={name: short.schedules[name] for name in NAMES})
+
+
+def write(recording: Recording, folder: Path, robot_id: str = "planar-1") -> Path:
+    tracks = [run.track for run in recording.runs]
+    whole = Track(
+        np.concatenate([track.time_s for track in tracks]),
+        np.concatenate([track.position_m for track in tracks]),
+        np.concatenate([track.quaternion_wxyz for track in tracks]),
+    )
+    write_recording(
+        folder,
+        robot_id,
+        recording.runs,
+        wheel_maps=recording.wheel_maps,
+        session_track=whole,
+        made_on="2026-11-21",
+    )
+    return folder
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("recordings") / "planar"
+    calm = Tracker(lost=0.01, gaps=0.0)
+    return write(record(PlanarRobot(), session(), calm, seed=3), made)
+
+
+def invoke(*arguments: str | Path) -> Result:
+    app = typer.Typer()
+    app.command()(identify)
+    result = CliRunner().invoke(app, [str(a) for a in arguments])
+    if isinstance(result.exception, MbotError):
+        raise result.exception
+    return result
+
+
+def test_a_recording_becomes_motion_toml(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    told = invoke(folder)
+    assert told.exit_code == 0, told.output
+    assert "planar-1: fitted 4 runs, 4 held out" in told.output
+    assert "left motor gain" in told.output
+    assert "left dead band [of 255] stays 50: it changes nothing in these runs" in told.output
+    assert "the left motor is the stronger one: trim 0.9" in told.output
+    assert f"wrote {Path('calibration/planar-1/motion.toml')}" in told.output
+    motion = read_motion(Path("calibration/planar-1"))
+    assert motion is not None
+    assert motion.track_m == pytest.approx(0.117, abs=0.004)
+    assert motion.left_motor.trim < 1 == motion.right_motor.trim
+    assert motion.intervals["track_m"].low < motion.track_m < motion.intervals["track_m"].high
+    robot = read_calibration(Path("calibration/planar-1")).robot
+    assert robot.left_motor.gain == motion.left_motor.gain
+    assert robot.inertia_scale == motion.inertia_scale != 1
+    assert robot.centre_of_mass_m == motion.mass_ahead_m
+
+
+def test_json_holds_all_and_the_folder_is_where_it_is_told(folder: Path, tmp_path: Path) -> None:
+    result = invoke(folder, "--calibration", tmp_path / "mine", "--json", "--robot", "mbot-7")
+    found = json.loads(result.stdout)
+    assert found["robot"] == "mbot-7"
+    assert found["written"] == [str(tmp_path / "mine" / "motion.toml")]
+    assert found["runs_fitted"] == found["runs_held_out"] == 4
+    gain = found["parameters"]["left_gain"]
+    assert gain["low"] < gain["value"] < gain["high"]
+    assert found["parameters"]["left_dead_band"]["undetermined"]
+    assert found["latency_s"]["low"] is None
+    assert all(error["after_m"] < error["before_m"] for error in found["held_out"][:2])
+    assert len(found["singular_values"]) >= 5
+
+
+def test_recordings_of_two_robots_are_not_mixed(folder: Path, tmp_path: Path) -> None:
+    other = write(record_simulated(RobotParameters(), session()), tmp_path / "other", "mbot-2")
+    with pytest.raises(ConfigurationError, match="planar-1 and mbot-2; identify one robot"):
+        invoke(folder, other)
+
+
+def test_a_robot_that_is_as_it_was_is_not_written_when_the_fit_is_no_better(
+    tmp_path: Path,
+) -> None:
+    short = replace(session(), schedules={"forward-forward": ((1.6, 1.0, 1.0),)}, repetitions=2)
+    rough = Tracker(noise=0.004, lost=0.0, gaps=0.0)
+    made = write(record_simulated(RobotParameters(), short, rough, seed=9), tmp_path / "short")
+    result = CliRunner()
+    app = typer.Typer()
+    app.command()(identify)
+    told = result.invoke(app, [str(made), "--calibration", str(tmp_path / "mine")])
+    written = (tmp_path / "mine" / "motion.toml").exists()
+    refused = isinstance(told.exception, MbotError) and "nothing was written" in str(told.exception)
+    assert written != refused
+
+
+def test_no_folder_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"recording\.toml"):
+        invoke(tmp_path / "nothing")
