@@ -61,6 +61,8 @@ MUJOCO = with_values(
     },
 )
 
+STRAIGHT = ("forward-forward", "backward-backward")
+
 Rates = dict[str, tuple[float, float, float]]
 """Of each manoeuvre: forward speed [m/s], turn rate [rad/s], lag behind the steady motion [s]."""
 
@@ -114,7 +116,7 @@ def simulated_rates(robot: RobotParameters) -> Rates:
 def _rates(forward: Any, turn: Any, step_s: float) -> tuple[float, float, float]:
     late = len(forward) // 2
     speed, rate = float(forward[late:].mean()), float(turn[late:].mean())
-    moving, steady = (forward, speed) if abs(speed) > 0.3 else (turn, rate)
+    moving, steady = (forward, speed) if abs(speed) > 0.25 else (turn, rate)
     return speed, rate, float((1 - moving / steady).sum() * step_s)
 
 
@@ -125,10 +127,10 @@ def asymmetry(rates: Rates, track_m: float) -> float:
 
 
 def compare(truth: Rates, found: Rates, track_m: float) -> dict[str, float]:
-    """Largest errors over all manoeuvres, in percent."""
+    """Largest errors over all manoeuvres, in percent; speeds of the two straight ones."""
     speed, rate, lag = [], [], []
     for name, (true_speed, true_rate, true_lag) in truth.items():
-        if abs(true_speed) > 0.3:
+        if name in STRAIGHT:
             speed.append(found[name][0] / true_speed - 1)
         if abs(true_rate) > 1:
             rate.append(found[name][1] / true_rate - 1)
@@ -157,7 +159,7 @@ def measure(recording: Recording, truth: Rates, track_m: float) -> dict[str, Any
 
 
 def _held_out(found: Identification) -> dict[str, float]:
-    straight = [e for e in found.errors if e.maneuver in {"forward-forward", "backward-backward"}]
+    straight = [error for error in found.errors if error.maneuver in STRAIGHT]
     repeats = {one.maneuver: one for one in found.repeatability}
 
     def median_of(name: str, errors: Any, factor: float) -> float:

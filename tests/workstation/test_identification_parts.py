@@ -29,7 +29,8 @@ from mbot_workstation.identification.run_simulation import (
     simulate_run,
     wheel_volts,
 )
-from mbot_workstation.identification.run_view import OWN, SETTING, RunView, simulate_views
+from mbot_workstation.identification.run_terms import OWN, SETTING
+from mbot_workstation.identification.run_view import RunView, simulate_views
 from mbot_workstation.identification.selection import select
 from mbot_workstation.identification.steady_motion import held_commands, onset_s
 from mbot_workstation.recordings.run import CommandSeries, Recording, Run

@@ -158,6 +158,10 @@ def fisheyes() -> NDArray[np.uint8]:
     return picture
 
 
+def framed() -> NDArray[np.uint8]:
+    return cv2.copyMakeBorder(room(), 8, 8, 16, 16, cv2.BORDER_CONSTANT, value=(250, 250, 248))
+
+
 def cut_above_and_below() -> NDArray[np.uint8]:
     """The middle third of a room that is lit from one side, stretched."""
     light = 0.7 + 0.3 * np.cos(np.linspace(0, 2 * np.pi, 512))
@@ -173,6 +177,7 @@ def cut_above_and_below() -> NDArray[np.uint8]:
         (room()[60:460], r"is 1024 x 400, a strip such as phones"),
         (cv2.resize(room()[:, 100:700], (512, 256)), "does not close: its left and right edge"),
         (cut_above_and_below(), "upper or lower edge with different things"),
+        (framed(), "plain frame around it"),
         (fisheyes(), "two round fisheye pictures"),
     ],
 )

@@ -10,7 +10,7 @@ from typing import Self, cast
 
 import cv2
 
-from mbot_protocol.errors import ConfigurationError, MbotError
+from mbot_protocol.errors import ConfigurationError, MbotError, UnreachableError
 from mbot_protocol.picture import Picture
 from mbot_workstation.calibration.board_collector import BoardCollector, Verdict
 from mbot_workstation.calibration.board_detection import Grey
@@ -63,9 +63,9 @@ def collect(
                     break
     except KeyboardInterrupt:
         pass  # a person has had enough pictures
-    except MbotError:
+    except UnreachableError:
         if not taken:
-            raise
+            raise  # otherwise the pictures so far are what there is
     return taken
 
 

@@ -18,6 +18,9 @@ POLE_LEVELS = 14.0
 """The upper row is one point of the ceiling, the lower one of the floor: spread along them. Six
 real rooms: at most 5.5; flat pictures 11 to 90."""
 
+PLAIN_LEVELS = 3.0
+"""Spread along a column of a frame; along any column of six real rooms it is 13 to 90."""
+
 BLACK_BELOW = 12
 TAG_BYTES = 262_144
 """Where a JPEG's XMP data is; it comes before the picture."""
@@ -90,6 +93,10 @@ def check_projection(picture: Picture, tags: PanoramaTags, name: str) -> None:
             f"{name} shows two round fisheye pictures side by side, not stitched yet; {wanted} in "
             "the camera's app"
         )
+    if _has_frame(picture):
+        raise ConfigurationError(
+            f"{name} has a plain frame around it, as drawings and screenshots have; {wanted}"
+        )
     seam, usual = seam_difference(picture)
     if seam > SEAM_SHARE * usual + SEAM_LEVELS:
         raise ConfigurationError(
@@ -127,6 +134,13 @@ def _spread(row: Picture) -> float:
     """Standard deviation along a row, without its noise."""
     wide = max(3, len(row) // 64)
     return float(cv2.blur(row[None], (wide, 1))[0].std(axis=0).mean())
+
+
+def _has_frame(picture: Picture) -> bool:
+    """Whether both outer columns are of one colour, though from ceiling to floor nothing else is."""
+    edges = max(float(picture[:, column].std(axis=0).max()) for column in (0, -1))
+    middle = float(picture[:, picture.shape[1] // 2].std(axis=0).max())
+    return edges < PLAIN_LEVELS < middle / 4
 
 
 def _is_two_circles(picture: Picture) -> bool:

@@ -76,15 +76,14 @@ def identify(
     folder = calibration or Path("calibration") / robot_id
     maps = _maps(read)
     found = _identified(read, _known(folder), robot_id, same_clock=same_clock)
-    worse = _is_worse(found)
     written: list[str] = []
-    if not worse:
+    if not found.is_worse:
         written = [str(write_motion(folder, motion_calibration(found, maps)))]
     if as_json:
         print(json.dumps(as_fields(found, written)))
     else:
         _show(found, straight_maps(found, maps), written)
-    if worse:
+    if found.is_worse:
         raise MbotError(
             "on the held-out runs the identified robot is further off than before, so nothing was "
             "written: look at the tables; are all runs of one robot, on one floor?"
@@ -148,15 +147,6 @@ def _identified(
             same_clock=same_clock,
             advance=lambda done: progress.update(task, completed=done),
         )
-
-
-def _is_worse(found: "Identification") -> bool:
-    """In place and in heading, on the whole."""
-    from statistics import mean
-
-    place = mean(e.after_m - e.before_m for e in found.errors)
-    heading = mean(e.after_rad - e.before_rad for e in found.errors)
-    return place > 0 and heading > 0
 
 
 def _show(found: "Identification", maps: "WheelMaps", written: "Sequence[str]") -> None:

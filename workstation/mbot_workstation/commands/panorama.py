@@ -73,7 +73,7 @@ def panorama(
     - `workstation panorama R0010042.JPG --name lab --heading 90 --calibration calibration/mbot-2`
     """
     from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.calibration.folder import read_calibration
+    from mbot_workstation.calibration.folder import CalibrationFiles, read_files
     from mbot_workstation.calibration.panorama_import import check_width, prepare_room, write_room
     from mbot_workstation.calibration.panorama_preview import draw_preview
 
@@ -84,8 +84,8 @@ def panorama(
     if not called or called.startswith(".") or Path(called).name != called:
         raise ConfigurationError(f"--name is {called!r}, expected a plain name such as lab")
     room = prepare_room(photo, width_px=width, heading_deg=heading, tilt_deg=tilt, whole=not force)
+    known = read_files(calibration) if calibration.is_dir() else CalibrationFiles()
     path = write_room(calibration, called, room.picture)
-    known = read_calibration(calibration)
     preview = calibration / "previews" / f"{called}.png"
     try:
         preview.parent.mkdir(exist_ok=True)

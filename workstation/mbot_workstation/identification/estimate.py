@@ -93,3 +93,10 @@ class Identification:
     repeatability: tuple[Repeatability, ...]
     fitted: int
     left_out: dict[str, str]
+
+    @property
+    def is_worse(self) -> bool:
+        """Whether the held-out runs are further off than before, in place and in heading."""
+        place = sum(error.after_m - error.before_m for error in self.errors)
+        heading = sum(error.after_rad - error.before_rad for error in self.errors)
+        return place > 0 and heading > 0

@@ -2,10 +2,8 @@
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
-
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.identification.estimate import Estimate, Identification
+from mbot_workstation.identification.estimate import Identification
 from mbot_workstation.identification.friction import (
     DRY_NAME,
     FAR_ROUNDS,
@@ -15,9 +13,8 @@ from mbot_workstation.identification.friction import (
     look_for_friction,
 )
 from mbot_workstation.identification.held_out import errors, is_held_out, repeatability
-from mbot_workstation.identification.linearisation import Linearisation
 from mbot_workstation.identification.mixed_fit import MixedFit, begin
-from mbot_workstation.identification.parameters import BY_NAME, NAMES, value, with_values
+from mbot_workstation.identification.parameters import NAMES, value, with_values
 from mbot_workstation.identification.preparation import Prepared, prepare
 from mbot_workstation.identification.run_view import RunView
 from mbot_workstation.identification.scatter import Scatter, usual_scatter
@@ -25,14 +22,11 @@ from mbot_workstation.identification.selection import Selection, select
 from mbot_workstation.identification.stray_runs import stray_runs
 from mbot_workstation.recordings.run import Recording
 from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.training.presets import measured
 
 SMALL = 2
 """Repetitions of each manoeuvre on which it is decided what to fit."""
 
 SMALL_ROUNDS, FULL_ROUNDS = 12, 12
-
-QUANTILE_95 = 1.96
 
 Advance = Callable[[float], None]
 """Called with the share of the work that is done."""
@@ -84,8 +78,8 @@ def identify(
         robot_id,
         nominal,
         fit.state.robot,
-        _estimates(fit, here, nominal, selection, finding),
-        _latency(fit, here, prepared, same_clock=same_clock),
+        estimates(fit, here, nominal, selection, finding),
+        latency(fit, here, prepared, same_clock=same_clock),
         tuple(float(setting[1]) for setting in settings),
         tuple((float(s[2]), float(s[3]), float(s[4])) for s in settings),
         selection.singular_values,
@@ -188,57 +182,6 @@ def _full(
     fit = MixedFit(views, prepared.fixed, start, small.scatter)
     fit.run(selection.names, FULL_ROUNDS, lambda: bar.count(len(views)))
     return fit
-
-
-def _estimates(
-    fit: MixedFit,
-    here: Linearisation,
-    nominal: RobotParameters,
-    selection: Selection,
-    finding: FrictionFinding,
-) -> tuple[Estimate, ...]:
-    covariance = here.covariance()
-    width = _quantile(len(fit.views) - len(selection.names))
-    reasons = dict(selection.undetermined)
-    if finding.dry_reason is not None:
-        reasons[DRY_NAME] = finding.dry_reason
-    if finding.grip_reason is not None:
-        reasons[GRIP_NAME] = finding.grip_reason
-    result: list[Estimate] = []
-    for name in NAMES:
-        found, before = value(fit.state.robot, name), value(nominal, name)
-        if name in selection.names:
-            index = selection.names.index(name)
-            half = width * float(np.sqrt(covariance[index, index]))
-            limits = BY_NAME[name]
-            low, high = max(found - half, limits.low), min(found + half, limits.high)
-            result.append(Estimate(name, found, before, min(low, found), max(high, found)))
-        else:
-            result.append(Estimate(name, found, before, why_not=reasons.get(name)))
-    return tuple(result)
-
-
-def _latency(
-    fit: MixedFit, here: Linearisation, prepared: Prepared, *, same_clock: bool
-) -> Estimate:
-    before = measured().action_latency_ms / 1000
-    if not same_clock:
-        why = (
-            "a tracker whose clock is not the robot's shows the sum of this delay and the clocks' "
-            "difference; record with one clock and give --same-clock"
-        )
-        return Estimate("latency_ms", before, before, why_not=why)
-    first = len(here.names)
-    found = [(float(setting[0]) + prepared.views[0].ahead_s) for setting in fit.state.settings]
-    sd = float(np.sqrt(here.covariance()[first, first]))
-    middle, half = max(float(np.mean(found)), 0.0), _quantile(len(fit.views)) * sd
-    return Estimate("latency_ms", middle, before, max(middle - half, 0.0), middle + half)
-
-
-def _quantile(degrees: int) -> float:
-    """Of Student's t for 95 %, near enough from 3 degrees of freedom on."""
-    z = QUANTILE_95
-    return z + (z**3 + z) / (4 * max(degrees, 2))
 
 
 def _name(view: RunView, recordings: Sequence[Recording]) -> str:

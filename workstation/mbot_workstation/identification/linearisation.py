@@ -6,12 +6,14 @@ from typing import Self
 
 import numpy as np
 
-from mbot_workstation.identification.run_view import (
+from mbot_workstation.identification.run_terms import (
     POSE,
     SETTING,
     Residual,
-    RunView,
     Slopes,
+)
+from mbot_workstation.identification.run_view import (
+    RunView,
     simulate_views,
 )
 from mbot_workstation.identification.scatter import Scatter
