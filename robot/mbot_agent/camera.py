@@ -178,6 +178,9 @@ class CaptureThread:
             try:
                 with frame_source(self._camera) as source:
                     log.info("camera %r is open", self._camera.source)
+                    # A server hands its newest picture to whoever connects, however long ago the
+                    # camera stalled; only what comes after it is known to be of now.
+                    source.read()
                     while not self._closing.is_set():
                         self._take(source)
                         failures = 0

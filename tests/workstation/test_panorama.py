@@ -159,7 +159,9 @@ def fisheyes() -> NDArray[np.uint8]:
 
 
 def framed() -> NDArray[np.uint8]:
-    return cv2.copyMakeBorder(room(), 8, 8, 16, 16, cv2.BORDER_CONSTANT, value=(250, 250, 248))
+    picture = np.full((528, 1056, 3), (250, 250, 248), np.uint8)
+    picture[8:-8, 16:-16] = room()
+    return picture
 
 
 def cut_above_and_below() -> NDArray[np.uint8]:

@@ -19,7 +19,7 @@ POLE_LEVELS = 14.0
 real rooms: at most 5.5; flat pictures 11 to 90."""
 
 PLAIN_LEVELS = 3.0
-"""Spread along a column of a frame; along any column of six real rooms it is 13 to 90."""
+"""Spread along a column of a frame; along any column of six real rooms it is 27 or more."""
 
 BLACK_BELOW = 12
 TAG_BYTES = 262_144
@@ -137,7 +137,7 @@ def _spread(row: Picture) -> float:
 
 
 def _has_frame(picture: Picture) -> bool:
-    """Whether both outer columns are of one colour, though from ceiling to floor nothing else is."""
+    """Whether both outer columns are of one colour, though the middle one is not."""
     edges = max(float(picture[:, column].std(axis=0).max()) for column in (0, -1))
     middle = float(picture[:, picture.shape[1] // 2].std(axis=0).max())
     return edges < PLAIN_LEVELS < middle / 4

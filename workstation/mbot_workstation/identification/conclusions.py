@@ -22,6 +22,15 @@ def estimates(
     selection: Selection,
     finding: FrictionFinding,
 ) -> tuple[Estimate, ...]:
+    """Of all parameters.
+
+    Args:
+        fit: finished, and
+        here: judged.
+        nominal: what they were.
+        selection, finding: what was fitted, and why not the rest.
+
+    """
     covariance = here.covariance()
     width = _quantile(len(fit.views) - len(selection.names))
     reasons = dict(selection.undetermined)
@@ -46,6 +55,7 @@ def estimates(
 def latency(
     fit: MixedFit, here: Linearisation, prepared: Prepared, *, same_clock: bool
 ) -> Estimate:
+    """From command to wheel [s], if the clocks were one."""
     before = measured().action_latency_ms / 1000
     if not same_clock:
         why = (
@@ -54,7 +64,8 @@ def latency(
         )
         return Estimate("latency_ms", before, before, why_not=why)
     first = len(here.names)
-    found = [(float(setting[0]) + prepared.views[0].ahead_s) for setting in fit.state.settings]
+    guessed = {view.flat.recording: view.ahead_s for view in prepared.views}
+    found = [fit.state.settings[index, 0] + ahead_s for index, ahead_s in guessed.items()]
     sd = float(np.sqrt(here.covariance()[first, first]))
     middle, half = max(float(np.mean(found)), 0.0), _quantile(len(fit.views)) * sd
     return Estimate("latency_ms", middle, before, max(middle - half, 0.0), middle + half)

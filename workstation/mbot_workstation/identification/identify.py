@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.identification.conclusions import estimates, latency
 from mbot_workstation.identification.estimate import Identification
 from mbot_workstation.identification.friction import (
     DRY_NAME,
@@ -59,7 +60,7 @@ def identify(
     bar = _Bar(advance, small=len(_small(fitted)), full=len(fitted))
     small, selection, finding = _choose(_small(fitted), prepared, bar)
     left_out = dict(prepared.left_out)
-    fit = _full(fitted, prepared, small, selection, bar)
+    fit = _full(fitted, prepared, nominal, small, selection, bar)
     stray = stray_runs(fit, held)
     if stray:
         views = [*fitted, *held]
@@ -69,7 +70,7 @@ def identify(
             for part in (range(len(fitted)), range(len(fitted), len(views)))
         )
         _check_enough(fitted, held, left_out)
-        fit = _full(fitted, prepared, small, selection, bar)
+        fit = _full(fitted, prepared, nominal, small, selection, bar)
     # From here on, what the model gets wrong in a manoeuvre counts as scatter.
     here = fit.judge(selection.names)
     bar.end()
@@ -171,12 +172,17 @@ def _choose(
 
 
 def _full(
-    views: Sequence[RunView], prepared: Prepared, small: MixedFit, selection: Selection, bar: _Bar
+    views: Sequence[RunView],
+    prepared: Prepared,
+    nominal: RobotParameters,
+    small: MixedFit,
+    selection: Selection,
+    bar: _Bar,
 ) -> MixedFit:
-    # What was tried on the way but can't be told goes back to what it was.
+    # What was guessed or tried on the way but can't be told goes back to what it was.
     robot = small.state.robot
     kept = {*selection.names, DRY_NAME, GRIP_NAME}
-    back = {name: value(prepared.robot, name) for name in NAMES if name not in kept}
+    back = {name: value(nominal, name) for name in NAMES if name not in kept}
     robot = with_values(robot, back)
     start = begin(views, robot, small.state.settings)
     fit = MixedFit(views, prepared.fixed, start, small.scatter)
