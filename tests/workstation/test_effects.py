@@ -52,6 +52,14 @@ def test_a_perturbation_is_nominal_but_for_its_own_effects() -> None:
         assert ranges.is_fixed
 
 
+def test_a_sharp_robot_never_blurs_and_is_otherwise_as_usual() -> None:
+    sharp, usual = preset("sharp"), PRESETS["randomised"]
+    assert sharp.high.exposure_ms == sharp.high.readout_ms == 0
+    same = {"exposure_ms": (8.0, 30.0), "readout_ms": (15.0, 30.0)}
+    assert sharp.changed(**same) == usual.changed(**same)
+    assert "sharp" not in PRESETS, "no robot to be tried on"
+
+
 def test_unknown_presets_are_refused_with_the_known_ones() -> None:
     assert all(preset(name) is ranges for name, ranges in PRESETS.items())
     with pytest.raises(ValueError, match=r"foggy.*nominal"):

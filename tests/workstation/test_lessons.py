@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +15,7 @@ from mbot_workstation.training.lessons import (
     named,
     passed,
 )
-from mbot_workstation.training.presets import PRESETS
+from mbot_workstation.training.presets import PRESETS, measured
 
 
 def test_there_are_the_papers_ten() -> None:
@@ -73,6 +74,17 @@ def test_the_rough_lesson_shows_usual_robots_and_worse_ones() -> None:
     inside = [usual.low.left_gain <= min(robot.left_gain, robot.right_gain) for robot in robots]
     assert sum(inside) > 100
     assert all(usual.low.fov_scale <= robot.fov_scale <= usual.high.fov_scale for robot in robots)
+
+
+def test_worse_robots_are_worse_than_the_calibrated_one() -> None:
+    weak = replace(measured(), left_gain=0.8, right_gain=1.1, camera_latency_ms=90.0)
+    moved = ROUGH_LESSON.moved(measured(), weak)
+    alone = {name: ranges for kind in moved.kinds if len(kind) == 1 for name, ranges in kind}
+    assert alone["left_gain"] == pytest.approx((0.32, 0.56))
+    assert alone["right_gain"] == pytest.approx((0.44, 0.77))
+    assert alone["camera_latency_ms"] == pytest.approx((130.0, 220.0))
+    assert alone["friction_scale"] == (0.15, 0.4), "not measured, so as usual"
+    assert ROUGH_LESSON.moved(measured(), measured()) == ROUGH_LESSON
 
 
 def test_ranges_of_lessons_are_spelt_out() -> None:

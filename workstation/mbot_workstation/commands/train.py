@@ -73,7 +73,7 @@ def train(
         str,
         typer.Option(
             help="Effects of the real world: ideal, nominal (all at their measured values, as in "
-            "the paper) or randomised.",
+            "the paper), randomised, or sharp (randomised, but nothing ever blurs).",
             rich_help_panel=_WHAT,
         ),
     ] = "randomised",

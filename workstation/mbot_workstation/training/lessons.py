@@ -6,7 +6,8 @@ ten) and the condition to go on; the distances are ours, lesson 10's derived fro
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -63,6 +64,10 @@ class Lesson:
         kind = self.kinds[int(rng.integers(len(self.kinds))) if several else 0]
         return ranges.changed(**dict(kind)).sample(rng)
 
+    def moved(self, origin: RealWorldEffects, to: RealWorldEffects) -> Self:
+        """The same lesson with its kinds around another robot, as `EffectRanges.moved`."""
+        return replace(self, kinds=tuple(_moved(kind, origin, to) for kind in self.kinds))
+
     @property
     def largest_reward(self) -> float:
         """Of an episode: 2 for every object touched at once, 1 for the complete run."""
@@ -72,6 +77,13 @@ class Lesson:
     def longest_decisions(self) -> int:
         """Of an episode."""
         return TIME_LIMIT_DECISIONS * self.objects
+
+
+def _moved(kind: Kind, origin: RealWorldEffects, to: RealWorldEffects) -> Kind:
+    ranges = EffectRanges.fixed(origin).changed(**dict(kind)).moved(origin, to)
+    return tuple(
+        (name, (getattr(ranges.low, name), getattr(ranges.high, name))) for name, _ in kind
+    )
 
 
 LESSONS = (
@@ -87,8 +99,13 @@ LESSONS = (
     Lesson("10", 2.50, objects=10),
 )
 
-BLUR_LESSON = Lesson("blur", 2.50, objects=10, kinds=((("exposure_ms", (10.0, 35.0)),),))
-"""The paper's remedy: a trained model is trained on, with motion blur."""
+BLUR_LESSON = Lesson(
+    "blur",
+    2.50,
+    objects=10,
+    kinds=((("exposure_ms", (10.0, 60.0)), ("readout_ms", (15.0, 30.0))),),
+)
+"""The paper's remedy: a trained model is trained on, with motion blur, also that of a dark room."""
 
 _WORN: Kind = (
     ("left_gain", (0.6, 1.1)),
@@ -112,11 +129,12 @@ ROUGH_LESSON = Lesson(
         (("right_gain", (0.4, 0.7)),),
         (("camera_latency_ms", (100.0, 190.0)),),
         (("friction_scale", (0.15, 0.4)),),
+        (("exposure_gain", (0.45, 1.7)),),
     ),
 )
 """Robots worse than any unit measured, among usual ones: a weak motor, late pictures, a slippery
-floor, or a bit of everything, with slow wheels and poor light. For a policy that holds when a robot
-wears."""
+floor, dim or glaring light, or a bit of everything with slow wheels besides. For a policy that
+holds when a robot wears."""
 
 _BY_NAME = {lesson.name: lesson for lesson in (*LESSONS, BLUR_LESSON, ROUGH_LESSON)}
 

@@ -89,6 +89,12 @@ PRESETS: dict[str, EffectRanges] = {
     **PERTURBATIONS,
 }
 
+SHARP = RANDOMISED.changed(exposure_ms=0.0, readout_ms=0.0)
+"""For training only: what a policy learns that never saw a turn blur its pictures, as the paper's
+before its blur lesson."""
+
+_BY_NAME = {**PRESETS, "sharp": SHARP}
+
 
 def preset(name: str, calibrated: RealWorldEffects | None = None) -> EffectRanges:
     """Look a preset up.
@@ -101,10 +107,10 @@ def preset(name: str, calibrated: RealWorldEffects | None = None) -> EffectRange
         ValueError: there is none of this name, or it can't be centred.
 
     """
-    if name not in PRESETS:
-        raise ValueError(f"no preset {name!r}, expected one of {', '.join(PRESETS)}")
+    if name not in _BY_NAME:
+        raise ValueError(f"no preset {name!r}, expected one of {', '.join(_BY_NAME)}")
     if calibrated is None:
-        return PRESETS[name]
+        return _BY_NAME[name]
     if name == "ideal":
         raise ValueError("the preset 'ideal' is no real robot, expected another with a calibration")
-    return PRESETS[name].moved(measured(), calibrated)
+    return _BY_NAME[name].moved(measured(), calibrated)

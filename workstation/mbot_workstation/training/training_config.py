@@ -14,7 +14,7 @@ from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.training.effects import EffectRanges
 from mbot_workstation.training.learner import LearnerSettings
 from mbot_workstation.training.lessons import LESSONS, Lesson, lesson
-from mbot_workstation.training.presets import preset
+from mbot_workstation.training.presets import measured, preset
 from mbot_workstation.training.progress_log import ROW_EVERY
 
 ALL_LESSONS = tuple(lesson.name for lesson in LESSONS)
@@ -92,8 +92,12 @@ class TrainingConfig:
         return self.calibration.scene if self.calibration else SceneParameters()
 
     def stages(self) -> tuple[Lesson, ...]:
-        """The lessons themselves."""
-        return tuple(lesson(name) for name in self.lessons)
+        """The lessons themselves, their robots around the calibrated one."""
+        stages = tuple(lesson(name) for name in self.lessons)
+        if self.calibration is None:
+            return stages
+        effects = self.calibration.effects
+        return tuple(stage.moved(measured(), effects) for stage in stages)
 
     def resolved(self) -> dict[str, Any]:
         """Everything spelt out, for the run's folder: also what the names stand for."""
