@@ -221,6 +221,10 @@ show_check() {
         note "something is missing, see above: mend it before the start"
 }
 
+trusts_a_key() {
+    grep -v '^ *#' "$configuration/config.toml" 2>/dev/null | grep -q 'ed25519:'
+}
+
 show_next_steps() {
     cat <<NEXT
 
@@ -230,6 +234,11 @@ Next:
   sudo systemctl start mbot-agent          wheels off the ground the first time
   journalctl -u mbot-agent -f              what it says
 NEXT
+    trusts_a_key || cat <<KEYS
+
+It takes models only from keys in [trust] of its configuration. On the workstation:
+  workstation keys new                     makes a key and prints the line to put there
+KEYS
     [ -z "$was_running" ] || echo "mbot-agent was running and is stopped now: start it again as above."
 }
 

@@ -27,7 +27,6 @@ if [ "$(uname -s)" = Linux ]; then
     fi
     if [ "${1:-}" = test ]; then
         need systemd command -v systemd-analyze
-        need openssl command -v openssl
         need git command -v git
         need strace command -v strace
     fi

@@ -8,7 +8,7 @@ from mbot_agent.control_loop import WIRE_STATES, ControlLoop
 from mbot_agent.helm import Helm, state_of
 from mbot_agent.motors import Motors
 from mbot_agent.version import VERSION
-from mbot_protocol.actions import to_steps
+from mbot_protocol.actions import MotorMap, to_steps
 from mbot_protocol.errors import MbotError, RefusedError
 from mbot_protocol.schema import SCHEMA_VERSION, decode
 from mbot_protocol.v1 import messages_pb2 as messages
@@ -68,6 +68,8 @@ class CommandService:
             notices=[messages.Notice(kind=n.kind, detail=n.detail) for n in self._loop.notices],
             trusted_keys=[key.line for key in self._trust.public_keys],
             accepts_unsigned_models=self._trust.allow_unsigned,
+            left_motor=_to_message(self._wheels.left),
+            right_motor=_to_message(self._wheels.right),
         ).SerializeToString()
 
     def stop(self, _: bytes) -> bytes:
@@ -132,3 +134,7 @@ class CommandService:
         if (fault := self._motors.fault) is not None:
             raise RefusedError(fault.detail)
         self._helm.steer_by_hand(self._wheels.to_board(steps), drive.hold_ms * 1_000_000)
+
+
+def _to_message(motor: MotorMap) -> messages.MotorMap:
+    return messages.MotorMap(reversed=motor.reversed, trim=motor.trim, dead_band=motor.dead_band)

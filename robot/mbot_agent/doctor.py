@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from mbot_agent.camera import FrameCheck
 from mbot_agent.configuration import Configuration
+from mbot_agent.frame_check import FrameCheck
 from mbot_agent.frame_sources import frame_source
 from mbot_protocol.errors import MbotError
 from mbot_protocol.mcore import has_deadman
@@ -62,9 +62,9 @@ def _camera(configuration: Configuration) -> Finding:
         started_s = time.monotonic()
         height_px = width_px = 0
         for _ in range(FRAMES):
-            picture, captured_ns = source.read()
-            height_px, width_px = picture.shape[:2]
-            if (fault := check.judge(picture, captured_ns)) is not None:
+            shot = source.read()
+            height_px, width_px = shot.shape[:2]
+            if (fault := check.judge(shot.picture(), shot.captured_ns)) is not None:
                 return Finding("camera", "failed", fault.detail)
         rate_hz = FRAMES / (time.monotonic() - started_s)
     return Finding(

@@ -1,63 +1,32 @@
-"""Where frames come from: the Pi camera, or anything OpenCV opens.
+"""Where frames come from: the Pi camera, JPEGs over HTTP, or anything else OpenCV opens."""
 
-Each source is a context manager whose `read` blocks for the next frame and never longer than
-READ_TIMEOUT_S, so that a dead camera can be closed and opened anew.
-"""
-
+import logging
 import time
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol, Self, cast
+from typing import Self, cast
 
 import cv2
 
 from mbot_agent.configuration import Camera
-from mbot_protocol.errors import UnreachableError
+from mbot_agent.pi_camera_source import PiCameraSource
+from mbot_agent.source_contract import (
+    OPEN_TIMEOUT_S,
+    READ_TIMEOUT_S,
+    CameraError,
+    FrameSource,
+    Shot,
+)
 from mbot_protocol.picture import Picture
 
-OPEN_TIMEOUT_S = 3.0
-READ_TIMEOUT_S = 1.0
-
-PICAMERA_DEFAULT_SIZE = (320, 240)
-"""Five samples a side for each observation pixel; the ISP scales, so it costs the CPU nothing."""
-
-SENSOR_MODE = (2028, 1520)
-"""The IMX477's full-view mode, binned 2 x 2; others crop (1332 x 990 sees 38 x 28.7 degrees)."""
-
-
-class CameraError(UnreachableError):
-    """The camera cannot be opened, or delivers no frame."""
-
-
-class FrameSource(Protocol):
-    """One opened camera."""
-
-    def __enter__(self) -> Self:
-        """Open it."""
-        ...
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close it."""
-        ...
-
-    def read(self) -> tuple[Picture, int]:
-        """The next frame, RGB, shape (height, width, 3), and its monotonic capture time in ns.
-
-        Raises:
-            CameraError: none came in READ_TIMEOUT_S, or the source has ended.
-
-        """
-        ...
+log = logging.getLogger(__name__)
 
 
 def frame_source(camera: Camera) -> FrameSource:
     """The source a configuration names; not opened yet."""
-    return PiCameraSource(camera) if camera.source == "picamera2" else OpenCvSource(camera)
+    if camera.source == "picamera2":
+        return PiCameraSource(camera)
+    return HttpSource(camera) if camera.source.startswith("http://") else OpenCvSource(camera)
 
 
 def is_real_camera(camera: Camera) -> bool:
@@ -69,6 +38,41 @@ def _device_index(source: str) -> int | None:
     """The number of a camera given as "0" or "/dev/video0"; None for files and URLs."""
     digits = source.removeprefix("/dev/video")
     return int(digits) if digits.isascii() and digits.isdigit() else None
+
+
+class HttpSource:
+    """Whatever is at an http:// address: a stream of JPEGs, or else what OpenCV makes of it."""
+
+    def __init__(self, camera: Camera) -> None:
+        self._camera = camera
+        self._source: FrameSource | None = None
+
+    def __enter__(self) -> Self:
+        # Python's HTTP and TLS come with it, 2 MB that a robot's own camera does not need.
+        from mbot_agent.mjpeg_source import MjpegSource, NotMjpegError
+
+        try:
+            self._source = MjpegSource(self._camera.source).__enter__()
+        except NotMjpegError as error:
+            log.info("%s %s: trying OpenCV", self._camera.source, error)
+            self._source = OpenCvSource(self._camera).__enter__()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._source is not None:
+            self._source.__exit__(kind, error, trace)
+            self._source = None
+
+    def read(self) -> Shot:
+        """See FrameSource."""
+        if self._source is None:
+            raise CameraError("the camera is not open")
+        return self._source.read()
 
 
 class OpenCvSource:
@@ -123,7 +127,7 @@ class OpenCvSource:
             self._capture.release()
             self._capture = None
 
-    def read(self) -> tuple[Picture, int]:
+    def read(self) -> Shot:
         """See FrameSource."""
         if self._capture is None:
             raise CameraError("the camera is not open")
@@ -134,82 +138,5 @@ class OpenCvSource:
         captured_ns = time.monotonic_ns()
         if not delivered:
             raise CameraError(f"the camera {self._camera.source!r} has stopped delivering frames")
-        return cast(Picture, cv2.cvtColor(frame, cv2.COLOR_BGR2RGB)), captured_ns
-
-
-class PiCameraSource:
-    """The Raspberry Pi camera by picamera2, scaled on the ISP.
-
-    picamera2 names its formats backwards: "BGR888" arrives as RGB in memory.
-    """
-
-    def __init__(self, camera: Camera) -> None:
-        self._camera = camera
-        self._picamera: Any = None
-
-    def __enter__(self) -> Self:
-        try:
-            # From Raspberry Pi OS's apt only; heavy, so imported where used.
-            import picamera2  # pyright: ignore[reportMissingImports]
-        except ImportError as error:
-            raise CameraError(
-                f"picamera2 cannot be imported ({error}): apt install python3-picamera2, and use "
-                "a virtual environment with --system-site-packages (deploy/install.sh makes one)"
-            ) from None
-        library = cast(Any, picamera2)
-        if not library.Picamera2.global_camera_info():
-            raise CameraError(
-                "libcamera finds no camera: check the cable and `rpicam-hello --list-cameras`"
-            )
-        width_px, height_px = PICAMERA_DEFAULT_SIZE
-        if self._camera.width_px is not None and self._camera.height_px is not None:
-            width_px, height_px = self._camera.width_px, self._camera.height_px
-        try:
-            picamera = library.Picamera2()
-            picamera.configure(
-                picamera.create_video_configuration(
-                    main={"size": (width_px, height_px), "format": "BGR888"},
-                    sensor={"output_size": SENSOR_MODE, "bit_depth": 12},
-                    controls={"FrameRate": self._camera.frame_rate_hz},
-                    buffer_count=4,
-                    queue=False,
-                )
-            )
-            picamera.start()
-        except Exception as error:
-            raise CameraError(
-                f"the Pi camera does not start: {error}; is another program using it?"
-            ) from None
-        self._picamera = picamera
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if self._picamera is not None:
-            self._picamera.close()
-            self._picamera = None
-
-    def read(self) -> tuple[Picture, int]:
-        """See FrameSource. The capture time is the sensor's own."""
-        try:
-            request = self._picamera.capture_request(wait=READ_TIMEOUT_S)
-        except Exception as error:
-            raise CameraError(
-                f"the Pi camera delivers no frames ({type(error).__name__} {error})"
-            ) from None
-        try:
-            frame = cast(Picture, request.make_array("main"))
-            captured_boottime_ns = int(request.get_metadata()["SensorTimestamp"])
-        finally:
-            request.release()
-        return frame, _boottime_to_monotonic(captured_boottime_ns)
-
-
-def _boottime_to_monotonic(boottime_ns: int) -> int:
-    """libcamera stamps frames on CLOCK_BOOTTIME, which differs by the time spent suspended."""
-    suspended_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()
-    return min(boottime_ns - suspended_ns, time.monotonic_ns())
+        picture = cast(Picture, cv2.cvtColor(frame, cv2.COLOR_BGR2RGB))
+        return Shot.decoded(picture, captured_ns)

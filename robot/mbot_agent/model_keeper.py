@@ -65,6 +65,7 @@ class ModelKeeper:
         self._tell = tell
         self._lock = threading.Lock()
         self._in_use: InUse | None = None
+        self._unusable = ""
         self._verdicts: queue.SimpleQueue[Verdict | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="model keeper", daemon=True)
 
@@ -115,6 +116,8 @@ class ModelKeeper:
                     return
                 except MbotError as error:
                     log.error("model %s cannot be used: %s", sha256[:12], error)
+                    if sha256 == activation.active:
+                        self._unusable = str(error)
             self._tell(self._notices())
             log.warning("no model to drive with: `workstation push-model` sends one")
 
@@ -266,4 +269,5 @@ class ModelKeeper:
             lambda sha256: self._store.label(sha256).name,
             self._trust,
             has_model=self._in_use is not None,
+            unusable=self._unusable,
         )

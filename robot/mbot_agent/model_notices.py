@@ -8,7 +8,12 @@ from mbot_agent.trust import Trust
 
 
 def model_notices(
-    activation: Activation, name_of: Callable[[str], str], trust: Trust, *, has_model: bool
+    activation: Activation,
+    name_of: Callable[[str], str],
+    trust: Trust,
+    *,
+    has_model: bool,
+    unusable: str,
 ) -> tuple[Notice, ...]:
     """The notices that hold now.
 
@@ -17,9 +22,11 @@ def model_notices(
         name_of: a stored model's name by its digest; empty if unknown.
         trust: whose models are taken.
         has_model: whether there is one in use.
+        unusable: why the active one could not be loaded when the daemon started; empty if it was.
 
     """
     found: list[Notice] = []
+    active = f"{name_of(activation.active) or 'model'} {activation.active[:12]}"
     if trust.accepts_unsigned:
         text = (
             "takes models from anyone who reaches it (trust.allow_unsigned = true): for "
@@ -36,8 +43,8 @@ def model_notices(
         text = f"{given_up} was rolled back to {successor}: {rollback.reason}"
         found.append(Notice("model-rolled-back", text))
     elif not has_model and activation.has_crashed_the_daemon(activation.active):
-        left_out = f"{name_of(activation.active) or 'model'} {activation.active[:12]}"
-        found.append(
-            Notice("model-left-out", f"{left_out} is the only one, and {CRASHED}: push another one")
-        )
+        text = f"{active} is the only one, and {CRASHED}: push another one"
+        found.append(Notice("model-left-out", text))
+    elif not has_model and unusable:
+        found.append(Notice("model-unusable", f"{active} cannot be used: {unusable}"))
     return tuple(found)

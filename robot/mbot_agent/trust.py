@@ -87,11 +87,7 @@ class Trust:
                 "the manifest's nonce is not one this robot has handed out within the last "
                 f"{LIFETIME_S:.0f} s, or was used before: push again"
             )
-        if manifest.robot_id != self._robot_id:
-            raise RefusedError(
-                f"the model is signed for robot {manifest.robot_id[:80]!r}, this one is "
-                f"{self._robot_id!r}"
-            )
+        self._check_robot(manifest)
         if (manifest.sha256, manifest.size_bytes) != (request.sha256, request.size_bytes):
             raise RefusedError("the manifest is another model's: push again")
         _check_contract(manifest)
@@ -113,7 +109,8 @@ class Trust:
         """Who has signed a stored model; empty where unsigned ones are taken and this is one.
 
         Raises:
-            RefusedError: none of the keys trusted today has.
+            RefusedError: none of the keys trusted today has, or it was for another robot, whose SD
+                card this one is a copy of.
             NewerSchemaError: its manifest is of a newer kind.
 
         """
@@ -122,12 +119,14 @@ class Trust:
             if signed is None:
                 raise RefusedError("the model was pushed without a signature: push it again")
             key = self._verify(signed)
-            if decode(signed.manifest).sha256 != sha256:
+            manifest = decode(signed.manifest)
+            if manifest.sha256 != sha256:
                 raise RefusedError("the manifest kept with the model is another's: push it again")
         except RefusedError:
             if self.accepts_unsigned:
                 return ""
             raise
+        self._check_robot(manifest)  # as in a push, whoever else's models are taken
         return key.name
 
     def _verify(self, signed: SignedManifest) -> PublicKey:
@@ -147,6 +146,13 @@ class Trust:
             "line it prints into [trust] keys of the robot's configuration "
             "(/etc/mbot-agent/config.toml) and restart mbot-agent"
         )
+
+    def _check_robot(self, manifest: ModelManifest) -> None:
+        if manifest.robot_id != self._robot_id:
+            raise RefusedError(
+                f"the model is signed for robot {manifest.robot_id[:80]!r}, this one is "
+                f"{self._robot_id!r}: push it to this one"
+            )
 
     def _check_sequence(self, manifest: ModelManifest, signer: PublicKey) -> None:
         floor = self._floors.of(signer.raw)

@@ -36,6 +36,18 @@ def until(condition: Callable[[], bool], timeout_s: float = 15.0) -> bool:
     return False
 
 
+def freeze(pid: int) -> None:
+    """SIGSTOP, and wait until it holds: on a busy machine a thread may run on for a while."""
+    os.kill(pid, signal.SIGSTOP)
+    assert until(lambda: set(_thread_states(pid)) == {"T"}), f"process {pid} does not stand still"
+
+
+def _thread_states(pid: int) -> list[str]:
+    """One letter a thread, as proc(5) has them. The name before it may hold anything but ')'."""
+    stats = [path.read_text() for path in Path(f"/proc/{pid}/task").glob("*/stat")]
+    return [stat.rpartition(")")[2].split()[0] for stat in stats]
+
+
 class Process:
     """A child process; killed at the end if it is still there. Its output goes to a file."""
 
@@ -74,6 +86,9 @@ class Process:
 
     def signal(self, number: signal.Signals) -> None:
         self._child.send_signal(number)
+
+    def freeze(self) -> None:
+        freeze(self.pid)
 
     def wait(self, timeout_s: float = 15.0) -> int:
         return self._child.wait(timeout_s)

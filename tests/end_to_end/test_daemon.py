@@ -12,7 +12,7 @@ import pytest
 from mbot_protocol.errors import RefusedError
 from mbot_protocol.keys import COMMAND, STATUS
 from mbot_protocol.schema import SCHEMA_VERSION
-from mbot_protocol.v1.messages_pb2 import Command, CommandReply, Run, Stop
+from mbot_protocol.v1.messages_pb2 import Command, CommandReply, MotorMap, Run, Stop
 from mbot_workstation.model_store import activate
 from mbot_workstation.remote_control import RemoteControl
 from mbot_workstation.robot_link import RobotLink
@@ -127,7 +127,7 @@ def test_a_frozen_camera_process_stops_the_robot(daemon: Daemon, board: FakeBoar
         daemon.push(FORWARD)
         daemon.run()
         assert board.wait_for(*FORWARD_BOARD)
-        camera.signal(signal.SIGSTOP)
+        camera.freeze()
         assert board.wait_for(0, 0)
         camera.signal(signal.SIGCONT)
         assert board.wait_for(*FORWARD_BOARD, timeout_s=15)
@@ -226,6 +226,17 @@ def test_malformed_queries_get_a_reason_and_the_daemon_lives(daemon: Daemon) -> 
         assert daemon.is_up()
         with daemon.link() as link:
             send_nonsense(link)
+
+
+def test_status_tells_how_the_motors_are_driven(daemon: Daemon) -> None:
+    """So a workstation can say that the robot has another calibration than its own."""
+    text = daemon.config.read_text()
+    daemon.config.write_text(f"{text}\n[motors.right]\ntrim = 0.9\ndead_band = 30\n")
+    with daemon.start():
+        assert daemon.is_up()
+        status = daemon.status()
+    assert status.left_motor == MotorMap(reversed=True, trim=1.0, dead_band=40)
+    assert status.right_motor == MotorMap(reversed=False, trim=0.9, dead_band=30)
 
 
 def send_nonsense(link: RobotLink) -> None:

@@ -34,7 +34,7 @@ def test_no_command_older_than_its_expiry_is_obeyed(
     daemon = Daemon(tmp_path, board.path)
     with ready(daemon) as process, Observer(daemon.address) as observer:
         status = observer.status()
-        process.signal(signal.SIGSTOP)
+        process.freeze()
         waiting = [
             observer.session.get(COMMAND.key(status.robot_id), payload=payload, timeout=10.0)
             for payload in late_commands(status.session_id, status.now_monotonic_ns)

@@ -2,7 +2,6 @@
 
 import random
 import select
-import signal
 import socket
 import statistics
 import subprocess
@@ -30,7 +29,7 @@ from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
 from .daemon_watch import Observer, PeakMemory, open_files, resident_mb
 from .fleet import LOCALHOST, Fleet
-from .processes import ROBOT_ID, Daemon, Process, free_port, until, workstation
+from .processes import ROBOT_ID, Daemon, Process, free_port, freeze, until, workstation
 
 QUERIES = [topic for topic in TOPICS if topic.flow is Flow.QUERY]
 FORWARD = constant_model(0.6, 0.6)
@@ -192,7 +191,7 @@ def test_a_subscriber_that_stopped_reading_holds_nobody_up(record_property: Reco
             while not select.select([subscriber.stdout], [], [], 0.05)[0]:
                 link.publish(OBSERVATION, payload)
             assert subscriber.stdout.readline() == b"hears\n"
-            subscriber.send_signal(signal.SIGSTOP)
+            freeze(subscriber.pid)
             took_ms: list[float] = []
             for _ in range(1000):  # 20 MB: more than all buffers on the way hold
                 began_s = time.perf_counter()
@@ -223,7 +222,7 @@ def test_frozen_watchers_cost_no_decision(
         RemoteControl(link).run()
         assert board.wait_for(*FORWARD_BOARD)
         for watcher in watchers:
-            watcher.signal(signal.SIGSTOP)
+            watcher.freeze()
         record_property("missed decisions", observer.missed_in(3.0))
         assert board.wait_for(*FORWARD_BOARD)
         assert RemoteControl(link).stop() == "stopped"

@@ -19,6 +19,8 @@ import tomli_w
 from mbot_agent import configuration
 from mbot_agent.activation import Activation
 from mbot_agent.enrolment import Enrolment
+from mbot_agent.jpeg_picture import JpegError, decode_jpeg
+from mbot_agent.multipart import MultipartError, MultipartParser
 from mbot_protocol.access_rules import split_common_name
 from mbot_protocol.actions import to_steps
 from mbot_protocol.calibration import CameraCalibration, MotionCalibration
@@ -36,6 +38,8 @@ from mbot_workstation.address import parse_address
 from mbot_workstation.recording import Recording, read_recording
 
 from ..protocol.test_model_manifest import MANIFEST, SIGNED
+from ..robot.test_jpeg_picture import PICTURE, jpeg
+from ..robot.test_multipart import BOUNDARY, stream
 from ..robot.tiny_models import constant_model
 from ..workstation.samples import decision
 from .effort import FUZZ_CASES
@@ -161,6 +165,18 @@ def test_board_replies() -> None:
         list(parser.feed(data))
         assert parser.pending <= ReplyParser.LONGEST, data
         assert list(parser.feed(b"\xff\x55\r\n" * 20))[-1] == Acknowledgement(), data
+
+
+def test_camera_streams() -> None:
+    """Some of them announce their end."""
+    parts = [b"one picture", b"", b"and another one" * 3]
+    last = f"--{BOUNDARY}--\r\n".encode()
+    whole = (stream(parts) + last, stream(parts, counted=False) + last)
+    feed(lambda data: MultipartParser(BOUNDARY).feed(data, 0), damaged(*whole), (MultipartError,))
+
+
+def test_camera_pictures() -> None:
+    feed(decode_jpeg, damaged(jpeg(PICTURE[::4, ::4])), (JpegError,))
 
 
 @pytest.mark.parametrize("kind", MESSAGES, ids=lambda kind: kind.__name__)

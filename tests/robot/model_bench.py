@@ -68,17 +68,19 @@ class Robot:
         trust: Trust | None = None,
         keep: int = 4,
         try_model: TryModel = untried,
+        robot_id: str = ROBOT_ID,
     ) -> None:
         self.directory = directory
+        self.robot_id = robot_id
         self.used: list[tuple[Policy, Trial]] = []
         self.notices: tuple[Notice, ...] = ()
         settings = Trust((KEY.public.line,)) if trust is None else trust
         configuration = Configuration(
-            robot_id=ROBOT_ID, models=Models(str(directory), keep=keep), trust=settings
+            robot_id=robot_id, models=Models(str(directory), keep=keep), trust=settings
         )
         self.store = ModelStore(directory, keep)
         self.floors = SequenceFloors(directory)
-        self.trust = TrustChecks(settings, ROBOT_ID, self.floors)
+        self.trust = TrustChecks(settings, robot_id, self.floors)
         self.keeper = ModelKeeper(
             self.store,
             self.trust,
@@ -103,7 +105,7 @@ class Robot:
         return self.used[-1][1]
 
     def nonce(self) -> str:
-        request = PushNonce(schema_version=SCHEMA_VERSION, robot_id=ROBOT_ID)
+        request = PushNonce(schema_version=SCHEMA_VERSION, robot_id=self.robot_id)
         reply = PushNonceReply.FromString(self.service.nonce(request.SerializeToString()))
         assert reply.accepted, reply.reason
         return reply.nonce
@@ -113,11 +115,11 @@ class Robot:
     ) -> PushReply:
         """With a manifest of its own if none is given."""
         if signed is None:
-            signed = sign(data, self.nonce())
+            signed = sign(data, self.nonce(), robot_id=self.robot_id)
         model = self.service.active_model
         fields: dict[str, object] = {
             "schema_version": SCHEMA_VERSION,
-            "robot_id": ROBOT_ID,
+            "robot_id": self.robot_id,
             "sha256": digest(data),
             "size_bytes": len(data),
             "expected_active_sha256": model.sha256 if model is not None else "",
@@ -152,7 +154,7 @@ class Robot:
         return self.commit(reply.push_id)
 
     def activate(self, sha256: str = "") -> ModelList:
-        request = Activate(schema_version=SCHEMA_VERSION, robot_id=ROBOT_ID, sha256=sha256)
+        request = Activate(schema_version=SCHEMA_VERSION, robot_id=self.robot_id, sha256=sha256)
         return ModelList.FromString(self.service.activate(request.SerializeToString()))
 
     def list(self) -> ModelList:

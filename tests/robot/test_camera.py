@@ -1,15 +1,19 @@
 import threading
 import time
 from pathlib import Path
+from typing import Any, cast
 
 import cv2
 import numpy as np
 import pytest
 
 from mbot_agent import camera as camera_module
-from mbot_agent.camera import CaptureThread, FrameCheck
+from mbot_agent.camera import CaptureThread
 from mbot_agent.configuration import Camera
-from mbot_agent.frame_sources import CameraError, OpenCvSource, frame_source, is_real_camera
+from mbot_agent.frame_check import FrameCheck
+from mbot_agent.frame_sources import OpenCvSource, frame_source, is_real_camera
+from mbot_agent.jpeg_picture import JpegError
+from mbot_agent.source_contract import CameraError, FrameSource, Shot
 
 MILLISECOND = 1_000_000
 
@@ -96,11 +100,11 @@ def test_which_sources_have_a_sensor() -> None:
 def test_colours_arrive_as_rgb(tmp_path: Path) -> None:
     clip = video(tmp_path / "red.avi", colour=(20, 10, 200))
     with OpenCvSource(Camera(source=str(clip))) as source:
-        picture, captured_ns = source.read()
-    red, green, blue = picture.reshape(-1, 3).mean(axis=0)
+        shot = source.read()
+    red, green, blue = shot.picture().reshape(-1, 3).mean(axis=0)
     assert red > 150
     assert max(green, blue) < 100
-    assert captured_ns <= time.monotonic_ns()
+    assert shot.captured_ns <= time.monotonic_ns()
 
 
 def test_a_missing_camera_is_explained() -> None:
@@ -140,13 +144,13 @@ class HangingSource:
 
     def __exit__(self, *_: object) -> None: ...
 
-    def read(self) -> tuple[np.ndarray, int]:
+    def read(self) -> Shot:
         if self._left == 0:
             time.sleep(1.0)
             raise CameraError("the camera has stopped delivering frames")
         self._left -= 1
         time.sleep(0.02)
-        return noise(self._left), time.monotonic_ns()
+        return Shot.decoded(noise(self._left), time.monotonic_ns())
 
 
 def test_a_hanging_camera_turns_stale_and_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -177,10 +181,10 @@ def test_a_refused_frame_ends_freshness_at_once(monkeypatch: pytest.MonkeyPatch)
     black = threading.Event()
 
     class TurningBlack(HangingSource):
-        def read(self) -> tuple[np.ndarray, int]:
+        def read(self) -> Shot:
             time.sleep(0.01)
             picture = np.zeros((48, 64, 3), np.uint8) if black.is_set() else noise(time.time_ns())
-            return picture, time.monotonic_ns()
+            return Shot.decoded(picture, time.monotonic_ns())
 
     monkeypatch.setattr(camera_module, "frame_source", lambda _: TurningBlack())
     with CaptureThread(Camera(source="0")) as capture:
@@ -194,3 +198,112 @@ def test_a_refused_frame_ends_freshness_at_once(monkeypatch: pytest.MonkeyPatch)
         assert fault is not None
         assert fault.kind == "camera-black"
         assert capture.latest() is None
+
+
+class Encoded:
+    """A camera whose pictures have to be decoded, a frame every 33 ms of its own time."""
+
+    def __init__(self, **settings: Any) -> None:
+        self.capture = CaptureThread(Camera(source="http://camera/stream", **settings))
+        self.decoded: list[int] = []
+        self._shots: list[Shot] = []
+        self._frames = 0
+
+    def read(self) -> Shot:
+        return self._shots.pop()
+
+    def sends(self, picture: np.ndarray | None = None, *, shape: tuple[int, ...] = ()) -> None:
+        """One frame, of noise if no picture is given; damaged if it is an empty one."""
+        number = self._frames
+        self._frames += 1
+        shown = noise(number) if picture is None else picture
+
+        def decode() -> np.ndarray:
+            self.decoded.append(number)
+            if not shown.size:
+                raise JpegError("it cannot be decoded")
+            return shown
+
+        shot = Shot(shape or (48, 64, 3), (number + 100) * 33 * MILLISECOND, decode)
+        self._shots.append(shot)
+        self.capture._take(cast(FrameSource, self))  # pyright: ignore[reportPrivateUsage]
+
+    @property
+    def fault(self) -> str | None:
+        found = self.capture.fault
+        return found.kind if found is not None and found.kind != "camera-stalled" else None
+
+
+def test_most_pictures_are_never_decoded() -> None:
+    camera = Encoded()
+    for _ in range(40):
+        camera.sends()
+    assert camera.decoded == list(range(0, 40, 4))
+    assert camera.capture.interval_ns == 33 * MILLISECOND
+
+
+def test_the_picture_that_is_decided_on_is_decoded_once() -> None:
+    camera = Encoded()
+    for _ in range(3):
+        camera.sends()
+    for _ in range(2):
+        frame = camera.capture.latest()
+        assert frame is not None
+        assert np.array_equal(frame.picture, noise(2))
+    assert camera.decoded == [0, 2]
+
+
+BLACK = np.zeros((48, 64, 3), np.uint8)
+DAMAGED = np.zeros(0, np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("bad", "fault"),
+    [(BLACK, "camera-black"), (DAMAGED, "camera-damaged")],
+    ids=["black", "damaged"],
+)
+def test_a_bad_picture_that_was_not_decoded_yet_is_never_decided_on(
+    bad: np.ndarray, fault: str
+) -> None:
+    camera = Encoded()
+    camera.sends()
+    camera.sends(bad)
+    assert camera.decoded == [0]
+    assert camera.capture.latest() is None
+    camera.sends(bad)  # looked at, since the one before was bad
+    assert camera.fault == fault
+    camera.sends(bad)
+    assert camera.capture.latest() is None
+    camera.sends()
+    assert camera.fault is None
+    assert camera.capture.latest() is not None
+
+
+@pytest.mark.parametrize("bad", [BLACK, DAMAGED], ids=["black", "damaged"])
+def test_bad_pictures_are_found_within_133_ms_though_nobody_decides(bad: np.ndarray) -> None:
+    camera = Encoded()
+    camera.sends()
+    for _ in range(4):
+        camera.sends(bad)
+    assert camera.fault is not None
+    assert camera.capture.latest() is None
+
+
+def test_another_shape_is_found_without_decoding() -> None:
+    camera = Encoded()
+    camera.sends()
+    camera.sends(shape=(48, 32, 3))
+    assert camera.fault == "camera-wrong-shape"
+    assert camera.capture.latest() is None
+    assert camera.decoded == [0]
+
+
+def test_a_repeating_stream_is_found_though_few_pictures_are_decoded() -> None:
+    camera = Encoded(identical_frames="refuse")
+    same = noise(7)
+    for _ in range(9):
+        camera.sends(same)
+        assert camera.fault is None
+    for _ in range(4):
+        camera.sends(same)
+    assert camera.fault == "camera-frozen"

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mbot_agent.calibration import calibrated
-from mbot_agent.camera import FrameCheck
 from mbot_agent.configuration import Camera, Configuration, Intrinsics, decode, load
 from mbot_agent.doctor import examine_lens
+from mbot_agent.frame_check import FrameCheck
 from mbot_protocol.actions import MotorMap, Steps
 from mbot_protocol.errors import ConfigurationError
 

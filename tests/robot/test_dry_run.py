@@ -4,6 +4,7 @@ import base64
 import itertools
 import json
 import os
+import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -135,6 +136,16 @@ def test_a_model_that_never_answers_is_killed_within_10_s(
         dry_run(slow(5000), RATE_HZ)  # loops are refused, but this is as good as endless
     record_property("refused after s", round(time.monotonic() - began_s, 1))
     assert time.monotonic() - began_s <= 10.0
+
+
+def test_a_slow_start_leaves_a_model_its_time_and_the_bar_its_room() -> None:
+    attempt = (
+        "import resource, mbot_agent.dry_run as d; d.time.process_time = lambda: 4.7; d._limit();"
+        "print(*resource.getrlimit(resource.RLIMIT_CPU))"
+    )
+    done = subprocess.run([sys.executable, "-c", attempt], capture_output=True, check=True)
+    assert done.stdout.split() == [b"%d" % (5 + module.CPU_S)] * 2
+    assert module.TIMEOUT_S <= 7.0  # of 10
 
 
 def test_a_model_too_slow_for_the_robots_rate_is_refused() -> None:

@@ -326,6 +326,13 @@ def test_default_hostname_is_pointed_out(machine: Machine) -> None:
     assert "change robot_id" in machine.installed()
 
 
+def test_a_key_is_asked_for_until_there_is_one(machine: Machine) -> None:
+    assert "workstation keys new" in machine.installed()
+    text = machine.configuration.read_text()
+    machine.configuration.write_text(text.replace("keys = []", 'keys = ["ed25519:AAAA= anna"]'))
+    assert "workstation keys new" not in machine.installed()
+
+
 def test_a_discontent_check_does_not_undo_the_install(machine: Machine) -> None:
     machine.knows("check-fails")
     assert "mend it before the start" in machine.installed()

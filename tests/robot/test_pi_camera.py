@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from mbot_agent.configuration import Camera
-from mbot_agent.frame_sources import SENSOR_MODE, CameraError, PiCameraSource
+from mbot_agent.pi_camera_source import SENSOR_MODE, PiCameraSource
+from mbot_agent.source_contract import CameraError
 
 
 class StandInRequest:
@@ -84,9 +85,9 @@ def test_the_full_view_mode_is_pinned_and_the_colour_order_asked_for() -> None:
 
 def test_frames_carry_the_sensors_time_on_our_clock_and_are_given_back() -> None:
     with PiCameraSource(Camera()) as source:
-        picture, captured_ns = source.read()
-        age_ms = (time.monotonic_ns() - captured_ns) / 1e6
-    assert picture.shape == (240, 320, 3)
+        shot = source.read()
+        age_ms = (time.monotonic_ns() - shot.captured_ns) / 1e6
+    assert shot.picture().shape == (240, 320, 3)
     assert 49 <= age_ms < 2000
     assert StandIn.newest.requests[0].released
 

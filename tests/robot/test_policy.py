@@ -78,7 +78,8 @@ import mbot_agent.daemon, mbot_agent.control_loop, mbot_agent.link, mbot_agent.m
 import os
 assert os.environ["ORT_DISABLE_TELEMETRY"] == "1"
 assert os.environ["OPENBLAS_NUM_THREADS"] == "1"
-heavy = {"torch", "mujoco", "gymnasium", "onnx", "mbot_workstation", "rich", "typer"}
+heavy = {"cryptography", "http.client", "ssl", "torch", "mujoco", "gymnasium", "onnx"}
+heavy |= {"mbot_workstation", "rich", "typer"}
 print(sorted(heavy & set(sys.modules)))
 """
 

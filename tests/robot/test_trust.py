@@ -208,6 +208,31 @@ def test_a_model_whose_key_is_removed_is_not_loaded_any_more(tmp_path: Path) -> 
     assert Robot(tmp_path, trust=BOTH).active == "new"
 
 
+@pytest.mark.parametrize("allow_unsigned", [False, True])
+def test_a_copied_card_does_not_drive_another_robot(robot: Robot, allow_unsigned: bool) -> None:
+    assert robot.push(NEW).accepted
+    trust = Trust((KEY.public.line,), allow_unsigned=allow_unsigned)
+    other = Robot(robot.directory, trust=trust, robot_id="other")
+    assert (other.active, other.used) == ("", [])
+    assert other.notices[-1].kind == "model-unusable"
+    assert other.notices[-1].detail == (
+        f"new {digest(NEW)[:12]} cannot be used: the model is signed for robot 'mbot-1', this one "
+        "is 'other': push it to this one"
+    )
+    reply = other.activate(digest(OLD)[:8])
+    assert not reply.accepted
+    assert "signed for robot 'mbot-1'" in reply.reason
+    assert Robot(robot.directory).active == "new"
+
+
+def test_a_robot_with_another_name_drives_again_after_a_push(robot: Robot) -> None:
+    renamed = Robot(robot.directory, robot_id="other")
+    reply = renamed.push(OLD)
+    assert reply.accepted, reply.reason
+    assert (renamed.active, renamed.notices) == ("old", ())
+    assert Robot(robot.directory, robot_id="other").active == "old"
+
+
 def test_rotating_a_key_keeps_the_robot_driving(tmp_path: Path) -> None:
     assert Robot(tmp_path).push(OLD).accepted
     both = Robot(tmp_path, trust=BOTH)

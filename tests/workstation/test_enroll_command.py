@@ -4,9 +4,12 @@ import json
 import os
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
+
+from mbot_workstation.key_folder import KeyFolder
 
 WORKSTATION = (sys.executable, "-c", "from mbot_workstation.main import main; main()", "enroll")
 
@@ -73,6 +76,20 @@ def test_from_the_first_robot_to_a_colleague(desk: Desk, tmp_path: Path) -> None
     assert "robot mbot-1" in gone
     assert "max is off the roll; until the above is copied, its certificate is let in" in gone
     assert "nothing to do" in desk.said("--renew")
+
+
+def test_whose_models_a_robot_shall_take_is_said_with_it(desk: Desk) -> None:
+    first = desk.said("mbot-1")
+    assert "you have none: `workstation keys new` makes one" in first
+    keys = KeyFolder(desk.fleet.parent / "keys")
+    lines = [keys.new("lab").line, keys.new("rosa").line]
+    _, _, toml = desk.said("mbot-1").partition("/etc/mbot-agent/config.toml:\n")
+    assert tomllib.loads(toml.partition("Then:")[0]) == {"trust": {"keys": lines}}
+    (keys.path / "lab.pub").write_text("rubbish")
+    broken = desk.said("mbot-1")
+    assert "yours cannot be shown: " in broken
+    assert broken.endswith("Then: workstation robots --robot mbot-1\n")
+    assert "keys it trusts" not in desk.said("--revoke", "mbot-1")
 
 
 def test_a_router_is_told_who_runs_it(desk: Desk) -> None:

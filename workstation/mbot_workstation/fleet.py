@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from mbot_protocol.errors import MbotError, UnreachableError
-from mbot_protocol.v1.messages_pb2 import Status
+from mbot_protocol.v1.messages_pb2 import MotorMap, Status
 from mbot_workstation.address import Endpoint
 from mbot_workstation.destination import Destination
 from mbot_workstation.link_security import LinkSecurity
@@ -51,10 +51,20 @@ class RobotReport:
             "missed_ticks": status.missed_ticks if known else None,
             "board_version": status.board_version or None,
             "board_has_deadman": status.board_has_deadman if known else None,
+            "left_motor": _motor_fields(status.left_motor),
+            "right_motor": _motor_fields(status.right_motor),
             "camera": status.camera or None,
             "software_version": status.software_version or None,
             "error": self.error or None,
         }
+
+
+def _motor_fields(motor: MotorMap) -> dict[str, object] | None:
+    """As the robot drives it now; None where it does not say, as before that was asked of it."""
+    if not motor.trim:
+        return None
+    trim = round(motor.trim, 6)
+    return {"reversed": motor.reversed, "trim": trim, "dead_band": motor.dead_band}
 
 
 def look_around(destinations: Sequence[Destination]) -> list[RobotReport]:

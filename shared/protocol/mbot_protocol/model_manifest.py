@@ -13,6 +13,7 @@ import msgspec
 from msgspec import Meta, Struct
 
 from mbot_protocol.actions import STEP_LIMIT
+from mbot_protocol.ed25519 import SIGNATURE_BYTES, is_genuine
 from mbot_protocol.errors import NewerSchemaError, RefusedError
 from mbot_protocol.policy_contract import (
     ACTION_SHAPE,
@@ -32,7 +33,6 @@ MANIFEST_VERSION = 1
 LARGEST_MANIFEST_BYTES = 2048
 """Ours have about 410."""
 
-SIGNATURE_BYTES = 64
 NONCE_BYTES = 16
 
 ACTION_MAP = f"left,right in -1..1 to -{STEP_LIMIT}..{STEP_LIMIT} motor steps"
@@ -172,9 +172,6 @@ def verify(signed: SignedManifest, trusted: Sequence[PublicKey]) -> PublicKey:
             not that key's.
 
     """
-    from cryptography.exceptions import InvalidSignature
-    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
-
     parts: tuple[tuple[str, Any, int, int], ...] = (
         ("manifest", signed.manifest, 1, LARGEST_MANIFEST_BYTES),
         ("signature", signed.signature, SIGNATURE_BYTES, SIGNATURE_BYTES),
@@ -189,12 +186,8 @@ def verify(signed: SignedManifest, trusted: Sequence[PublicKey]) -> PublicKey:
         raise RefusedError(
             f"the model is signed by ed25519:{shown}, which is not among this robot's [trust] keys"
         )
-    try:
-        Ed25519PublicKey.from_public_bytes(key.raw).verify(
-            signed.signature, _DOMAIN + signed.manifest
-        )
-    except InvalidSignature:
+    if not is_genuine(key.raw, signed.signature, _DOMAIN + signed.manifest):
         raise RefusedError(
             f"the signature is not {key.name}'s: the manifest was changed, or the key is another"
-        ) from None
+        )
     return key

@@ -8,9 +8,9 @@ import binascii
 import re
 from dataclasses import dataclass
 
+from mbot_protocol.ed25519 import PUBLIC_KEY_BYTES
 from mbot_protocol.errors import ConfigurationError
 
-PUBLIC_KEY_BYTES = 32
 _KIND = "ed25519:"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.@-]{0,47}")
 

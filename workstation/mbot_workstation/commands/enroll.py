@@ -132,6 +132,7 @@ def enroll(
     if revoke is not None:
         print(f"{revoke} is off the roll; until the above is copied, its certificate is let in")
     elif name and not router:
+        print("\n".join(_advice_on_keys()))
         print(f"Then: workstation robots --robot {name}")
 
 
@@ -219,6 +220,30 @@ def _instructions(h: "HandOver", roll: "Roll") -> list[str]:
         f"{h.kind.value} {h.name}: certificate until {expires:%Y-%m-%d}; copy it there by",
         copy,
         f"  ssh -t USER@{h.host} 'sudo tar -xf {file} -C / && rm {file} && {then}'",
+    ]
+
+
+def _advice_on_keys() -> list[str]:
+    """Whose models the robot shall take: its owner's word, so it is said and not sent along."""
+    import json
+
+    from mbot_protocol.errors import ConfigurationError
+    from mbot_workstation.key_folder import KeyFolder
+
+    try:
+        lines = [key.line for key in KeyFolder().public_keys()]
+    except ConfigurationError as error:
+        return [f"It takes models only from keys it trusts; yours cannot be shown: {error}"]
+    if not lines:
+        return [
+            "It takes models only from keys it trusts, and you have none: `workstation keys new` "
+            "makes one",
+            "  and prints the line for [trust] keys in its /etc/mbot-agent/config.toml",
+        ]
+    return [
+        "It takes models only from keys it trusts; for yours, in its /etc/mbot-agent/config.toml:",
+        "  [trust]",
+        f"  keys = {json.dumps(lines)}",
     ]
 
 

@@ -109,7 +109,7 @@ class Decision(_message.Message):
     def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., sequence: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., faults: _Optional[_Iterable[_Union[Fault, _Mapping[str, object]]]] = ..., unix_time_ns: _Optional[int] = ..., captured_monotonic_ns: _Optional[int] = ..., due_monotonic_ns: _Optional[int] = ..., started_monotonic_ns: _Optional[int] = ..., observed_monotonic_ns: _Optional[int] = ..., decided_monotonic_ns: _Optional[int] = ..., written_monotonic_ns: _Optional[int] = ..., acknowledged_monotonic_ns: _Optional[int] = ..., action: _Optional[_Union[Wheels, _Mapping[str, object]]] = ..., steps: _Optional[_Union[Steps, _Mapping[str, object]]] = ..., board_m1: _Optional[int] = ..., board_m2: _Optional[int] = ..., model_sha256: _Optional[str] = ..., missed_ticks: _Optional[int] = ..., cpu_temperature_c: _Optional[float] = ..., load_1min: _Optional[float] = ..., resident_memory_bytes: _Optional[int] = ..., dropped_records: _Optional[int] = ..., notices: _Optional[_Iterable[_Union[Notice, _Mapping[str, object]]]] = ...) -> None: ...
 
 class Status(_message.Message):
-    __slots__ = ("schema_version", "robot_id", "session_id", "now_monotonic_ns", "state", "faults", "software_version", "board_version", "board_has_deadman", "decision_rate_hz", "active_model", "missed_ticks", "decisions", "camera", "notices", "trusted_keys", "accepts_unsigned_models")
+    __slots__ = ("schema_version", "robot_id", "session_id", "now_monotonic_ns", "state", "faults", "software_version", "board_version", "board_has_deadman", "decision_rate_hz", "active_model", "missed_ticks", "decisions", "camera", "notices", "trusted_keys", "accepts_unsigned_models", "left_motor", "right_motor")
     SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
     ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
     SESSION_ID_FIELD_NUMBER: _ClassVar[int]
@@ -127,6 +127,8 @@ class Status(_message.Message):
     NOTICES_FIELD_NUMBER: _ClassVar[int]
     TRUSTED_KEYS_FIELD_NUMBER: _ClassVar[int]
     ACCEPTS_UNSIGNED_MODELS_FIELD_NUMBER: _ClassVar[int]
+    LEFT_MOTOR_FIELD_NUMBER: _ClassVar[int]
+    RIGHT_MOTOR_FIELD_NUMBER: _ClassVar[int]
     schema_version: int
     robot_id: str
     session_id: int
@@ -144,7 +146,19 @@ class Status(_message.Message):
     notices: _containers.RepeatedCompositeFieldContainer[Notice]
     trusted_keys: _containers.RepeatedScalarFieldContainer[str]
     accepts_unsigned_models: bool
-    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., now_monotonic_ns: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., faults: _Optional[_Iterable[_Union[Fault, _Mapping[str, object]]]] = ..., software_version: _Optional[str] = ..., board_version: _Optional[str] = ..., board_has_deadman: bool = ..., decision_rate_hz: _Optional[float] = ..., active_model: _Optional[_Union[Model, _Mapping[str, object]]] = ..., missed_ticks: _Optional[int] = ..., decisions: _Optional[int] = ..., camera: _Optional[str] = ..., notices: _Optional[_Iterable[_Union[Notice, _Mapping[str, object]]]] = ..., trusted_keys: _Optional[_Iterable[str]] = ..., accepts_unsigned_models: bool = ...) -> None: ...
+    left_motor: MotorMap
+    right_motor: MotorMap
+    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., now_monotonic_ns: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., faults: _Optional[_Iterable[_Union[Fault, _Mapping[str, object]]]] = ..., software_version: _Optional[str] = ..., board_version: _Optional[str] = ..., board_has_deadman: bool = ..., decision_rate_hz: _Optional[float] = ..., active_model: _Optional[_Union[Model, _Mapping[str, object]]] = ..., missed_ticks: _Optional[int] = ..., decisions: _Optional[int] = ..., camera: _Optional[str] = ..., notices: _Optional[_Iterable[_Union[Notice, _Mapping[str, object]]]] = ..., trusted_keys: _Optional[_Iterable[str]] = ..., accepts_unsigned_models: bool = ..., left_motor: _Optional[_Union[MotorMap, _Mapping[str, object]]] = ..., right_motor: _Optional[_Union[MotorMap, _Mapping[str, object]]] = ...) -> None: ...
+
+class MotorMap(_message.Message):
+    __slots__ = ("reversed", "trim", "dead_band")
+    REVERSED_FIELD_NUMBER: _ClassVar[int]
+    TRIM_FIELD_NUMBER: _ClassVar[int]
+    DEAD_BAND_FIELD_NUMBER: _ClassVar[int]
+    reversed: bool
+    trim: float
+    dead_band: int
+    def __init__(self, reversed: bool = ..., trim: _Optional[float] = ..., dead_band: _Optional[int] = ...) -> None: ...
 
 class Command(_message.Message):
     __slots__ = ("schema_version", "robot_id", "session_id", "expires_monotonic_ns", "run", "stop", "drive")
