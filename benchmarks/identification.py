@@ -1,13 +1,7 @@
 """How well robots are identified, and how long it takes.
 
-    python benchmarks/identification.py [--truth NAME]... [--random N] [--repetitions 10] [--json]
-
-Eight manoeuvres of 10 s, ten repetitions, half of them fitted. The robots are made by a planar
-simulator that is not MuJoCo (tests/workstation/planar_robot.py): curved dead bands, Coulomb
-friction in motors and caster, tyres that creep and slide, motors that scatter from run to run and
-wander within each. The tracker: 4 mm and 0.3 degrees of noise, 90 Hz with jitter, losses, gaps and
-outliers, off-centre, tilted, over a floor that is not level, with a clock of its own. "mujoco" is
-a truth from our own model.
+python benchmarks/identification.py [--truth NAME]... [--random N] [--repetitions 10]
+    [--json] [-o docs/results/identification.md]
 """
 
 import argparse
@@ -15,6 +9,7 @@ import dataclasses
 import json
 import os
 import resource
+import shlex
 import sys
 import time
 from pathlib import Path
@@ -23,6 +18,8 @@ from typing import Any
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # for the truths in tests/
+
+from identification_page import page
 
 from mbot_protocol.actions import WheelMaps
 from mbot_workstation.identification.estimate import Identification
@@ -36,6 +33,15 @@ from mbot_workstation.simulation.robot_parameters import RobotParameters
 from tests.workstation.mujoco_truth import record_simulated
 from tests.workstation.planar_robot import PlanarRobot, Session, record
 
+ABOUT = """\
+Eight manoeuvres of 10 s, ten repetitions, half of them fitted. The robots are made by a planar
+simulator that is not MuJoCo (tests/workstation/planar_robot.py): curved dead bands, Coulomb
+friction in motors and caster, tyres that creep and slide, motors that scatter from run to run and
+wander within each. The tracker: 4 mm and 0.3 degrees of noise, 90 Hz with jitter, losses, gaps and
+outliers, off-centre, tilted, over a floor that is not level, with a clock of its own. "mujoco" is
+a truth from our own model.
+"""
+
 PLANAR = {
     "planar": PlanarRobot(),
     "weak right motor": PlanarRobot(top_speed=(0.43, 0.215)),
@@ -45,6 +51,8 @@ PLANAR = {
     "wide track": PlanarRobot(track=0.135, inertia=0.005),
     "little friction": PlanarRobot(friction=(0.002, 0.002), drag=0.03, threshold=(0.2, 0.2)),
     "uneven days": PlanarRobot(repeat=0.015, wander=0.015),
+    "weaker backward": PlanarRobot(backward=(0.985, 0.975)),
+    "late": PlanarRobot(delay=0.2),
 }
 
 MUJOCO = with_values(
@@ -205,6 +213,7 @@ def main() -> None:
     parser.add_argument("--repetitions", type=int, default=10)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", action="store_true")
+    parser.add_argument("-o", "--output", type=Path, help="write the tables to this file")
     options = parser.parse_args()
     truths = {name: PLANAR[name] for name in options.truth or PLANAR if name in PLANAR}
     truths |= {f"random {seed}": random_truth(seed) for seed in range(options.random)}
@@ -212,16 +221,21 @@ def main() -> None:
     results: dict[str, dict[str, Any]] = {}
     if not options.json:
         print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
+
+    def keep(name: str, result: dict[str, Any]) -> None:
+        results[name] = result
+        if options.output is not None:  # each time, lest an hour's work be lost
+            command = shlex.join(["python", "benchmarks/identification.py", *sys.argv[1:]])
+            options.output.write_text(page(results, command, ABOUT))
+        if not options.json:
+            _show(name, result)
+
     for name, truth in truths.items():
         recording = record(truth, session, seed=options.seed)
-        results[name] = measure(recording, planar_rates(truth), truth.track)
-        if not options.json:
-            _show(name, results[name])
+        keep(name, measure(recording, planar_rates(truth), truth.track))
     if options.truth is None or "mujoco" in options.truth:
         recording = record_simulated(MUJOCO, session, seed=options.seed)
-        results["mujoco"] = measure(recording, simulated_rates(MUJOCO), MUJOCO.track_m)
-        if not options.json:
-            _show("mujoco", results["mujoco"])
+        keep("mujoco", measure(recording, simulated_rates(MUJOCO), MUJOCO.track_m))
     if options.json:
         print(json.dumps(results))
     else:

@@ -31,6 +31,7 @@ class PlanarRobot:
         lag: time constant of a wheel that drives its half of the robot [s].
         threshold: duty below which the motor does not turn.
         bend: exponent of the working duty; 1 would be the fitted model's straight line.
+        backward: strength of a motor that turns backward, as a share.
         friction: Coulomb friction, as the rim speed it costs [m/s].
         mass, inertia: [kg], [kg m2].
         track: between the wheels [m].
@@ -48,6 +49,7 @@ class PlanarRobot:
     lag: tuple[float, float] = (0.11, 0.12)
     threshold: tuple[float, float] = (0.17, 0.20)
     bend: float = 0.9
+    backward: tuple[float, float] = (1.0, 1.0)
     friction: tuple[float, float] = (0.012, 0.015)
     mass: float = 1.02
     inertia: float = 0.0035
@@ -75,6 +77,7 @@ class PlanarRobot:
         top, lag, floor = np.array(self.top_speed), np.array(self.lag), np.array(self.threshold)
         working = np.clip((np.abs(duty) - floor) / (1 - floor), 0, 1) ** self.bend
         wanted = np.sign(duty) * working * top * strength
+        wanted = wanted * np.where(duty < 0, np.array(self.backward), 1.0)
         runs, steps, _ = duty.shape
         rim_mass = 0.1 * self.mass  # of one wheel and rotor
         push = (self.mass / 2 + rim_mass) / lag  # [N s/m]

@@ -2,6 +2,7 @@
 
 import json
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -148,7 +149,7 @@ def test_commands_reach_the_wheels_a_latency_later() -> None:
             assert port.read(4)
             speeds = []
             for _ in range(round(0.1 / SLICE_S) + 2):
-                world._advance()
+                world.advance(time.monotonic())
                 speeds.append(simulation.wheel_speeds_rad_s[0])
     assert max(np.abs(speeds[:-2])) < 0.2  # a robot put down settles on its wheels
     assert speeds[-1] > 0.5

@@ -32,11 +32,12 @@ from mbot_workstation.calibration.folder import (
     write_light,
     write_motion,
 )
+from mbot_workstation.calibration.motion_ranges import NARROWINGS
 from mbot_workstation.calibration.toml_writer import write_toml
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.training.contestants import driver
-from mbot_workstation.training.effects import EFFECT_NAMES, RealWorldEffects
+from mbot_workstation.training.effects import EFFECT_NAMES, EffectRanges, RealWorldEffects
 from mbot_workstation.training.fetch_env import FetchEnv
 from mbot_workstation.training.perturbed_robot import (
     perturbed_robot,
@@ -211,6 +212,59 @@ def test_a_calibrated_lens_is_not_randomised_as_if_nobody_had_measured_it(folder
     assert read_files(folder).ranges("randomised").low.lens_k1 == PRESETS["randomised"].low.lens_k1
     assert files.ranges("distorted").low.lens_k1 == PRESETS["distorted"].low.lens_k1
     assert TrainingConfig(calibration=files).ranges() == files.ranges("randomised")
+
+
+def test_identified_motors_are_not_randomised_as_if_nobody_had_driven_them(folder: Path) -> None:
+    usual = preset("randomised", read_files(folder).effects)
+    known = {
+        "left_motor.gain": Interval(1.055, 1.065),
+        "right_motor.gain": Interval(0.90, 0.98),
+        "left_motor.time_constant_ms": Interval(88.0, 92.0),
+        "right_motor.time_constant_ms": Interval(108.0, 112.0),
+        "left_motor.dead_band": Interval(53.0, 55.0),
+        "track_m": Interval(0.1160, 0.1180),
+    }
+    write_motion(folder, msgspec.structs.replace(MOTION, intervals=known))
+    found = read_files(folder).ranges("randomised")
+
+    def ends(name: str, ranges: EffectRanges = found) -> tuple[float, float]:
+        return getattr(ranges.low, name), getattr(ranges.high, name)
+
+    assert ends("left_gain") == pytest.approx((1.06 * 0.96, 1.06 * 1.04))  # as far as gains wander
+    # Three times an interval that is wide, though no wider than the preset.
+    reach = 3 * 0.04 / 0.94
+    assert ends("right_gain") == pytest.approx((0.94 * (1 - reach), ends("right_gain", usual)[1]))
+    assert ends("speed_scale") == pytest.approx((1 - reach, ends("speed_scale", usual)[1]))
+    assert ends("time_constant_ms") == pytest.approx((85, 115))
+    assert ends("track_scale") == pytest.approx((1 - 3 / 117, 1 + 3 / 117))
+    # Of one motor only, and of none.
+    for name in ("dead_band", "wheel_radius_scale", "friction_scale"):
+        assert ends(name) == ends(name, usual)
+    assert read_files(folder).ranges("handicap") == preset("handicap", read_files(folder).effects)
+
+
+@given(
+    st.floats(0.06, 2.9),
+    st.floats(0, 1),
+    st.dictionaries(
+        st.sampled_from([key for one in NARROWINGS for key in one.keys]),
+        st.tuples(st.floats(-1, 300), st.floats(0, 500)).map(lambda i: Interval(i[0], i[0] + i[1])),
+    ),
+)
+def test_ranges_only_ever_become_narrower_and_keep_the_robot(
+    gain: float, share: float, intervals: dict[str, Interval]
+) -> None:
+    motor = msgspec.structs.replace(
+        MOTION.left_motor, gain=gain, dead_band=200 * share, time_constant_ms=5 + 1900 * share
+    )
+    motion = msgspec.structs.replace(MOTION, left_motor=motor, intervals=intervals)
+    files = CalibrationFiles(motion=motion)
+    usual, found = preset("randomised", files.effects), files.ranges("randomised")
+    for name in EFFECT_NAMES:
+        low, high = getattr(found.low, name), getattr(found.high, name)
+        assert getattr(usual.low, name) <= low <= high <= getattr(usual.high, name)
+        if any(one.effect == name for one in NARROWINGS):
+            assert low <= getattr(files.effects, name) <= high
 
 
 def test_a_shifted_range_never_leaves_what_can_be() -> None:

@@ -12,6 +12,7 @@ from mbot_workstation.identification.estimate import Identification
 from mbot_workstation.identification.identify import identify
 from mbot_workstation.identification.motion_file import motion_calibration, straight_maps
 from mbot_workstation.identification.parameters import with_values
+from mbot_workstation.identification.report import backward_lines, error_lines
 from mbot_workstation.identification.run_simulation import simulate_run
 from mbot_workstation.recordings.run import CommandSeries, Recording, Run
 from mbot_workstation.recordings.track import Array, Track
@@ -124,6 +125,37 @@ def test_what_full_speed_cannot_tell_keeps_its_value_and_says_why(found: Identif
         assert one.high is not None
         assert one.low < one.value < one.high
     assert min(found.singular_values) > 3
+
+
+def test_errors_of_heading_are_told_in_plain_words(found: Identification) -> None:
+    assert all(
+        abs(error.turned_rad) > 10
+        for error in found.errors
+        if "neutral" not in error.maneuver
+        and error.maneuver not in {"forward-forward", "backward-backward"}
+    )
+    calm = replace(found, scatter=replace(found.scatter, moment_s=0.0005))
+    (line,) = error_lines(calm)
+    assert "% of the angle turned, before" in line
+    _, why = error_lines(replace(found, scatter=replace(found.scatter, moment_s=0.02)))
+    assert why.startswith("runs begin 20 ms (standard deviation) sooner or later")
+    straight = [error for error in found.errors if abs(error.turned_rad) < 3]
+    assert error_lines(replace(found, errors=tuple(straight))) == []
+
+
+def test_motors_that_are_weaker_backward_spoil_nothing_and_are_named() -> None:
+    truth = replace(TRUTH, backward=(0.98, 0.95), repeat=0.001)
+    found = identify([record(truth, SHORT, seed=6)], RobotParameters(), robot_id="one way")
+    for direction in (1, -1):
+        speed, _, lag_s = simulated_rates(found.robot, direction, direction)
+        # One strength for both directions is in the middle.
+        assert speed == pytest.approx(truth.steady(direction, direction)[0], rel=0.03)
+        assert lag_s == pytest.approx(true_lag_s(truth, direction, direction), rel=0.15)
+    assert found.robot.track_m == pytest.approx(truth.track, rel=0.03)
+    left, right = found.backward
+    assert left == pytest.approx(-0.02, abs=0.01)
+    assert right == pytest.approx(-0.05, abs=0.01)
+    assert "backward the right motor is" in backward_lines(found)[-1]
 
 
 def test_the_trim_drives_straight(found: Identification) -> None:

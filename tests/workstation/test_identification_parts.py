@@ -29,6 +29,7 @@ from mbot_workstation.identification.run_simulation import (
     simulate_run,
     wheel_volts,
 )
+from mbot_workstation.identification.run_slopes import slopes
 from mbot_workstation.identification.run_terms import OWN, SETTING
 from mbot_workstation.identification.run_view import RunView, simulate_views
 from mbot_workstation.identification.selection import select
@@ -307,20 +308,20 @@ def test_slopes_are_those_of_the_residual(recording: Recording) -> None:
     pose = view.begin(path, setting)
     (twists,) = Manoeuvres([view]).twists(ROBOT, names)
     residual = view.residual(path, setting, pose, deviation)
-    slopes = view.slopes(path, twists, residual, setting, pose, deviation)
-    assert slopes.common.shape == (len(names) + len(SETTING), 3, residual.value.shape[1])
+    found = slopes(view, path, twists, residual, setting, pose, deviation)
+    assert found.common.shape == (len(names) + len(SETTING), 3, residual.value.shape[1])
 
-    def check(found: Array, change: Callable[[float], Array], step: float, exact: float) -> None:
+    def check(slope: Array, change: Callable[[float], Array], step: float, exact: float) -> None:
         wanted = -(change(step) - change(-step)) / (2 * step)
         size = np.abs(wanted).max(axis=1, keepdims=True) + 1e-9
         # All but some bins, in which a sample's weight changes as well.
-        assert np.quantile(np.abs((found - wanted) / size), 0.9) < exact
+        assert np.quantile(np.abs((slope - wanted) / size), 0.9) < exact
 
     for row, name in enumerate(names):
         step = 0.02 * BY_NAME[name].spread
         here = value(ROBOT, name)
         check(
-            slopes.common[row],
+            found.common[row],
             lambda d, name=name, here=here: measured(
                 with_values(ROBOT, {name: here + d}), setting, pose, deviation
             ),
@@ -330,7 +331,7 @@ def test_slopes_are_those_of_the_residual(recording: Recording) -> None:
     for row in range(len(SETTING)):
         unit = np.eye(len(SETTING))[row]
         check(
-            slopes.common[len(names) + row],
+            found.common[len(names) + row],
             lambda d, unit=unit: measured(ROBOT, setting + d * unit, pose, deviation),
             1e-3 if row != 1 else 1e-5,
             0.1,
@@ -338,7 +339,7 @@ def test_slopes_are_those_of_the_residual(recording: Recording) -> None:
     for row in range(3):
         unit = np.eye(3)[row]
         check(
-            slopes.pose[row],
+            found.pose[row],
             lambda d, unit=unit: measured(ROBOT, setting, pose + d * unit, deviation),
             1e-4,
             0.1,
@@ -346,14 +347,14 @@ def test_slopes_are_those_of_the_residual(recording: Recording) -> None:
     for row in range(len(OWN)):
         unit = np.eye(view.deviations)[row]
         check(
-            slopes.own[row],
+            found.own[row],
             lambda d, unit=unit: measured(ROBOT, setting, pose, deviation + d * unit),
             1e-3,
             0.1,
         )
     in_first_second = np.eye(view.deviations)[len(OWN)]
     check(
-        slopes.own[len(OWN)],
+        found.own[len(OWN)],
         lambda d: measured(ROBOT, setting, pose, deviation + d * in_first_second),
         1e-3,
         0.2,  # a piece's end is smeared over a time constant
@@ -395,6 +396,21 @@ def test_singular_values_decide_what_is_fitted() -> None:
     columns[:, 2] *= 400
     weak = select(_information(columns), _information(columns).names)
     assert "too little" in weak.undetermined["track_m"]
+
+
+def test_what_is_far_from_usual_is_not_put_back() -> None:
+    rng = np.random.default_rng(0)
+    columns = rng.normal(0, 5, (40, 4))
+    columns[:, 2] *= 0.05
+    everything = _information(columns)
+    assert "track_m" in select(everything, everything.names).undetermined
+    near, far = (
+        select(everything, everything.names, {"track_m": spreads * BY_NAME["track_m"].spread})
+        for spreads in (-1.0, -4.0)
+    )
+    assert "track_m" in near.undetermined
+    assert "track_m" not in far.undetermined
+    assert set(far.names) == set(everything.names)
 
 
 # Halves

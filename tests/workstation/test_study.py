@@ -7,14 +7,23 @@ import typer
 from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.calibration.folder import CalibrationFiles, read_files, write_motion
 from mbot_workstation.commands.study import NAMES, TOLERANCE, study
 from mbot_workstation.training.evaluate import EpisodeResult, Trial, score
 from mbot_workstation.training.evaluation_report import Line
 from mbot_workstation.training.lessons import lesson
 from mbot_workstation.training.presets import NOMINAL
 from mbot_workstation.training.study import run_study
-from mbot_workstation.training.study_plans import DEVIATIONS, PAIRS, STUDIES, deviating
+from mbot_workstation.training.study_plans import (
+    DEVIATIONS,
+    PAIRS,
+    STUDIES,
+    deviating,
+    study_plan,
+)
 from mbot_workstation.training.tolerance_map import ToleranceMap
+
+from .calibrations import LIGHT, MOTION
 
 
 def invoke(*arguments: str) -> str:
@@ -39,7 +48,7 @@ def test_nominal_values_of_deviations_are_the_nominal_robot() -> None:
 
 
 def test_latency_is_counted_from_picture_to_wheels() -> None:
-    for condition in STUDIES["latency"].conditions:
+    for condition in study_plan("latency").conditions:
         effects = condition.effects.low
         assert effects.camera_latency_ms == condition.value
         assert effects.action_latency_ms + effects.action_jitter_ms + effects.frame_interval_ms == 0
@@ -61,7 +70,7 @@ def test_a_study_becomes_a_page_and_a_picture(tmp_path: Path) -> None:
     options = ["oracle", "--lesson", "1", "--episodes", "1", "-o", str(tmp_path)]
     assert invoke("handicap", *options) == f"wrote {tmp_path / 'handicap.md'}\n"
     page = (tmp_path / "handicap.md").read_text()
-    for condition in STUDIES["handicap"].conditions:
+    for condition in study_plan("handicap").conditions:
         assert f"| {condition.label} | oracle |" in page
     assert cv2.imread(str(tmp_path / "handicap.png")) is not None
     invoke(TOLERANCE, *options, "--pair", "track_scale:fov_scale", "--cells", "2")
@@ -69,6 +78,50 @@ def test_a_study_becomes_a_page_and_a_picture(tmp_path: Path) -> None:
     assert "## track_scale and fov_scale" in page
     assert "| **1.3** |" in page
     assert cv2.imread(str(tmp_path / "tolerance.png")) is not None
+
+
+def test_studies_are_made_around_a_calibrated_robot(tmp_path: Path) -> None:
+    files = CalibrationFiles(motion=MOTION, light=LIGHT)
+    left, right = study_plan("handicap", files.ranges).conditions[1:]
+    assert (left.effects.low.left_gain, left.effects.low.right_gain) == (1.06 / 2, 0.94)
+    assert (right.effects.low.left_gain, right.effects.low.right_gain) == (1.06, 0.94 / 2)
+    for condition in study_plan("latency", files.ranges).conditions:
+        assert condition.effects.low.camera_latency_ms == condition.value
+        assert condition.effects.low.action_latency_ms == 0
+        assert condition.effects.low.left_gain == 1.06
+    uneven, *_ = (c for c in study_plan("robots", files.ranges).conditions if c.label == "uneven")
+    assert uneven.effects == files.ranges("uneven")
+    robot = files.ranges("nominal")
+    nominal = {name: deviation.nominal for name, deviation in DEVIATIONS.items()}
+    assert deviating(nominal, robot) == robot
+    (cell, *_) = ToleranceMap.of("exposure_gain", "fov_scale", 3).conditions(robot)
+    assert cell.effects.low.exposure_gain == pytest.approx(0.4 * 0.8)
+
+
+def test_the_command_tries_the_calibrated_robot_in_its_rooms(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "mbot-1"
+    write_motion(folder, MOTION)
+    (folder / "rooms").mkdir()
+    cv2.imwrite(str(folder / "rooms" / "kitchen.png"), np.full((64, 128, 3), 90, np.uint8))
+    tried: list[Trial] = []
+
+    def evaluate(contestant: str, trial: Trial, *_: object) -> list[EpisodeResult]:
+        tried.append(trial)
+        return [EpisodeResult(1.0, 1, 1, completed=True)]
+
+    monkeypatch.setattr("mbot_workstation.training.study.evaluate", evaluate)
+    options = ["--calibration", str(folder), "-o", str(tmp_path)]
+    invoke("handicap", "oracle", *options)
+    invoke(TOLERANCE, "oracle", *options, "--pair", "track_scale:fov_scale", "--cells", "2")
+    robot = read_files(folder).robot
+    assert all(trial.robot == robot and len(trial.rooms) == 1 for trial in tried)
+    assert {trial.preset.low.right_gain for trial in tried} == {0.94, 0.94 / 2}
+    for page in ("handicap.md", "tolerance.md"):
+        text = (tmp_path / page).read_text()
+        assert f"Nominal here is the robot of {folder}." in text
+        assert "1 photographed rooms, seed 0" in text
 
 
 def test_what_cannot_be_studied_is_named(tmp_path: Path) -> None:

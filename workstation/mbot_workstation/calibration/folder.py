@@ -23,6 +23,7 @@ from mbot_protocol.calibration import (
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.calibration.body_calibration import BODY_FILE, BodyCalibration
 from mbot_workstation.calibration.light_calibration import LIGHT_FILE, LightCalibration
+from mbot_workstation.calibration.motion_ranges import narrowed
 from mbot_workstation.calibration.toml_writer import write_toml
 from mbot_workstation.simulation.robot_parameters import (
     BoxBody,
@@ -99,16 +100,20 @@ class CalibrationFiles(Struct, frozen=True, forbid_unknown_fields=True):
         return effects
 
     def ranges(self, name: str) -> EffectRanges:
-        """A preset around this robot.
+        """A preset around this robot, without what its calibration has ruled out.
 
         Raises:
             ValueError: there is no such preset, or it can't be centred.
 
         """
         ranges = preset(name, self.effects)
-        if self.camera is None or ranges.is_fixed:
+        if ranges.is_fixed:
             return ranges
-        return ranges.changed(**CALIBRATED_LENS)
+        if self.camera is not None:
+            ranges = ranges.changed(**CALIBRATED_LENS)
+        if self.motion is not None:
+            ranges = narrowed(ranges, self.effects, self.motion)
+        return ranges
 
 
 @dataclass(frozen=True)

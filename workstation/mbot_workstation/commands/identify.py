@@ -153,6 +153,8 @@ def _show(found: "Identification", maps: "WheelMaps", written: "Sequence[str]") 
     from rich.console import Console
 
     from mbot_workstation.identification.report import (
+        backward_lines,
+        error_lines,
         error_table,
         map_lines,
         parameter_table,
@@ -171,8 +173,10 @@ def _show(found: "Identification", maps: "WheelMaps", written: "Sequence[str]") 
         console.print(f"  {line}", highlight=False, markup=False, soft_wrap=True)
     print()
     console.print(error_table(found))
+    for line in error_lines(found):
+        print(line)
     print()
-    for line in map_lines(maps.left, maps.right):
+    for line in (*map_lines(maps.left, maps.right), *backward_lines(found)):
         print(line)
     for path in written:
         print(f"wrote {path}")

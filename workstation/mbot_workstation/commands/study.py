@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.calibration_option import CalibrationOption
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from mbot_workstation.training.effects import EffectRanges
     from mbot_workstation.training.evaluation_report import Line
     from mbot_workstation.training.study import Condition
 
@@ -34,6 +36,7 @@ def study(
         typer.Option(min=1, help="For each of them under each condition; 50, or 12 for tolerance."),
     ] = None,
     lesson: Annotated[str, typer.Option(metavar="NAME", help="1 to 10, or blur.")] = "10",
+    calibration: CalibrationOption = None,
     panorama: Annotated[
         list[Path] | None,
         typer.Option(metavar="FILE", help="Room to try it in; may be given several times."),
@@ -68,13 +71,15 @@ def study(
     - `workstation study latency policy.onnx servo`
     - `workstation study blur before.onnx after.onnx -o docs/results`
     - `workstation study tolerance policy.onnx --pair track_scale:fov_scale --cells 9`
+    - `workstation study robots policy.onnx --calibration calibration/mbot-1 -o results`
     """
+    from mbot_workstation.calibration.folder import CalibrationFiles, read_files, room_pictures
     from mbot_workstation.training.evaluate import Trial
     from mbot_workstation.training.lessons import lesson as find_lesson
-    from mbot_workstation.training.presets import NOMINAL
+    from mbot_workstation.training.presets import preset
     from mbot_workstation.training.rooms import EVALUATION_ROOMS, gather_rooms
     from mbot_workstation.training.study import run_study
-    from mbot_workstation.training.study_plans import STUDIES
+    from mbot_workstation.training.study_plans import study_plan
     from mbot_workstation.training.study_report import write_report
 
     if name not in NAMES:
@@ -83,14 +88,14 @@ def study(
         stage = find_lesson(lesson)
     except ValueError as error:
         raise ConfigurationError(f"--lesson: {error}") from None
-    rooms = gather_rooms(panorama or [], 0 if panorama else 4, EVALUATION_ROOMS)
+    files = read_files(calibration) if calibration else CalibrationFiles()
+    robots = files.ranges if calibration else preset
+    panorama = [*(panorama or ()), *(room_pictures(calibration) if calibration else ())]
+    rooms = gather_rooms(panorama, 0 if panorama else 4, EVALUATION_ROOMS)
     number = episodes or (12 if name == TOLERANCE else 50)
-    trial = Trial(stage, NOMINAL, rooms, number, seed)
-    kind = "photographed" if panorama else "made-up"
-    how = (
-        f"Lesson {lesson}, {number} episodes a line, {len(rooms)} {kind} rooms never trained in, "
-        f"seed {seed}; intervals of 95 %."
-    )
+    nominal = robots("nominal")
+    trial = Trial(stage, nominal, rooms, number, seed, robot=files.robot, scene=files.scene)
+    how = _how(lesson, number, len(rooms), seed, calibration, photographed=bool(panorama))
 
     def run(conditions: "Sequence[Condition]", drivers: "Sequence[str]") -> "list[Line]":
         words = f"{name}: {len(conditions)} conditions"
@@ -101,12 +106,34 @@ def study(
         )
 
     if name == TOLERANCE:
-        page = _tolerance(run, contestants[0], pair, cells, output, how, stage.largest_reward)
+        page = _tolerance(
+            run, nominal, contestants[0], pair, cells, output, how, stage.largest_reward
+        )
     else:
-        plan = STUDIES[name]
+        plan = study_plan(name, robots)
         lines = run(plan.conditions, contestants)
         page = write_report(plan, lines, output, how, ten_objects=stage.objects == 10)
     print(f"wrote {page}")
+
+
+def _how(
+    lesson: str,
+    episodes: int,
+    rooms: int,
+    seed: int,
+    calibration: Path | None,
+    *,
+    photographed: bool,
+) -> str:
+    """How it was tried, for the page."""
+    kind = "photographed" if photographed else "made-up"
+    # A calibration's own room may be one the policy was trained in.
+    seen = "" if calibration else " never trained in"
+    robot = f" Nominal here is the robot of {calibration}." if calibration else ""
+    return (
+        f"Lesson {lesson}, {episodes} episodes a line, {rooms} {kind} rooms{seen}, seed {seed}; "
+        f"intervals of 95 %.{robot}"
+    )
 
 
 def _with_bar(
@@ -123,6 +150,7 @@ def _with_bar(
 
 def _tolerance(
     run: "Callable[[Sequence[Condition], Sequence[str]], list[Line]]",
+    robot: "EffectRanges",
     contestant: str,
     pairs: list[str] | None,
     cells: int,
@@ -130,7 +158,6 @@ def _tolerance(
     how: str,
     largest_reward: float,
 ) -> Path:
-    from mbot_workstation.training.presets import NOMINAL
     from mbot_workstation.training.study import Condition
     from mbot_workstation.training.study_plans import PAIRS
     from mbot_workstation.training.study_report import make_folder
@@ -149,9 +176,9 @@ def _tolerance(
         )
     maps = [ToleranceMap.of(across, up, cells) for across, up in names]
     make_folder(folder)
-    (nominal,) = run([Condition("nominal", NOMINAL)], [contestant])
+    (nominal,) = run([Condition("nominal", robot)], [contestant])
     reward = nominal.score.reward.mean
-    found = [(one, one.rewards(run(one.conditions(), [contestant]))) for one in maps]
+    found = [(one, one.rewards(run(one.conditions(robot), [contestant]))) for one in maps]
     picture = folder / f"{TOLERANCE}.png"
     draw_maps(found, picture, nominal_reward=reward, largest=largest_reward)
     page = folder / f"{TOLERANCE}.md"

@@ -37,6 +37,7 @@ class RunError:
         at_s: after the first command.
         before_m, after_m: distance of the axle's centre, with the parameters before and after.
         before_rad, after_rad: of the heading, whole turns counted.
+        turned_rad: by which angle the robot had turned, positive to the left.
 
     """
 
@@ -47,6 +48,7 @@ class RunError:
     after_m: float
     before_rad: float
     after_rad: float
+    turned_rad: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +71,8 @@ class Identification:
         before, robot: its parameters before and after.
         estimates: of all parameters, in the order of `PARAMETERS`.
         latency: from command to wheel [s]; undetermined unless the clocks were one.
+        backward: by which share the left and the right motor are stronger backward than forward;
+            None if it does not show. Not simulated: the model has one strength for both.
         clock_drift: of each recording's tracker against the robot's clock.
         tracker: of each recording: ahead [m], to the left [m], turned to the left [rad].
         singular_values: of the scaled Jacobian, largest first.
@@ -85,6 +89,7 @@ class Identification:
     robot: RobotParameters
     estimates: tuple[Estimate, ...]
     latency: Estimate
+    backward: tuple[float | None, float | None]
     clock_drift: tuple[float, ...]
     tracker: tuple[tuple[float, float, float], ...]
     singular_values: tuple[float, ...]

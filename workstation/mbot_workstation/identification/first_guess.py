@@ -18,14 +18,18 @@ from mbot_protocol.actions import WheelMaps, to_steps
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.identification.clock_guess import guess_clocks
 from mbot_workstation.identification.flat_track import FlatRun
+from mbot_workstation.identification.sense_checks import (
+    SLOWEST_M_S,
+    TURNS_AGAINST,
+    check_mirror,
+    check_senses,
+    check_speed,
+)
 from mbot_workstation.identification.steady_motion import SteadyPiece, steady_pieces
 from mbot_workstation.recordings.track import Array
 from mbot_workstation.simulation.motor import motor_voltage
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.virtual.mcore_firmware import duties
-
-SLOWEST_M_S, FASTEST_M_S = 0.02, 3.0
-"""Of such a robot's wheel; beyond, the unit of length or time is wrong."""
 
 TELLING = 0.05
 """Of full voltage: less does not tell what a wheel does."""
@@ -85,19 +89,19 @@ def first_guess(
         raise ConfigurationError(
             f"none of the {len(runs)} runs can be used; {runs[index].name}: {why}"
         )
-    _check_mirror(pieces)
+    check_mirror(pieces)
     told = np.array([_volt_shares(piece, robot, maps) for piece in pieces])
     turn_rate = np.array([piece.turn_rate for piece in pieces])
     velocity = np.array([piece.velocity for piece in pieces])
     if _rank(told) < 2:
         return _from_one_direction(told, turn_rate, velocity, robot, ahead_s, stray)
     right, left = (float(rate.real) for rate in _fit(told[:, ::-1] * (1, -1), turn_rate))
-    _check_senses(left, right)
+    check_senses(left, right)
     from_left, from_right = _fit(told, velocity)
     turned = complex(from_left / left + from_right / right)
     track_m, yaw = abs(turned), -cmath.phase(turned)
     place = complex(from_right / right - from_left / left) * cmath.exp(1j * yaw) / 2j
-    _check_speed(max(left, right) * track_m)
+    check_speed(max(left, right) * track_m)
     top = max(left, right)
     off = np.maximum(
         np.abs(turn_rate - told @ (-left, right)) / (2 * top),
@@ -159,7 +163,7 @@ def _from_one_direction(
     rate = float(_fit(amount[:, None], turn_rate)[0].real)
     way = complex(_fit(amount[:, None], velocity)[0])
     if rate * float(direction[1] - direction[0]) < 0 and abs(direction[1] - direction[0]) > 0.5:
-        raise ConfigurationError(_TURNS_AGAINST)
+        raise ConfigurationError(TURNS_AGAINST)
     # Taken as if the tracker sat on the axle's centre.
     forward = abs(way) * (1 if direction.sum() >= 0 else -1)
     speeds = forward - rate * robot.track_m / 2, forward + rate * robot.track_m / 2
@@ -167,42 +171,6 @@ def _from_one_direction(
         abs(speed / share) if abs(share) > TELLING else None
         for speed, share in zip(speeds, direction.tolist(), strict=True)
     )
-    _check_speed(max(left or 0, right or 0))
+    check_speed(max(left or 0, right or 0))
     yaw = -cmath.phase(way / forward) if abs(forward) > SLOWEST_M_S else 0.0
     return FirstGuess(left, right, None, 0j, yaw, ahead_s, stray)
-
-
-_TURNS_AGAINST = (
-    "the robot turns the other way than it was told, in all manoeuvres that turn: left and right "
-    "are swapped (the motors' plugs, or the columns left and right of commands.csv), both motors "
-    "run backwards, or the tracker's frame is mirrored (handedness in track.toml)"
-)
-
-
-def _check_senses(left: float, right: float) -> None:
-    if left > 0 and right > 0:
-        return
-    if left < 0 and right < 0:
-        raise ConfigurationError(_TURNS_AGAINST)
-    side = "left" if left < 0 else "right"
-    raise ConfigurationError(
-        f"the {side} motor runs against its commands: told to drive straight, the robot turns; "
-        "swap its two wires, or set `reversed` in the robot's configuration, and record again"
-    )
-
-
-def _check_mirror(pieces: Sequence[SteadyPiece]) -> None:
-    turning = [piece for piece in pieces if abs(piece.turn_rate) > 1]
-    if turning and sum(piece.mirrored for piece in turning) > len(turning) / 2:
-        raise ConfigurationError(
-            "the tracked place turns the other way than the tracked attitude: one of the two is "
-            "mirrored (an axis with the wrong sign, or the order of columns in track.toml)"
-        )
-
-
-def _check_speed(speed_m_s: float) -> None:
-    if not SLOWEST_M_S < speed_m_s < FASTEST_M_S:
-        raise ConfigurationError(
-            f"a wheel rolls at {speed_m_s:.3g} m/s at full command, expected about 0.4: are the "
-            "tracks in metres and seconds? (position_unit and time_unit in track.toml)"
-        )

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mbot_workstation.identification.estimate import Repeatability, RunError
-from mbot_workstation.identification.linearisation import simulate_views
-from mbot_workstation.identification.run_view import RunView
+from mbot_workstation.identification.run_view import RunView, simulate_views
 from mbot_workstation.recordings.track import Array
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 
@@ -54,8 +53,10 @@ def errors(
         at_s = min(AT_S, view.covered_s[1])
         old_m, old_rad = view.end_error(old_path, setting, at_s)
         new_m, new_rad = view.end_error(new_path, setting, at_s)
+        _, turned_rad = view.end(setting, at_s)
+        run = view.flat.run
         result.append(
-            RunError(view.flat.name, view.flat.run.maneuver, at_s, old_m, new_m, old_rad, new_rad)
+            RunError(view.flat.name, run.maneuver, at_s, old_m, new_m, old_rad, new_rad, turned_rad)
         )
     return tuple(result)
 

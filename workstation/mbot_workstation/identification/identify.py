@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.identification.conclusions import estimates, latency
+from mbot_workstation.identification.conclusions import backward_shares, estimates, latency
 from mbot_workstation.identification.estimate import Identification
 from mbot_workstation.identification.friction import (
     DRY_NAME,
@@ -58,7 +58,7 @@ def identify(
     prepared = prepare(recordings, nominal, same_clock=same_clock)
     fitted, held = _split(prepared.views)
     bar = _Bar(advance, small=len(_small(fitted)), full=len(fitted))
-    small, selection, finding = _choose(_small(fitted), prepared, bar)
+    small, selection, finding = _choose(_small(fitted), prepared, nominal, bar)
     left_out = dict(prepared.left_out)
     fit = _full(fitted, prepared, nominal, small, selection, bar)
     stray = stray_runs(fit, held)
@@ -81,6 +81,7 @@ def identify(
         fit.state.robot,
         estimates(fit, here, nominal, selection, finding),
         latency(fit, here, prepared, same_clock=same_clock),
+        backward_shares(fit),
         tuple(float(setting[1]) for setting in settings),
         tuple((float(s[2]), float(s[3]), float(s[4])) for s in settings),
         selection.singular_values,
@@ -142,7 +143,7 @@ def _small(views: Sequence[RunView]) -> list[RunView]:
 
 
 def _choose(
-    views: Sequence[RunView], prepared: Prepared, bar: _Bar
+    views: Sequence[RunView], prepared: Prepared, nominal: RobotParameters, bar: _Bar
 ) -> tuple[MixedFit, Selection, FrictionFinding]:
     """Decide on a few runs what can be fitted, and fit it there."""
     fit = MixedFit(
@@ -166,7 +167,8 @@ def _choose(
     finding = look_for_friction(fit, names, progress)
     wanted = [name for name in NAMES if name != DRY_NAME and (name != GRIP_NAME or finding.slips)]
     scatter = fit.scatter
-    selection = select(fit.judge(wanted), wanted)
+    moved = {name: value(fit.state.robot, name) - value(nominal, name) for name in names}
+    selection = select(fit.judge(wanted), wanted, moved)
     fit.scatter = scatter
     return fit, selection, finding
 

@@ -6,16 +6,9 @@ from typing import Self
 
 import numpy as np
 
-from mbot_workstation.identification.run_terms import (
-    POSE,
-    SETTING,
-    Residual,
-    Slopes,
-)
-from mbot_workstation.identification.run_view import (
-    RunView,
-    simulate_views,
-)
+from mbot_workstation.identification.run_slopes import slopes
+from mbot_workstation.identification.run_terms import POSE, SETTING, Residual, Slopes
+from mbot_workstation.identification.run_view import RunView, simulate_views
 from mbot_workstation.identification.scatter import Scatter
 from mbot_workstation.identification.twist import Twists
 from mbot_workstation.recordings.track import Array
@@ -35,7 +28,7 @@ class State:
 
     Attributes:
         robot: with the parameters as they are now.
-        settings: of each recording, see `run_view.SETTING`; shape (recordings, 5).
+        settings: of each recording, see `run_terms.SETTING`; shape (recordings, 5).
         poses: of each run's start, shape (runs, 3).
         deviations: of each run.
 
@@ -157,11 +150,11 @@ def linearise(
     for index, view in enumerate(views):
         recording, residual = view.flat.recording, here.residuals[index]
         where = state.settings[recording], state.poses[index], state.deviations[index]
-        slopes = view.slopes(here.paths[index], twists[index], residual, *where)
-        slopes.common[count:] *= fixed.free[recording][:, None, None]
+        found = slopes(view, here.paths[index], twists[index], residual, *where)
+        found.common[count:] *= fixed.free[recording][:, None, None]
         first = count + len(SETTING) * recording
         columns = np.concatenate([np.arange(count), np.arange(first, first + len(SETTING))])
-        part = _eliminate(view, residual, slopes, state.deviations[index], scatter)
+        part = _eliminate(view, residual, found, state.deviations[index], scatter)
         information[np.ix_(columns, columns)] += part.information
         gradient[columns] += part.gradient
         follow = np.zeros((len(part.offset), gradient.size))
@@ -182,7 +175,7 @@ class _RunPart:
 
 
 def _eliminate(
-    view: RunView, residual: Residual, slopes: Slopes, deviation: Array, scatter: Scatter
+    view: RunView, residual: Residual, found: Slopes, deviation: Array, scatter: Scatter
 ) -> _RunPart:
     """A run's part in the normal equations, with its pose and deviations solved for."""
     sd, prior = scatter.bins(residual), scatter.own(view)
@@ -191,8 +184,8 @@ def _eliminate(
     # The deviations in units of their standard deviation, so that they are pulled with 1.
     unit = np.concatenate([np.ones(POSE), prior])
     pull = np.concatenate([np.full(POSE, 1e-9), np.ones(len(prior))])
-    common = (slopes.common / sd * weight).reshape(len(slopes.common), -1)
-    own = np.concatenate([slopes.pose, slopes.own]) / sd * weight
+    common = (found.common / sd * weight).reshape(len(found.common), -1)
+    own = np.concatenate([found.pose, found.own]) / sd * weight
     own = own.reshape(len(unit), -1) * unit[:, None]
     aim = (z * weight).ravel()
     size = np.concatenate([np.zeros(POSE), deviation / prior])

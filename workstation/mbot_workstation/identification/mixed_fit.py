@@ -30,14 +30,8 @@ from mbot_workstation.identification.linearisation import (
 )
 from mbot_workstation.identification.manoeuvres import Manoeuvres
 from mbot_workstation.identification.parameters import BY_NAME, value, with_values
-from mbot_workstation.identification.run_terms import (
-    POSE,
-    SETTING,
-)
-from mbot_workstation.identification.run_view import (
-    RunView,
-    simulate_views,
-)
+from mbot_workstation.identification.run_terms import POSE, SETTING
+from mbot_workstation.identification.run_view import RunView, simulate_views
 from mbot_workstation.identification.scatter import Scatter, learn_scatter
 from mbot_workstation.identification.twist import Twists
 from mbot_workstation.recordings.track import Array

@@ -13,6 +13,15 @@ from mbot_protocol.actions import MotorMap
 from mbot_workstation.identification.estimate import Estimate, Identification, RunError
 from mbot_workstation.identification.parameters import BY_NAME
 
+LEAST_TURNS = 1.0
+"""From so many turns on, a heading's error is told as a share of them."""
+
+TELLING_SHARE = 0.01
+"""Of a motor's strength: a difference between forward and backward worth telling."""
+
+TELLING_RAD = math.radians(1)
+"""A heading's error that is worth an explanation."""
+
 
 def error_table(found: Identification) -> Table:
     """Held-out runs before and after, a line a manoeuvre: medians."""
@@ -34,6 +43,31 @@ def error_table(found: Identification) -> Table:
             "" if own is None else f"{math.degrees(own.heading_rad):.1f}",
         )
     return table
+
+
+def error_lines(found: Identification) -> list[str]:
+    """What the headings' errors come to: degrees say little about a robot that turns five times."""
+    turning = [error for error in found.errors if abs(error.turned_rad) > LEAST_TURNS * 2 * math.pi]
+    if not turning:
+        return []
+    before, after = (
+        100 * median(getattr(error, name) / abs(error.turned_rad) for error in turning)
+        for name in ("before_rad", "after_rad")
+    )
+    turns = median(abs(error.turned_rad) for error in turning) / (2 * math.pi)
+    lines = [
+        f"of runs that turn, {turns:.1f} times in the middle, the heading is off by {after:.2f} % "
+        f"of the angle turned, before {before:.1f} %"
+    ]
+    fastest = max(turning, key=lambda error: abs(error.turned_rad) / error.at_s)
+    late_rad = found.scatter.moment_s * abs(fastest.turned_rad) / fastest.at_s
+    if late_rad > TELLING_RAD:
+        lines.append(
+            f"runs begin {1000 * found.scatter.moment_s:.0f} ms (standard deviation) sooner or "
+            f"later than their commands say: in {fastest.maneuver} that alone is "
+            f"{math.degrees(late_rad):.1f} degrees, which no simulation can foresee"
+        )
+    return lines
 
 
 def parameter_table(found: Identification) -> Table:
@@ -92,6 +126,17 @@ def map_lines(left: MotorMap, right: MotorMap) -> list[str]:
     ]
 
 
+def backward_lines(found: Identification) -> list[str]:
+    """Motors that drive one way better than the other."""
+    return [
+        f"backward the {side} motor is {100 * abs(share):.1f} % "
+        f"{'stronger' if share > 0 else 'weaker'} than forward; the simulation has one strength "
+        "for both, in the middle"
+        for side, share in zip(("left", "right"), found.backward, strict=True)
+        if share is not None and abs(share) > TELLING_SHARE
+    ]
+
+
 def as_fields(found: Identification, written: Sequence[str]) -> dict[str, Any]:
     """For programs. Units are in the names, or the parameters' own as in `RobotParameters`."""
     return {
@@ -101,6 +146,7 @@ def as_fields(found: Identification, written: Sequence[str]) -> dict[str, Any]:
         "left_out": found.left_out,
         "parameters": {one.name: _fields(one) for one in found.estimates},
         "latency_s": _fields(found.latency),
+        "stronger_backward": found.backward,
         "singular_values": found.singular_values,
         "scatter": asdict(found.scatter),
         "clock_drift": found.clock_drift,

@@ -21,11 +21,7 @@ from mbot_protocol.actions import WheelMaps
 from mbot_workstation.identification.binning import Binning
 from mbot_workstation.identification.flat_track import FlatRun, Plane
 from mbot_workstation.identification.parameters import with_values
-from mbot_workstation.identification.run_simulation import (
-    simulate_paths,
-    step_count,
-    wheel_volts,
-)
+from mbot_workstation.identification.run_simulation import simulate_paths, step_count, wheel_volts
 from mbot_workstation.identification.run_terms import (
     MOMENT,
     OWN,
@@ -33,9 +29,7 @@ from mbot_workstation.identification.run_terms import (
     SIDES,
     STRENGTH,
     Residual,
-    Slopes,
 )
-from mbot_workstation.identification.twist import Twists, along
 from mbot_workstation.recordings.track import Array
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_mjcf import TIMESTEP_S
@@ -65,8 +59,10 @@ class RunView:
         ahead_s: first guess of the tracker's clock minus the robot's, the wheels' delay included.
         own_clock: whether no other run shares this clock.
         steps: of its simulation.
-        pieces: into which its driving is cut.
         drive_s: from the first command to the last.
+        since_middle_s: when it began, from the recording's middle; for the clocks' drift.
+        pieces: into which its driving is cut.
+        piece: in which each step lies, shape (steps,).
 
     """
 
@@ -78,10 +74,10 @@ class RunView:
         self.steps = step_count(commands)
         self.drive_s = commands.end_s - commands.start_s
         self.pieces = max(1, math.ceil(self.drive_s / PIECE_S - 0.25))
-        self._maps = maps
-        self._since_middle_s = commands.start_s - middle_s
+        self.since_middle_s = commands.start_s - middle_s
         times = np.arange(self.steps) * TIMESTEP_S
-        self._piece = np.minimum((times / PIECE_S).astype(int), self.pieces - 1)
+        self.piece = np.minimum((times / PIECE_S).astype(int), self.pieces - 1)
+        self._maps = maps
         since = flat.time_s - ahead_s - commands.start_s
         chosen = (since >= -BEFORE_S) & (since <= self.drive_s - GUESS_S)
         self._since_s = since[chosen]
@@ -113,14 +109,14 @@ class RunView:
         commands = self.flat.run.commands
         volts = wheel_volts(robot, commands, self._maps, self.steps)
         stronger = deviation[STRENGTH] + deviation[SIDES, None]
-        stronger = stronger + deviation[len(OWN) :].reshape(2, -1)[:, self._piece]
+        stronger = stronger + deviation[len(OWN) :].reshape(2, -1)[:, self.piece]
         # Strength is a factor on the gain: dry friction has no part in it.
         frictionless = with_values(robot, {"dry_friction": 0.0})
         return volts + wheel_volts(frictionless, commands, self._maps, self.steps) * stronger.T
 
     def begin(self, path: Array, setting: Array) -> Array:
         """The starting pose by the beginning of the track alone. Shape (3,)."""
-        x, yaw = self._at(path, self._moments(setting, 0.0))
+        x, yaw = self.simulated_at(path, self.moments(setting, 0.0))
         early = self._since_s < max(self._since_s[0] + 0.25, 0.0)
         turn = float(np.median((self._heading - yaw - setting[4])[early]))
         seen = np.exp(1j * turn) * (x + np.exp(1j * yaw) * complex(setting[2], setting[3]))
@@ -137,26 +133,25 @@ class RunView:
         """
         rest = np.zeros((self.steps + 1, 3))
         x, y, turn = self.begin(rest, setting)
-        axle = self._place - np.exp(1j * (self._heading - setting[4])) * _tracker(setting, None)
-        near = self._near(self._moments(setting, 0.0), at_s)
+        axle, heading = self._axle(setting)
+        near = self._near(self.moments(setting, 0.0), at_s)
         away = (axle - complex(x, y)) * np.exp(-1j * turn)
-        return complex(away[near].mean()), float((self._heading - setting[4] - turn)[near].mean())
+        return complex(away[near].mean()), float((heading - turn)[near].mean())
 
     def end_error(self, path: Array, setting: Array, at_s: float) -> tuple[float, float]:
         """How far a simulated path ends from there: distance [m], angle [rad], both positive."""
         x, y, turn = self.begin(path, setting)
-        heading = self._heading - setting[4]
-        axle = self._place - np.exp(1j * heading) * _tracker(setting, None)
-        moments = self._moments(setting, 0.0)
+        axle, heading = self._axle(setting)
+        moments = self.moments(setting, 0.0)
         near = self._near(moments, at_s)
-        simulated, yaw = self._at(path, moments)
+        simulated, yaw = self.simulated_at(path, moments)
         away = axle - complex(x, y) - np.exp(1j * turn) * simulated
         return abs(complex(away[near].mean())), abs(float((heading - turn - yaw)[near].mean()))
 
     def residual(self, path: Array, setting: Array, pose: Array, deviation: Array) -> Residual:
         """Compare with a simulated path, shape (steps + 1, 3)."""
-        x, yaw = self._at(path, self._moments(setting, deviation[MOMENT]))
-        seen = np.exp(1j * pose[2]) * (x + np.exp(1j * yaw) * _tracker(setting, deviation))
+        x, yaw = self.simulated_at(path, self.moments(setting, deviation[MOMENT]))
+        seen = np.exp(1j * pose[2]) * (x + np.exp(1j * yaw) * tracker_place(setting, deviation))
         away = self._place - complex(pose[0], pose[1]) - seen
         values = np.stack([away.real, away.imag, self._heading - pose[2] - yaw - setting[4]])
         of_place, place_m = self._binning.weigh(values[:2])
@@ -166,91 +161,48 @@ class RunView:
         means = self._binning.sums(values * weights) / samples
         return Residual(means, samples, weights, (place_m, heading_rad))
 
-    def slopes(
-        self,
-        path: Array,
-        twists: Twists,
-        residual: Residual,
-        setting: Array,
-        pose: Array,
-        deviation: Array,
-    ) -> Slopes:
-        """How the simulated measurements change, averaged as the residual was.
-
-        Args:
-            path: simulated, shape (steps + 1, 3).
-            twists: by the motors' strengths (2), then by n parameters.
-            residual: found here.
-            setting, pose, deviation: where.
-
-        """
-        moments = self._moments(setting, deviation[MOMENT])
-        x, yaw = self._at(path, moments)
-        ahead, arm = np.exp(1j * pose[2]), np.exp(1j * (pose[2] + yaw))
-        tracker = _tracker(setting, deviation)
-
-        def seen(moved: Plane, turned: Array) -> tuple[Plane, Array]:
-            index, share = _index(path, moments)
-            moved = moved[..., index] * (1 - share) + moved[..., index + 1] * share
-            turned = turned[..., index] * (1 - share) + turned[..., index + 1] * share
-            return ahead * moved + 1j * arm * tracker * turned, turned
-
-        place, heading = seen(*along(path, twists.rows(range(2, len(twists.turn)))))
-        driven, steered = seen(*along(path, self._in_pieces(twists.rows((0, 1)))))
-        speed, rate = seen(
-            np.gradient(path[:, 0] + 1j * path[:, 1], TIMESTEP_S),
-            np.gradient(path[:, 2], TIMESTEP_S),
-        )
-        one, none = np.ones_like(yaw), np.zeros_like(yaw)
-        late, shift = self._since_middle_s, np.stack([arm, 1j * arm])
-        start = 1j * ahead * (x + np.exp(1j * yaw) * tracker)
-        return Slopes(
-            self._binned(
-                residual,
-                np.vstack([place, -speed, -speed * late, shift, none]),
-                np.vstack([heading, -rate, -rate * late, none, none, one]),
-            ),
-            self._binned(residual, np.vstack([one, 1j * one, start]), np.vstack([none, none, one])),
-            self._binned(
-                residual,
-                np.vstack([driven[:2].sum(axis=0), driven[:2], -speed, shift, driven[2:]]),
-                np.vstack([steered[:2].sum(axis=0), steered[:2], -rate, none, none, steered[2:]]),
-            ),
-        )
-
-    def _moments(self, setting: Array, later_s: float) -> Array:
+    def moments(self, setting: Array, later_s: float) -> Array:
         """When the samples were taken, since the first command took effect."""
-        return self._since_s - setting[0] - setting[1] * self._since_middle_s - later_s
+        return self._since_s - setting[0] - setting[1] * self.since_middle_s - later_s
+
+    def _axle(self, setting: Array) -> tuple[Plane, Array]:
+        """Of each sample the axle's centre, as the tracker's place says, and the heading."""
+        heading = self._heading - setting[4]
+        return self._place - np.exp(1j * heading) * tracker_place(setting, None), heading
 
     def _near(self, moments: Array, at_s: float) -> np.ndarray:
         return np.argsort(np.abs(moments - at_s))[:NEAREST]
 
-    def _at(self, path: Array, moments: Array) -> tuple[Plane, Array]:
-        index, share = _index(path, moments)
+    def simulated_at(self, path: Array, moments: Array) -> tuple[Plane, Array]:
+        """Place and heading of a simulated path at these moments."""
+        index, share = steps_at(path, moments)
         found = path[index] * (1 - share)[:, None] + path[index + 1] * share[:, None]
         return found[:, 0] + 1j * found[:, 1], found[:, 2]
 
-    def _in_pieces(self, strengths: Twists) -> Twists:
-        """Of each motor over the whole run (2), then in each piece only (2 x pieces)."""
-        during = np.arange(self.pieces)[:, None] == self._piece
-        way, turn = strengths.way[:, : self.steps], strengths.turn[:, : self.steps]
-        return Twists(
-            np.vstack([way, way[0] * during, way[1] * during]),
-            np.vstack([turn, turn[0] * during, turn[1] * during]),
-        )
+    def averaged(self, residual: Residual, place: NDArray[Any], heading: Array) -> Array:
+        """Values of each sample averaged over bins as a residual was.
 
-    def _binned(self, residual: Residual, place: NDArray[Any], heading: Array) -> Array:
+        Args:
+            residual: found here.
+            place, heading: shape (k, n).
+
+        Returns:
+            Shape (k, 3, bins).
+
+        """
         stacked = np.stack([np.real(place), np.imag(place), heading], axis=1)
         return self._binning.sums(stacked * residual.weights) / residual.samples
 
 
-def _tracker(setting: Array, deviation: Array | None) -> complex:
+def tracker_place(setting: Array, deviation: Array | None) -> complex:
+    """Where the tracker sits on the robot [m], ahead + i left, in this run."""
     if deviation is None:
         return complex(setting[2], setting[3])
     return complex(*(setting[2:4] + deviation[PLACE]))
 
 
-def _index(path: Array, moments: Array) -> tuple[np.ndarray, Array]:
+def steps_at(path: Array, moments: Array) -> tuple[NDArray[np.intp], Array]:
+    """Which step of a path a moment falls into, and which share of it has passed."""
     grid = np.clip(moments / TIMESTEP_S, 0, len(path) - 1.000001)
     index = grid.astype(int)
     return index, grid - index

@@ -6,17 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbot_workstation.identification.binning import ROBUST
-from mbot_workstation.identification.run_terms import (
-    MOMENT,
-    OWN,
-    PLACE,
-    SIDES,
-    STRENGTH,
-    Residual,
-)
-from mbot_workstation.identification.run_view import (
-    RunView,
-)
+from mbot_workstation.identification.run_terms import MOMENT, OWN, PLACE, SIDES, STRENGTH, Residual
+from mbot_workstation.identification.run_view import RunView
 from mbot_workstation.recordings.track import Array
 
 

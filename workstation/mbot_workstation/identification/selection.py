@@ -3,10 +3,11 @@
 Every parameter's effect on the runs is scaled by its spread among real robots and by how much runs
 scatter. Then one after the other is taken in, as long as the smallest singular value of those
 taken stays large: the data must know every combination of them three times better than what is
-known about any mBot. What is not taken in keeps the value it has.
+known about any mBot. What is not taken in keeps the value it has, unless the runs have moved it
+away from there by more than chance: a robot far from the usual one is no usual one.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,10 @@ LEAST_SINGULAR = 3.0
 LEAST_OWN_SHARE = 0.2
 """Of a parameter's effect, what no combination of the others makes as well. Less is what details
 make that are not modelled."""
+
+CLEARLY_MOVED = 2.5
+"""Standard deviations from the value it had: such a parameter is taken in, wide as its interval is,
+since putting it back would make the others wrong."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,12 +44,15 @@ class Selection:
     undetermined: dict[str, str]
 
 
-def select(everything: Linearisation, wanted: Sequence[str]) -> Selection:
+def select(
+    everything: Linearisation, wanted: Sequence[str], moved: Mapping[str, float] | None = None
+) -> Selection:
     """Choose among the parameters of a linearisation.
 
     Args:
         everything: with all of `wanted` in it.
         wanted: in the order of preference.
+        moved: where a fit has been made, by how much it has moved them, in the model's units.
 
     """
     rows = [everything.names.index(name) for name in wanted]
@@ -61,6 +69,14 @@ def select(everything: Linearisation, wanted: Sequence[str]) -> Selection:
             chosen.append(index)
         else:
             undetermined[name] = _reason(scaled, chosen, index, wanted)
+    for name in list(undetermined):
+        index = wanted.index(name)
+        own = _own(scaled, chosen, index)
+        share = own / max(float(scaled[index, index]), 1e-12)
+        spreads_moved = (moved or {}).get(name, 0.0) / BY_NAME[name].spread
+        if own * spreads_moved**2 >= CLEARLY_MOVED**2 and share >= LEAST_OWN_SHARE**2:
+            chosen.append(index)
+            del undetermined[name]
     return Selection(
         tuple(wanted[index] for index in chosen),
         tuple(float(size) for size in _singular_values(scaled, chosen)),

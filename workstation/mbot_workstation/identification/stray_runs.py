@@ -8,15 +8,8 @@ from numpy.typing import NDArray
 from mbot_workstation.identification.binning import ROBUST
 from mbot_workstation.identification.linearisation import Fixed
 from mbot_workstation.identification.mixed_fit import MixedFit, begin
-from mbot_workstation.identification.run_terms import (
-    OWN,
-    SIDES,
-    STRENGTH,
-    Residual,
-)
-from mbot_workstation.identification.run_view import (
-    RunView,
-)
+from mbot_workstation.identification.run_terms import OWN, SIDES, STRENGTH, Residual
+from mbot_workstation.identification.run_view import RunView
 from mbot_workstation.recordings.track import Array
 
 FAR = 6.0

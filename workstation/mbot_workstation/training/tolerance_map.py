@@ -10,7 +10,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.training.effects import EffectRanges
 from mbot_workstation.training.evaluation_report import Line
+from mbot_workstation.training.presets import NOMINAL
 from mbot_workstation.training.study import Condition
 from mbot_workstation.training.study_plans import DEVIATIONS, deviating
 from mbot_workstation.training.tolerance_file import MapAxis, RewardMap, Tolerances
@@ -49,12 +51,12 @@ class ToleranceMap:
                 )
         return cls(across, up, _steps(across, cells), _steps(up, cells))
 
-    def conditions(self) -> tuple[Condition, ...]:
-        """A condition a cell, row by row from the lowest."""
+    def conditions(self, nominal: EffectRanges = NOMINAL) -> tuple[Condition, ...]:
+        """A condition a cell, row by row from the lowest; the robot may be a calibrated one."""
         return tuple(
             Condition(
                 f"{self.across} {across:g}, {self.up} {up:g}",
-                deviating({self.across: across, self.up: up}),
+                deviating({self.across: across, self.up: up}, nominal),
             )
             for up in self.up_values
             for across in self.across_values

@@ -121,6 +121,8 @@ class LiveWorld:
         self._lock = threading.Lock()
         self._driven = False
         self._carry_back = CarryBack() if free_floor else None
+        self._told = Joystick(0, 0)
+        self._newest, self._newest_since_s = self._told, 0.0
         # What the board said in the last slices; the oldest reaches the wheels.
         self._underway = deque([Joystick(0, 0)] * round(latency_s / SLICE_S))
         simulation.place_object(self._task.target)
@@ -140,20 +142,27 @@ class LiveWorld:
             )
 
     def run(self, stop: threading.Event) -> None:
-        """Step until stopped or until the run has ended."""
+        """Step until stopped or until the run has ended.
+
+        However late this thread wakes up, every slice has its own moment: it obeys the command of
+        that moment, and its state is kept with that time. So a busy machine shows outside as lost
+        pictures and poses, not as a robot that starts early and trembles.
+        """
         most = MOST_SLICES_AT_ONCE if self._carry_back is None else MOST_SLICES_IN_A_MANEUVER
         pacer = Pacer(SLICE_S, most)
         while (slices := pacer.wait(stop)) > 0:
             with self._lock:
-                for _ in range(slices):
-                    self._advance()
+                for late in reversed(range(slices)):
+                    moment_s = pacer.tick_s - late * SLICE_S
+                    self.advance(moment_s)
                     if self._task.ended:
                         return
-                self.history.add(time.monotonic(), self._simulation.snapshot())
+                    self.history.add(moment_s, self._simulation.snapshot())
 
-    def _advance(self) -> None:
+    def advance(self, moment_s: float) -> None:
+        """One slice, which ends at this moment of the monotonic clock."""
         simulation = self._simulation
-        motors = self._board.state.motors
+        motors = self._motors_at(moment_s)
         self._underway.append(motors)
         simulation.set_duty(*duties(self._underway.popleft()))
         simulation.step(SLICE_S)
@@ -176,3 +185,12 @@ class LiveWorld:
         self.events.put(
             TaskEvent(simulation.time_s, step.happening, step.score, self._task.result())
         )
+
+    def _motors_at(self, moment_s: float) -> Joystick:
+        """What the board told its motors at a moment, which may be past."""
+        state = self._board.state
+        if state.motors != self._newest:  # not when the same is only told again
+            self._newest, self._newest_since_s = state.motors, state.since_s
+        if self._newest_since_s <= moment_s:
+            self._told = self._newest
+        return self._told

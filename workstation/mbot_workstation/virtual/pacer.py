@@ -26,6 +26,11 @@ class Pacer:
         self._ticks = 0
         self.lost = 0
 
+    @property
+    def tick_s(self) -> float:
+        """When the last tick was due, on the monotonic clock; however late anybody woke up."""
+        return self._start_s + self._ticks * self._period_s
+
     def wait(self, stop: threading.Event) -> int:
         """Sleep until the next tick.
 

@@ -1,0 +1,60 @@
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from mbot_protocol.mcore import Joystick
+from mbot_workstation.simulation.fetch_rules import FetchRules
+from mbot_workstation.simulation.simulation import Simulation
+from mbot_workstation.virtual.live_world import SLICE_S, LiveWorld
+from mbot_workstation.virtual.mcore_board import BoardState
+
+from .small_world import ROOMS
+
+FORWARD = Joystick(-255, 255)
+
+
+class Board:
+    """Says what it is told to say; asked for the hundredth time, the machine stalls."""
+
+    def __init__(self, since_s: float = 0.0) -> None:
+        self._state, self._asked = BoardState(FORWARD, since_s, 1), 0
+
+    @property
+    def state(self) -> BoardState:
+        self._asked += 1
+        if self._asked == 100:
+            time.sleep(0.1)
+        return self._state
+
+
+def test_a_slice_made_up_for_does_not_obey_commands_that_came_later() -> None:
+    simulation = Simulation(room_picture=ROOMS[0])
+    world = LiveWorld(simulation, Board(since_s=10.0), FetchRules(), seed=0, free_floor=True)
+    for moment_s in (9.985, 9.990, 9.995):
+        world.advance(moment_s)
+    assert abs(simulation.wheel_speeds_rad_s[0]) < 0.2  # it settles on its wheels
+    for moment_s in (10.000, 10.005):
+        world.advance(moment_s)
+    assert simulation.wheel_speeds_rad_s[0] > 0.5
+
+
+def test_a_stall_of_the_machine_leaves_no_trace_in_the_history() -> None:
+    world = LiveWorld(
+        Simulation(room_picture=ROOMS[0]), Board(), FetchRules(), seed=0, free_floor=True
+    )
+    kept: list[float] = []
+    add = world.history.add
+    world.history.add = lambda time_s, state: (kept.append(time_s), add(time_s, state))[1]
+    stop = threading.Event()
+    thread = threading.Thread(target=world.run, args=(stop,))
+    thread.start()
+    deadline_s = time.monotonic() + 30
+    while len(kept) < 150 and time.monotonic() < deadline_s:
+        time.sleep(0.01)
+    stop.set()
+    thread.join()
+    assert len(kept) >= 150
+    assert np.diff(kept) == pytest.approx(SLICE_S, abs=1e-6)
+    assert kept[-1] <= time.monotonic()
