@@ -128,7 +128,10 @@ def test_a_known_gap_is_what_the_page_says() -> None:
         assert errors["yaw_deg"] == pytest.approx([2, 2])
     json.dumps(found, allow_nan=False)
     shown = Page(page(result)).text
+    turned = np.mean([abs(run.measured[-1, 2] - run.measured[0, 2]) for run in runs])
+    assert found["turned_deg"] == pytest.approx(math.degrees(turned))
     assert "5.0 cm and 2.0°" in shown
+    assert f"of {math.degrees(turned):.0f}° turned" in shown
     assert f"{CAMERA.reprojection_error_px:.2f} px" in shown
     assert f"{LIGHT.delta_e_after:.1f}" in shown
     assert f"before {LIGHT.delta_e_before:.1f}" in shown

@@ -100,7 +100,8 @@ def _print(report: "GapReport", output: Path) -> None:
     print(
         f"{report.held_out} held-out runs; after {seconds(report.driven_s)} the calibrated "
         f"simulation is {metres(after.position_m)} and {degrees(after.yaw_rad)} off on average, "
-        f"the nominal one {metres(before.position_m)} and {degrees(before.yaw_rad)}"
+        f"the nominal one {metres(before.position_m)} and {degrees(before.yaw_rad)}; "
+        f"the robot turned by {degrees(report.turned_rad)} meanwhile"
     )
     for title, words in verdict_lines(report):
         print(f"{title}: {words}")

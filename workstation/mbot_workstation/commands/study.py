@@ -47,7 +47,7 @@ def study(
         typer.Option(
             metavar="A:B",
             help="For tolerance: two deviations, such as fov_scale:camera_pitch_deg; may be given "
-            "several times; four usual pairs if not.",
+            "several times; five usual pairs if not.",
         ),
     ] = None,
     cells: Annotated[

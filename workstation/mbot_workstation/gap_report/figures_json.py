@@ -20,6 +20,7 @@ def figures(report: GapReport) -> dict[str, Any]:
         "recorded_runs": report.recorded_runs,
         "held_out_runs": report.held_out,
         "after_s": round(report.driven_s, 3),
+        "turned_deg": float(np.degrees(report.turned_rad)),
         "calibrated": _headline(report.calibrated),
         "nominal": _headline(report.nominal),
         "maneuvers": {

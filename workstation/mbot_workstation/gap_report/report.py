@@ -118,6 +118,12 @@ class GapReport:
         """The longest time after which errors are given."""
         return max(float(one.calibrated.time_s[-1]) for one in self.maneuvers)
 
+    @property
+    def turned_rad(self) -> float:
+        """How far the robot turned in a run, either way; the mean of all shown."""
+        runs = [run for one in self.maneuvers for run in one.runs]
+        return float(np.mean([abs(run.measured[-1, 2] - run.measured[0, 2]) for run in runs]))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Driven:

@@ -61,7 +61,9 @@ def _tiles(report: GapReport) -> str:
             f"nominal {metres(before.position_m)}",
         ),
         _tile(
-            f"Heading after {time}", degrees(after.yaw_rad), f"nominal {degrees(before.yaw_rad)}"
+            f"Heading after {time}",
+            degrees(after.yaw_rad),
+            f"of {degrees(report.turned_rad)} turned; nominal {degrees(before.yaw_rad)}",
         ),
         _tile("Steady speed", _rate(after.speed), f"nominal {percent(before.speed)}"),
         _tile("Steady turn rate", _rate(after.turn), f"nominal {percent(before.turn)}"),

@@ -115,7 +115,7 @@ DEVIATIONS = {
     "track_scale": Deviation("of nominal", 0.7, 1.0, 1.3),
     "wheel_radius_scale": Deviation("of nominal", 0.7, 1.0, 1.3),
     "fov_scale": Deviation("of nominal", 0.7, 1.0, 1.3),
-    "camera_pitch_deg": Deviation("degrees further down", -8.0, 0.0, 8.0),
+    "camera_pitch_deg": Deviation("degrees further down", -6.0, 0.0, 6.0),
     "camera_latency_ms": Deviation("ms", 0.0, 60.0, 600.0),
     "exposure_ms": Deviation("ms", 0.0, 20.0, 60.0),
     "exposure_gain": Deviation("of nominal", 0.4, 1.0, 1.8),
@@ -126,8 +126,9 @@ PAIRS = (
     ("track_scale", "wheel_radius_scale"),
     ("fov_scale", "camera_pitch_deg"),
     ("camera_latency_ms", "exposure_ms"),
+    ("exposure_gain", "exposure_ms"),
 )
-"""Of each group, motors, dimensions, camera and time, what is likely to add up."""
+"""Of each group, motors, dimensions, camera, time and light, what is likely to add up."""
 
 
 def deviating(values: dict[str, float], nominal: EffectRanges = NOMINAL) -> EffectRanges:
