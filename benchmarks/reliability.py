@@ -8,7 +8,6 @@ test, a test fails or a bar is not met. Use a quiet machine: most bars are times
 
 import argparse
 import os
-import platform
 import subprocess
 import sys
 import tempfile
@@ -20,6 +19,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from fault_table import BESIDE, FAULTS, Bar, Fault
+from machine import machine
 
 ROOT = Path(__file__).parents[1]
 RESULT = ROOT / "docs" / "results" / "reliability.md"
@@ -140,13 +140,6 @@ def _linked(tests: Sequence[str]) -> str:
     names = [test.rpartition("::")[2].rpartition("/")[2] for test in tests]
     paths = [test.partition("::")[0] for test in tests]
     return ", ".join(f"[{n}](../../{p})" for n, p in zip(names, paths, strict=True))
-
-
-def machine() -> str:
-    """The processor and how many cores of it."""
-    lines = Path("/proc/cpuinfo").read_text().splitlines()
-    model = next((line.partition(": ")[2] for line in lines if "model name" in line), "unknown")
-    return f"{os.cpu_count()} cores of {model}, Python {platform.python_version()}"
 
 
 def main() -> int:
