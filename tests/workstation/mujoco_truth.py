@@ -9,7 +9,7 @@ from mbot_workstation.identification.run_simulation import (
 )
 from mbot_workstation.recordings.run import CommandSeries, Recording, Run
 from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.simulation.scene_mjcf import TIMESTEP_S
+from mbot_workstation.simulation.timestep import TIMESTEP_S
 
 from .planar_robot import Session, Tracker, put_down
 

@@ -79,6 +79,7 @@ motors = st.builds(
     gain=st.floats(0.05, 3),
     dead_band=st.floats(0, 200),
     time_constant_ms=st.floats(5, 2000),
+    backward_share=st.floats(0.2, 3),
     trim=st.floats(0.8, 1),
     dead_band_compensation=st.integers(0, 200),
 )
@@ -92,6 +93,7 @@ motions = st.builds(
     wheel_friction=st.floats(0.02, 3),
     load_loss=st.floats(0, 0.9),
     latency_ms=st.floats(0, 1000),
+    turning_drag_n_m=st.floats(0, 1),
     made_on=st.dates().map(lambda day: day.isoformat()),
     intervals=st.dictionaries(
         st.text(max_size=20),

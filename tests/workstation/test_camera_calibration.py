@@ -20,7 +20,9 @@ from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError, UnreachableError
 from mbot_workstation.calibration.board_collector import STILL_S, BoardCollector, Verdict
 from mbot_workstation.calibration.board_detection import (
+    MOST_BEND,
     FoundBoard,
+    bend,
     find_board,
     most_likely_checkerboard,
 )
@@ -180,6 +182,18 @@ def test_an_odd_checkerboard_cannot_tell_a_mirror_and_says_so() -> None:
     found = find_board(pictures(odd, HALF, 4)[0], odd)
     assert found is not None
     assert found.mirrored is None
+
+
+def test_a_board_whose_rim_was_taken_for_a_row_is_told_by_its_bend() -> None:
+    for picture in pictures(CHECKERBOARD, SMALL, 8):
+        found = find_board(picture, CHECKERBOARD)
+        assert found is not None
+        columns, rows = CHECKERBOARD.inner_corners
+        grid = found.corners_px.reshape(rows, columns, 2)
+        assert bend(grid) < MOST_BEND / 2
+        assert bend(grid.swapaxes(0, 1)) == pytest.approx(bend(grid))
+        rim = grid[:, :1] + 0.4 * (grid[:, :1] - grid[:, 1:2])
+        assert bend(np.concatenate([rim, grid[:, :-1]], axis=1)) > MOST_BEND
 
 
 def test_the_size_of_a_checkerboard_is_found() -> None:

@@ -100,7 +100,7 @@ def test_no_effects_leave_body_mount_and_view_alone() -> None:
 
 def test_a_swapped_body_is_the_compiled_one_in_every_number() -> None:
     effects = RANDOMISED.sample(np.random.default_rng(3))
-    robot = perturbed_robot(RobotParameters(), effects)
+    robot = perturbed_robot(RobotParameters(turning_drag_n_m=0.01), effects)
     robot = replace(robot, camera=replace(nominal_pi_camera(88, 72), principal_x_px=40.0))
     simulation = Simulation(room_picture=PLACEHOLDER)
     swap_body(simulation, robot)

@@ -143,19 +143,25 @@ def test_errors_of_heading_are_told_in_plain_words(found: Identification) -> Non
     assert error_lines(replace(found, errors=tuple(straight))) == []
 
 
-def test_motors_that_are_weaker_backward_spoil_nothing_and_are_named() -> None:
+def test_motors_that_are_weaker_backward_are_simulated_and_named() -> None:
     truth = replace(TRUTH, backward=(0.98, 0.95), repeat=0.001)
     found = identify([record(truth, SHORT, seed=6)], RobotParameters(), robot_id="one way")
     for direction in (1, -1):
         speed, _, lag_s = simulated_rates(found.robot, direction, direction)
-        # One strength for both directions is in the middle.
-        assert speed == pytest.approx(truth.steady(direction, direction)[0], rel=0.03)
+        assert speed == pytest.approx(truth.steady(direction, direction)[0], rel=0.01)
         assert lag_s == pytest.approx(true_lag_s(truth, direction, direction), rel=0.15)
     assert found.robot.track_m == pytest.approx(truth.track, rel=0.03)
-    left, right = found.backward
-    assert left == pytest.approx(-0.02, abs=0.01)
-    assert right == pytest.approx(-0.05, abs=0.01)
+    assert found.robot.left_motor.backward_share == pytest.approx(0.98, abs=0.01)
+    assert found.robot.right_motor.backward_share == pytest.approx(0.95, abs=0.01)
     assert "backward the right motor is" in backward_lines(found)[-1]
+
+
+def test_a_weak_motor_turns_the_robot_as_slowly_as_it_does() -> None:
+    truth = replace(TRUTH, top_speed=(TRUTH.top_speed[0], TRUTH.top_speed[1] / 2), repeat=0.001)
+    found = identify([record(truth, SHORT, seed=7)], RobotParameters(), robot_id="weak")
+    for told in ((1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (1.0, -1.0)):
+        _, rate, _ = simulated_rates(found.robot, *told)
+        assert rate == pytest.approx(truth.steady(*told)[1], rel=0.02)
 
 
 def test_the_trim_drives_straight(found: Identification) -> None:

@@ -109,6 +109,24 @@ def test_dry_friction_holds_a_standing_wheel_and_leaves_speeds_alone() -> None:
     assert abs(turns[1]) > 1.02 * abs(turns[0])
 
 
+def test_drag_in_turns_slows_turns_alone_and_a_weak_motor_more() -> None:
+    dragging = with_values(RobotParameters(), {"turning_drag_n_m": 0.01})
+
+    def kept(commands: Run, gain: float = 1.0) -> float:
+        easy, hard = (
+            simulate_run(with_values(robot, {"right_gain": gain}), commands, MAPS)
+            for robot in (RobotParameters(), dragging)
+        )
+        if commands.commands.left[0] == commands.commands.right[0]:
+            return float(hard.position_m[400, 0] / easy.position_m[400, 0])
+        return float(hard.yaw_rad[400] / easy.yaw_rad[400])
+
+    straight, by_one = run_of((0.0, 1, 1), (2.0, 0, 0)), run_of((0.0, 0, 1), (2.0, 0, 0))
+    assert kept(straight) == pytest.approx(1, abs=1e-3)
+    assert 0.9 < kept(by_one) < 0.98
+    assert 1 - kept(by_one, gain=0.5) == pytest.approx(2 * (1 - kept(by_one)), rel=0.3)
+
+
 def test_mass_and_inertia_can_be_given_apart_from_the_bodies() -> None:
     slow = with_values(RobotParameters(), {"inertia_scale": 2.0})
     spin, straight = run_of((0.0, -1, 1), (1.0, 0, 0)), run_of((0.0, 1, 1), (1.0, 0, 0))

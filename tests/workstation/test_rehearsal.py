@@ -30,7 +30,14 @@ from mbot_workstation.rehearsal.frame_photos import PLACES, take_frames
 from mbot_workstation.rehearsal.leave_out import leave_out_spoilt
 from mbot_workstation.rehearsal.outcome import as_fields, as_table, outcome
 from mbot_workstation.rehearsal.robot_pair import ROBOT_ID, robot_pair
-from mbot_workstation.rehearsal.truth import TRUTH, save_picture, write_truth
+from mbot_workstation.rehearsal.truth import (
+    MOTION,
+    TRUTH,
+    WORN_MOTION,
+    corrected,
+    save_picture,
+    write_truth,
+)
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 
 from .driven_robot import session
@@ -196,6 +203,18 @@ def test_a_spoilt_session_is_resumed(tmp_path: Path) -> None:
         ("--resume", "recording"),
     ]
     assert "a run was spoilt (link lost)" in shown(line)
+
+
+def test_a_daemon_that_corrects_drives_the_same_motors() -> None:
+    found = msgspec.structs.replace(
+        MOTION,
+        left_motor=msgspec.structs.replace(MOTION.left_motor, gain=0.9, trim=0.8),
+        right_motor=msgspec.structs.replace(MOTION.right_motor, dead_band_compensation=33),
+    )
+    driven = corrected(WORN_MOTION, found)
+    assert driven.wheel_maps() == found.wheel_maps()
+    assert driven.left_motor.gain == WORN_MOTION.left_motor.gain
+    assert driven.right_motor.backward_share == WORN_MOTION.right_motor.backward_share
 
 
 def test_a_session_that_never_gets_on_ends(tmp_path: Path) -> None:

@@ -82,6 +82,7 @@ def test_stands_in_the_dead_band_and_creeps_above_it(robot: Simulation) -> None:
 def test_wheels_take_their_time_constant(time_constant_s: float, duty: tuple[int, int]) -> None:
     motor = MotorParameters(time_constant_s=time_constant_s)
     robot = simulation(RobotParameters(left_motor=motor, right_motor=motor))
+    robot.step(0.2)  # the contacts take the weight
     robot.set_duty(*duty)
     robot.step(time_constant_s)
     after_one = robot.wheel_speeds_rad_s[1]

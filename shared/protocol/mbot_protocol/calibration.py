@@ -102,6 +102,7 @@ class MotorCalibration(Struct, frozen=True, forbid_unknown_fields=True):
         gain: strength against the nominal motor.
         dead_band: the board speed, of 255, up to which the wheel stands.
         time_constant_ms: of the wheel's speed after a step.
+        backward_share: strength when it turns the wheel backward, against forward.
         dry_friction: share of the nominal motor's torque at standstill that holds the wheel.
         trim, dead_band_compensation: the daemon's `MotorMap` for this motor.
 
@@ -114,11 +115,13 @@ class MotorCalibration(Struct, frozen=True, forbid_unknown_fields=True):
     dead_band: float
     time_constant_ms: float
     dry_friction: float = 0.0
+    backward_share: float = 1.0
     trim: float = 1.0
     dead_band_compensation: int = 40
 
     def __post_init__(self) -> None:
         check_range("gain", self.gain, 0.05, 3)
+        check_range("backward_share", self.backward_share, 0.2, 3)
         check_range("dead_band", self.dead_band, 0, 200)
         check_range("time_constant_ms", self.time_constant_ms, 5, 2000)
         check_range("dry_friction", self.dry_friction, 0, 0.9)
@@ -161,6 +164,7 @@ class MotionCalibration(Struct, frozen=True, forbid_unknown_fields=True):
         track_m: between the wheels' centres, effective.
         wheel_friction: of the wheels on the floor, sliding.
         load_loss: share of the free speed lost under the robot's own load.
+        turning_drag_n_m: torque with which caster and tyres resist a turn.
         mass_ahead_m: the robot's centre of mass ahead of the axle; None is what its body makes.
         inertia_scale: its moments of inertia against what its body makes.
         latency_ms: from a command's sending until the wheels' voltage changes.
@@ -184,6 +188,7 @@ class MotionCalibration(Struct, frozen=True, forbid_unknown_fields=True):
     made_on: str
     mass_ahead_m: float | None = None
     inertia_scale: float = 1.0
+    turning_drag_n_m: float = 0.0
     intervals: dict[str, Interval] = {}
     undetermined: dict[str, str] = {}
 
@@ -197,6 +202,7 @@ class MotionCalibration(Struct, frozen=True, forbid_unknown_fields=True):
         if self.mass_ahead_m is not None:
             check_range("mass_ahead_m", self.mass_ahead_m, -0.05, 0.1)
         check_range("inertia_scale", self.inertia_scale, 0.2, 5)
+        check_range("turning_drag_n_m", self.turning_drag_n_m, 0, 1)
         check_date(self.made_on)
 
     def wheel_maps(self) -> WheelMaps:

@@ -252,6 +252,7 @@ def _with_motion(robot: RobotParameters, motion: MotionCalibration) -> RobotPara
         wheel_radius_m=motion.wheel_radius_m,
         wheel_friction=motion.wheel_friction,
         track_m=motion.track_m,
+        turning_drag_n_m=motion.turning_drag_n_m,
         load_loss=motion.load_loss,
         free_speed_rpm=motion.free_speed_rpm,
         left_motor=_motor(motion.left_motor),
@@ -263,6 +264,7 @@ def _with_motion(robot: RobotParameters, motion: MotionCalibration) -> RobotPara
 def _motor(motor: MotorCalibration) -> MotorParameters:
     return MotorParameters(
         gain=motor.gain,
+        backward_share=motor.backward_share,
         dead_band=motor.dead_band / 255,
         time_constant_s=motor.time_constant_ms / 1000,
         dry_friction=motor.dry_friction,

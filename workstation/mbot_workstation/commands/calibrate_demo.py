@@ -29,6 +29,12 @@ def calibrate_demo(
         list[str] | None,
         typer.Option(metavar="NAME", help="Only this one; may be given several times."),
     ] = None,
+    worn: Annotated[
+        bool,
+        typer.Option(
+            "--worn", help="A robot with one motor at half force, both slow and weaker backward."
+        ),
+    ] = False,
     tolerance: Annotated[
         Path | None,
         typer.Option(
@@ -48,6 +54,7 @@ def calibrate_demo(
 
     - `workstation calibrate demo`
     - `workstation calibrate demo --full -o out/full`
+    - `workstation calibrate demo --worn -o out/worn`
     """
     from rich.console import Console
 
@@ -63,6 +70,7 @@ def calibrate_demo(
         repetitions=10 if full else repetitions,
         maneuvers=tuple(maneuver_named(name).name for name in maneuver or ()),
         photos=photos,
+        worn=worn,
         tolerance=tolerance.absolute() if tolerance is not None else None,
         seed=seed,
     )

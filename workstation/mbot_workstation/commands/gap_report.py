@@ -94,15 +94,19 @@ def gap_report(
 
 def _print(report: "GapReport", output: Path) -> None:
     from mbot_workstation.gap_report.summary_section import verdict_lines
-    from mbot_workstation.gap_report.wording import degrees, metres, seconds
+    from mbot_workstation.gap_report.wording import degrees, metres, percent, seconds
 
     after, before = report.calibrated, report.nominal
     print(
         f"{report.held_out} held-out runs; after {seconds(report.driven_s)} the calibrated "
-        f"simulation is {metres(after.position_m)} and {degrees(after.yaw_rad)} off on average, "
-        f"the nominal one {metres(before.position_m)} and {degrees(before.yaw_rad)}; "
-        f"the robot turned by {degrees(report.turned_rad)} meanwhile"
+        f"simulation is {metres(after.position_m)} and {degrees(after.yaw_rad)} off (medians), "
+        f"the nominal one {metres(before.position_m)} and {degrees(before.yaw_rad)}"
     )
+    if after.turned_share is not None:
+        print(
+            f"of runs that turn, the heading is off by {percent(after.turned_share)} of the angle "
+            f"turned, nominal {percent(before.turned_share)}"
+        )
     for title, words in verdict_lines(report):
         print(f"{title}: {words}")
     for name, why in report.left_out.items():

@@ -47,6 +47,11 @@ class ComparedRun:
         if shape[0] < 2 or not (np.diff(self.time_s) > 0).all():
             raise ValueError("time_s does not rise")
 
+    @property
+    def turned_rad(self) -> float:
+        """How far the robot turned, positive to the left."""
+        return float(self.measured[-1, 2] - self.measured[0, 2])
+
     def paths(self) -> dict[str, Array]:
         """The three, by the names everything else calls them."""
         return {name: getattr(self, name) for name in PATHS}

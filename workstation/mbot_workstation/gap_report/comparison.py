@@ -16,7 +16,7 @@ from mbot_workstation.identification.stray_runs import stray_runs
 from mbot_workstation.recordings.run import Recording
 from mbot_workstation.recordings.track import Array
 from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.simulation.scene_mjcf import TIMESTEP_S
+from mbot_workstation.simulation.timestep import TIMESTEP_S
 
 GRID_S = 0.02
 """Between the moments compared."""

@@ -48,6 +48,7 @@ def _headline(one: Headline) -> dict[str, float | None]:
         "yaw_deg": float(np.degrees(one.yaw_rad)),
         "worst_position_m": one.worst_position_m,
         "worst_yaw_deg": float(np.degrees(one.worst_yaw_rad)),
+        "turned_share": one.turned_share,
         "speed_share": one.speed,
         "turn_share": one.turn,
     }

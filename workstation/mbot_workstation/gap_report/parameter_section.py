@@ -63,6 +63,13 @@ def _lines(motion: MotionCalibration) -> list[_Line]:
         _Line("free_speed_rpm", "free speed, rpm", motion.free_speed_rpm, robot.free_speed_rpm),
         _Line("load_loss", "lost under load, %", motion.load_loss, robot.load_loss, 100),
         _Line(
+            "turning_drag_n_m",
+            "drag in turns, N mm",
+            motion.turning_drag_n_m,
+            robot.turning_drag_n_m,
+            1000,
+        ),
+        _Line(
             "wheel_friction",
             "wheel friction",
             motion.wheel_friction,
@@ -89,6 +96,13 @@ def _motor_lines(side: str, motor: MotorCalibration, nominal: MotorParameters) -
     key = f"{side}_motor"
     return [
         _Line(f"{key}.gain", f"{side} motor: gain", motor.gain, nominal.gain, digits=4),
+        _Line(
+            f"{key}.backward_share",
+            f"{side} motor: backward, of forward",
+            motor.backward_share,
+            nominal.backward_share,
+            digits=4,
+        ),
         _Line(
             f"{key}.dead_band",
             f"{side} motor: dead band, of 255",

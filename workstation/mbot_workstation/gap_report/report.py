@@ -13,6 +13,7 @@ from mbot_workstation.gap_report.path_error import PathError, path_error
 from mbot_workstation.gap_report.quantity import quantities
 from mbot_workstation.gap_report.steady_rates import RunRates, steady_rates
 from mbot_workstation.gap_report.verdict import Judged, judge
+from mbot_workstation.identification.held_out import heading_share
 from mbot_workstation.recordings.maneuver import MANEUVERS
 from mbot_workstation.training.tolerance_file import Tolerances
 
@@ -36,10 +37,12 @@ class ManeuverGap:
 
 @dataclass(frozen=True, slots=True)
 class Headline:
-    """A simulated robot in four numbers; a rate is None if no run is long enough for it.
+    """A simulated robot in a few numbers; a rate is None if no run is long enough for it.
 
     Attributes:
-        position_m, yaw_rad: at the end of the drive: mean of all held-out runs.
+        position_m, yaw_rad: at the end of the drive: the middle one of all held-out runs.
+        turned_share: the heading's error as a share of the angle turned, as `identify` tells it;
+            None if no run turns once.
         worst_position_m, worst_yaw_rad: and the largest.
         speed: largest error of a manoeuvre's mean steady speed, of the speed straight on.
         turn: likewise of the turn rate, of that on the spot.
@@ -50,6 +53,7 @@ class Headline:
     yaw_rad: float
     worst_position_m: float
     worst_yaw_rad: float
+    turned_share: float | None
     speed: float | None
     turn: float | None
 
@@ -120,9 +124,9 @@ class GapReport:
 
     @property
     def turned_rad(self) -> float:
-        """How far the robot turned in a run, either way; the mean of all shown."""
+        """How far the robot turned in a run, either way; the middle one of all shown."""
         runs = [run for one in self.maneuvers for run in one.runs]
-        return float(np.mean([abs(run.measured[-1, 2] - run.measured[0, 2]) for run in runs]))
+        return float(np.median([abs(run.turned_rad) for run in runs]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,8 +156,8 @@ def driven(runs: Sequence[ComparedRun]) -> Driven:
     return Driven(
         tuple(gaps),
         rates,
-        _headline([one.calibrated for one in gaps], rates, CALIBRATED),
-        _headline([one.nominal for one in gaps], rates, NOMINAL),
+        _headline([one.calibrated for one in gaps], gaps, rates, CALIBRATED),
+        _headline([one.nominal for one in gaps], gaps, rates, NOMINAL),
     )
 
 
@@ -165,14 +169,19 @@ def judged(
     return tuple(judge(one, tolerances) for one in quantities(files, before, after))
 
 
-def _headline(errors: Sequence[PathError], rates: Sequence[RunRates], path: str) -> Headline:
+def _headline(
+    errors: Sequence[PathError], gaps: Sequence[ManeuverGap], rates: Sequence[RunRates], path: str
+) -> Headline:
+    runs = [run for gap in gaps for run in gap.runs]
+    off = [(run.paths()[path][-1, 2] - run.measured[-1, 2], run.turned_rad) for run in runs]
     position_m = np.concatenate([error.position_at_end_m for error in errors])
     yaw_rad = np.concatenate([error.yaw_at_end_rad for error in errors])
     return Headline(
-        position_m=float(position_m.mean()),
-        yaw_rad=float(yaw_rad.mean()),
+        position_m=float(np.median(position_m)),
+        yaw_rad=float(np.median(yaw_rad)),
         worst_position_m=float(position_m.max()),
         worst_yaw_rad=float(yaw_rad.max()),
+        turned_share=heading_share(off),
         speed=_largest(rates, path, "speed_mps", STRAIGHT),
         turn=_largest(rates, path, "turn_radps", SPINS),
     )

@@ -65,6 +65,11 @@ def _tiles(report: GapReport) -> str:
             degrees(after.yaw_rad),
             f"of {degrees(report.turned_rad)} turned; nominal {degrees(before.yaw_rad)}",
         ),
+        _tile(
+            "Heading, of the angle turned",
+            _rate(after.turned_share),
+            f"nominal {percent(before.turned_share)}",
+        ),
         _tile("Steady speed", _rate(after.speed), f"nominal {percent(before.speed)}"),
         _tile("Steady turn rate", _rate(after.turn), f"nominal {percent(before.turn)}"),
         _tile(

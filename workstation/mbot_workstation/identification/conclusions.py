@@ -3,12 +3,12 @@
 import numpy as np
 
 from mbot_workstation.identification.estimate import Estimate
+from mbot_workstation.identification.extras import EXTRAS
 from mbot_workstation.identification.friction import DRY_NAME, GRIP_NAME, FrictionFinding
 from mbot_workstation.identification.linearisation import Linearisation
 from mbot_workstation.identification.mixed_fit import MixedFit
 from mbot_workstation.identification.parameters import BY_NAME, NAMES, value
 from mbot_workstation.identification.preparation import Prepared
-from mbot_workstation.identification.run_terms import SIDES, STRENGTH
 from mbot_workstation.identification.selection import Selection
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.training.presets import measured
@@ -34,7 +34,8 @@ def estimates(
     """
     covariance = here.covariance()
     width = _quantile(len(fit.views) - len(selection.names))
-    reasons = dict(selection.undetermined)
+    reasons = dict.fromkeys(EXTRAS, "the runs show none")
+    reasons |= selection.undetermined
     if finding.dry_reason is not None:
         reasons[DRY_NAME] = finding.dry_reason
     if finding.grip_reason is not None:
@@ -70,29 +71,6 @@ def latency(
     sd = float(np.sqrt(here.covariance()[first, first]))
     middle, half = max(float(np.mean(found)), 0.0), _quantile(len(fit.views)) * sd
     return Estimate("latency_ms", middle, before, max(middle - half, 0.0), middle + half)
-
-
-def backward_shares(fit: MixedFit) -> tuple[float | None, float | None]:
-    """How much stronger each motor is backward than forward, as a share; left and right.
-
-    The model has one strength for both directions, so the difference shows in the runs' own
-    deviations. None of a motor that was driven in one direction only.
-    """
-    strengths: dict[tuple[int, bool], list[float]] = {}
-    for view, own in zip(fit.views, fit.state.deviations, strict=True):
-        commands = view.flat.run.commands
-        for side, told in enumerate((commands.left, commands.right)):
-            ways = {bool(action > 0) for action in told if action}
-            if len(ways) == 1:
-                strength = float(own[STRENGTH] + own[SIDES][side])
-                strengths.setdefault((side, ways.pop()), []).append(strength)
-    left, right = (
-        float(np.mean(strengths[side, False]) - np.mean(strengths[side, True]))
-        if (side, False) in strengths and (side, True) in strengths
-        else None
-        for side in (0, 1)
-    )
-    return left, right
 
 
 def _quantile(degrees: int) -> float:

@@ -71,8 +71,6 @@ class Identification:
         before, robot: its parameters before and after.
         estimates: of all parameters, in the order of `PARAMETERS`.
         latency: from command to wheel [s]; undetermined unless the clocks were one.
-        backward: by which share the left and the right motor are stronger backward than forward;
-            None if it does not show. Not simulated: the model has one strength for both.
         clock_drift: of each recording's tracker against the robot's clock.
         tracker: of each recording: ahead [m], to the left [m], turned to the left [rad].
         singular_values: of the scaled Jacobian, largest first.
@@ -89,7 +87,6 @@ class Identification:
     robot: RobotParameters
     estimates: tuple[Estimate, ...]
     latency: Estimate
-    backward: tuple[float | None, float | None]
     clock_drift: tuple[float, ...]
     tracker: tuple[tuple[float, float, float], ...]
     singular_values: tuple[float, ...]

@@ -1,6 +1,8 @@
 """Runs that were not fitted: which they are, and how far the simulation ends from them."""
 
+import math
 from collections.abc import Sequence
+from statistics import median
 
 import numpy as np
 
@@ -8,6 +10,9 @@ from mbot_workstation.identification.estimate import Repeatability, RunError
 from mbot_workstation.identification.run_view import RunView, simulate_views
 from mbot_workstation.recordings.track import Array
 from mbot_workstation.simulation.robot_parameters import RobotParameters
+
+LEAST_TURNS_RAD = 2 * math.pi
+"""From one turn on, a heading's error is told as a share of what was turned."""
 
 AT_S = 10.0
 """After the first command, or at the last one if that comes sooner."""
@@ -59,6 +64,19 @@ def errors(
             RunError(view.flat.name, run.maneuver, at_s, old_m, new_m, old_rad, new_rad, turned_rad)
         )
     return tuple(result)
+
+
+def heading_share(off_and_turned_rad: Sequence[tuple[float, float]]) -> float | None:
+    """How far headings are off, as a share of the angle turned: the middle one of runs that turn.
+
+    Args:
+        off_and_turned_rad: of each run; runs of less than a turn don't count.
+
+    """
+    shares = [
+        abs(off / turned) for off, turned in off_and_turned_rad if abs(turned) >= LEAST_TURNS_RAD
+    ]
+    return median(shares) if shares else None
 
 
 def repeatability(views: Sequence[RunView], settings: Array) -> tuple[Repeatability, ...]:

@@ -3,8 +3,10 @@
 from collections.abc import Callable, Sequence
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.identification.conclusions import backward_shares, estimates, latency
+from mbot_workstation.identification.conclusions import estimates, latency
 from mbot_workstation.identification.estimate import Identification
+from mbot_workstation.identification.extras import EXTRAS, look_for_extras
+from mbot_workstation.identification.extras import ROUNDS as EXTRA_ROUNDS
 from mbot_workstation.identification.friction import (
     DRY_NAME,
     FAR_ROUNDS,
@@ -81,7 +83,6 @@ def identify(
         fit.state.robot,
         estimates(fit, here, nominal, selection, finding),
         latency(fit, here, prepared, same_clock=same_clock),
-        backward_shares(fit),
         tuple(float(setting[1]) for setting in settings),
         tuple((float(s[2]), float(s[3]), float(s[4])) for s in settings),
         selection.singular_values,
@@ -98,7 +99,10 @@ class _Bar:
 
     def __init__(self, advance: Advance | None, small: int, full: int) -> None:
         self._advance, self._done = advance, 0.0
-        self._all = small * (SMALL_ROUNDS + 5 * ROUNDS + 2 * FAR_ROUNDS) + full * FULL_ROUNDS
+        self._all = (
+            small * (SMALL_ROUNDS + 2 * EXTRA_ROUNDS + 5 * ROUNDS + 2 * FAR_ROUNDS)
+            + full * FULL_ROUNDS
+        )
 
     def count(self, runs: int) -> None:
         self._done += runs
@@ -152,7 +156,8 @@ def _choose(
         begin(views, prepared.robot, prepared.fixed.guess),
         usual_scatter(),
     )
-    smooth = [name for name in NAMES if name not in (DRY_NAME, GRIP_NAME)]
+    later = {DRY_NAME, GRIP_NAME, *EXTRAS}
+    smooth = [name for name in NAMES if name not in later]
     names = select(fit.linearise(smooth), smooth).names
     if not names:
         raise ConfigurationError(
@@ -164,8 +169,11 @@ def _choose(
 
     fit.scatter = Scatter()  # wide, so that nothing far away pulls too hard
     fit.run(names, SMALL_ROUNDS, progress)
+    extras = look_for_extras(fit, names, progress)
+    names = (*names, *extras)
     finding = look_for_friction(fit, names, progress)
-    wanted = [name for name in NAMES if name != DRY_NAME and (name != GRIP_NAME or finding.slips)]
+    slip = (GRIP_NAME,) if finding.slips else ()
+    wanted = [name for name in NAMES if name not in later or name in (*extras, *slip)]
     scatter = fit.scatter
     moved = {name: value(fit.state.robot, name) - value(nominal, name) for name in names}
     selection = select(fit.judge(wanted), wanted, moved)

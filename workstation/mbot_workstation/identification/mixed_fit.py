@@ -19,6 +19,7 @@ HTML packages along. `scipy.optimize.least_squares` would need the whole Jacobia
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbot_workstation.identification.linearisation import (
     Evaluation,
@@ -162,13 +163,14 @@ class MixedFit:
         """One step downhill: the largest move of a parameter, in spreads, and the share of the
         cost that is gone.
         """
-        count, free = len(normal.names), normal.free
+        count = len(normal.names)
         spreads = [BY_NAME[name].spread for name in normal.names]
         scale = np.concatenate([spreads, np.tile(SETTING_SCALE, len(self.fixed.guess))])
-        information = (normal.information * np.outer(scale, scale))[np.ix_(free, free)]
-        damping = 1e-6 * np.diag(np.diag(information)) + 1e-9 * np.eye(len(information))
-        move = np.zeros(free.size)
-        move[free] = np.linalg.solve(information + damping, (normal.gradient * scale)[free])
+        free = normal.free.copy()
+        move = _downhill(normal, scale, free)
+        while (beyond := _out_of_limits(self.state.robot, normal.names, move)).any():
+            free[:count] &= ~beyond  # the others are to make the best of its limit
+            move = _downhill(normal, scale, free)
         largest = float(np.abs(move[:count]).max(initial=0))
         move *= scale * min(1.0, LONGEST_STEP / max(largest, 1e-9))
         before = self.cost
@@ -179,6 +181,24 @@ class MixedFit:
                 self.here = tried
                 return largest * share, 1 - cost / max(before, 1e-9)
         return 0.0, 0.0
+
+
+def _downhill(normal: Linearisation, scale: Array, free: NDArray[np.bool_]) -> Array:
+    """By how many of its `scale` each unknown goes; those that are not free stay."""
+    information = (normal.information * np.outer(scale, scale))[np.ix_(free, free)]
+    damping = 1e-6 * np.diag(np.diag(information)) + 1e-9 * np.eye(len(information))
+    move = np.zeros(free.size)
+    move[free] = np.linalg.solve(information + damping, (normal.gradient * scale)[free])
+    return move
+
+
+def _out_of_limits(robot: RobotParameters, names: Sequence[str], move: Array) -> NDArray[np.bool_]:
+    """Which parameters are at a limit already and would go beyond it."""
+    limits = [BY_NAME[name] for name in names]
+    here = np.array([value(robot, name) for name in names])
+    low = here <= np.array([one.low for one in limits])
+    high = here >= np.array([one.high for one in limits])
+    return (low & (move[: len(names)] < 0)) | (high & (move[: len(names)] > 0))
 
 
 def _moved(start: State, normal: Linearisation, move: Array, share: float) -> State:

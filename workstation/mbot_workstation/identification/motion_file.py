@@ -38,6 +38,7 @@ def motion_calibration(found: Identification, recorded: WheelMaps) -> MotionCali
         wheel_radius_m=_short(robot.wheel_radius_m),
         track_m=_short(robot.track_m),
         wheel_friction=_short(robot.wheel_friction),
+        turning_drag_n_m=_short(robot.turning_drag_n_m),
         load_loss=_short(robot.load_loss),
         latency_ms=_short(1000 * found.latency.value),
         made_on=date.today().isoformat(),
@@ -76,6 +77,7 @@ def _map(motor: MotorParameters, gain: float, recorded: MotorMap, *, known: bool
 def _motor(motor: MotorParameters, used: MotorMap) -> MotorCalibration:
     return MotorCalibration(
         gain=_short(motor.gain),
+        backward_share=_short(motor.backward_share),
         dead_band=_short(255 * motor.dead_band),
         time_constant_ms=_short(1000 * motor.time_constant_s),
         dry_friction=_short(motor.dry_friction),
@@ -96,6 +98,7 @@ def _keys(name: str) -> list[tuple[str, float]]:
     if side in {"left", "right"}:
         key, factor = {
             "gain": ("gain", 1.0),
+            "backward_share": ("backward_share", 1.0),
             "dead_band": ("dead_band", 255.0),
             "time_constant_s": ("time_constant_ms", 1000.0),
         }[field]

@@ -44,6 +44,8 @@ PARAMETERS: tuple[Parameter, ...] = (
     *_sided("time_constant_s", "time constant [ms]", 0.03, 0.006, 1.0, 1000),
     Parameter("track_m", "track [mm]", 0.003, 0.05, 0.4, 1000),
     *_sided("dead_band", "dead band [of 255]", 10 / 255, 0.0, 0.7, 255),
+    *_sided("backward_share", "strength backward, of forward", 0.03, 0.3, 2.0),
+    Parameter("turning_drag_n_m", "drag in turns [N mm]", 0.01, 0.0, 0.1, 1000, 0.02),
     Parameter("mass_ahead_m", "centre of mass ahead [mm]", 0.01, -0.03, 0.06, 1000),
     Parameter("inertia_scale", "moment of inertia", 0.3, 0.4, 4.0),
     Parameter("dry_friction", "dry friction", 0.1, 0.0, 0.4, step_share=0.2),
@@ -58,7 +60,7 @@ before. Spreads: simulation/robot_parameters.py, where it gives one."""
 NAMES = tuple(parameter.name for parameter in PARAMETERS)
 BY_NAME = {parameter.name: parameter for parameter in PARAMETERS}
 
-_OF_MOTORS = {"gain", "dead_band", "time_constant_s"}
+_OF_MOTORS = {"gain", "backward_share", "dead_band", "time_constant_s"}
 _OF_BOTH_MOTORS = {"dry_friction"}
 
 

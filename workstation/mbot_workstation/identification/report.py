@@ -11,10 +11,8 @@ from rich.table import Table
 
 from mbot_protocol.actions import MotorMap
 from mbot_workstation.identification.estimate import Estimate, Identification, RunError
+from mbot_workstation.identification.held_out import LEAST_TURNS_RAD, heading_share
 from mbot_workstation.identification.parameters import BY_NAME
-
-LEAST_TURNS = 1.0
-"""From so many turns on, a heading's error is told as a share of them."""
 
 TELLING_SHARE = 0.01
 """Of a motor's strength: a difference between forward and backward worth telling."""
@@ -47,17 +45,17 @@ def error_table(found: Identification) -> Table:
 
 def error_lines(found: Identification) -> list[str]:
     """What the headings' errors come to: degrees say little about a robot that turns five times."""
-    turning = [error for error in found.errors if abs(error.turned_rad) > LEAST_TURNS * 2 * math.pi]
-    if not turning:
-        return []
+    turning = [error for error in found.errors if abs(error.turned_rad) >= LEAST_TURNS_RAD]
     before, after = (
-        100 * median(getattr(error, name) / abs(error.turned_rad) for error in turning)
+        heading_share([(getattr(error, name), error.turned_rad) for error in turning])
         for name in ("before_rad", "after_rad")
     )
+    if before is None or after is None:
+        return []
     turns = median(abs(error.turned_rad) for error in turning) / (2 * math.pi)
     lines = [
-        f"of runs that turn, {turns:.1f} times in the middle, the heading is off by {after:.2f} % "
-        f"of the angle turned, before {before:.1f} %"
+        f"of runs that turn, {turns:.1f} times in the middle, the heading is off by "
+        f"{100 * after:.2f} % of the angle turned, before {100 * before:.1f} %"
     ]
     fastest = max(turning, key=lambda error: abs(error.turned_rad) / error.at_s)
     late_rad = found.scatter.moment_s * abs(fastest.turned_rad) / fastest.at_s
@@ -129,11 +127,13 @@ def map_lines(left: MotorMap, right: MotorMap) -> list[str]:
 def backward_lines(found: Identification) -> list[str]:
     """Motors that drive one way better than the other."""
     return [
-        f"backward the {side} motor is {100 * abs(share):.1f} % "
-        f"{'stronger' if share > 0 else 'weaker'} than forward; the simulation has one strength "
-        "for both, in the middle"
-        for side, share in zip(("left", "right"), found.backward, strict=True)
-        if share is not None and abs(share) > TELLING_SHARE
+        f"backward the {side} motor is {100 * abs(share - 1):.1f} % "
+        f"{'stronger' if share > 1 else 'weaker'} than forward; its trim is for driving forward"
+        for side, share in (
+            ("left", found.robot.left_motor.backward_share),
+            ("right", found.robot.right_motor.backward_share),
+        )
+        if abs(share - 1) > TELLING_SHARE
     ]
 
 
@@ -146,7 +146,6 @@ def as_fields(found: Identification, written: Sequence[str]) -> dict[str, Any]:
         "left_out": found.left_out,
         "parameters": {one.name: _fields(one) for one in found.estimates},
         "latency_s": _fields(found.latency),
-        "stronger_backward": found.backward,
         "singular_values": found.singular_values,
         "scatter": asdict(found.scatter),
         "clock_drift": found.clock_drift,

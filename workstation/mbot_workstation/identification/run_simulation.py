@@ -16,9 +16,9 @@ from mbot_workstation.recordings.run import CommandSeries, Run
 from mbot_workstation.recordings.track import Array, Track
 from mbot_workstation.simulation.engine import MjModel, mujoco
 from mbot_workstation.simulation.motor import motor_voltage
-from mbot_workstation.simulation.robot_mjcf import FLOOR_BIT, add_robot
+from mbot_workstation.simulation.robot_mjcf import FLOOR_BIT, add_robot, resist_turning
 from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.simulation.scene_mjcf import TIMESTEP_S
+from mbot_workstation.simulation.timestep import TIMESTEP_S
 from mbot_workstation.virtual.mcore_firmware import duties
 
 STOPPING_S = 0.6
@@ -131,6 +131,7 @@ def bare_model(robot: RobotParameters) -> MjModel:
     )
     add_robot(spec, robot)
     model = spec.compile()
+    resist_turning(model, robot)
     for flag in _UNNEEDED:
         model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))
     return model

@@ -7,7 +7,7 @@ from mbot_workstation.identification.run_terms import MOMENT, Residual, Slopes
 from mbot_workstation.identification.run_view import RunView, steps_at, tracker_place
 from mbot_workstation.identification.twist import Twists, along
 from mbot_workstation.recordings.track import Array
-from mbot_workstation.simulation.scene_mjcf import TIMESTEP_S
+from mbot_workstation.simulation.timestep import TIMESTEP_S
 
 
 def slopes(

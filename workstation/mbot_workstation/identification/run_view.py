@@ -32,7 +32,7 @@ from mbot_workstation.identification.run_terms import (
 )
 from mbot_workstation.recordings.track import Array
 from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.simulation.scene_mjcf import TIMESTEP_S
+from mbot_workstation.simulation.timestep import TIMESTEP_S
 
 AT_ONCE = 160
 """Simulations in one batch: 60 MB of paths."""

@@ -21,7 +21,17 @@ from mbot_workstation.rehearsal.frame_photos import take_frames
 from mbot_workstation.rehearsal.leave_out import leave_out_spoilt
 from mbot_workstation.rehearsal.outcome import Row, outcome
 from mbot_workstation.rehearsal.robot_pair import ROBOT_ID, robot_pair
-from mbot_workstation.rehearsal.truth import BODY, TRUTH, save_picture, true_room, write_truth
+from mbot_workstation.rehearsal.truth import (
+    BODY,
+    MOTION,
+    TRUTH,
+    WORN,
+    WORN_MOTION,
+    corrected,
+    save_picture,
+    true_room,
+    write_truth,
+)
 
 CALIBRATION = f"calibration/{ROBOT_ID}"
 RECORDING = f"recordings/{ROBOT_ID}"
@@ -29,6 +39,8 @@ INTO = ("--calibration", CALIBRATION)
 TRACK = "track.csv"
 REPORT = "gap.html"
 TRUTH_FOLDER = "truth"
+CORRECTED_FOLDER = "truth-corrected"
+"""The true robot once more, with the motor maps that were found: what policies are judged on."""
 
 ROOM_HEADING_DEG = 45.0
 """The tape on the floor, to the right of the photograph's middle."""
@@ -46,6 +58,7 @@ class Afternoon:
         seconds, repetitions, pause_s: of each manoeuvre; the paper has 10, 10.
         maneuvers: which; all eight if empty.
         photos: of the board.
+        worn: whether the robot is a worn one.
         tolerance: a tolerance map to hold the result against.
         seed: of everything that is drawn.
 
@@ -57,6 +70,7 @@ class Afternoon:
     pause_s: float = 2.5
     maneuvers: tuple[str, ...] = ()
     photos: int = 20
+    worn: bool = False
     tolerance: Path | None = None
     seed: int = 1
 
@@ -73,7 +87,8 @@ def rehearse(afternoon: Afternoon, console: Console) -> tuple[Row, ...]:
     """
     folder = afternoon.folder.absolute()
     clear(folder)
-    write_truth(folder / TRUTH_FOLDER)
+    motion = WORN_MOTION if afternoon.worn else MOTION
+    write_truth(folder / TRUTH_FOLDER, motion)
     line = CommandLine(folder, console)
     _print_targets(line)
     _weigh(line)
@@ -83,7 +98,10 @@ def rehearse(afternoon: Afternoon, console: Console) -> tuple[Row, ...]:
     _drive(line, afternoon)
     _identify(line)
     _report(line, afternoon)
-    return outcome(TRUTH, read_files(folder / CALIBRATION))
+    found = read_files(folder / CALIBRATION)
+    if found.motion is not None:
+        write_truth(folder / CORRECTED_FOLDER, corrected(motion, found.motion))
+    return outcome(WORN if afternoon.worn else TRUTH, found)
 
 
 def clear(folder: Path) -> None:

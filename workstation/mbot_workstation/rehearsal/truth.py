@@ -1,13 +1,15 @@
 """The robot to be found out: a calibration folder that is shown to nobody before the end.
 
 It differs from the nominal robot about as far as a real one may: within the spreads that
-`simulation/robot_parameters.py` gives, most of them near the end.
+`simulation/robot_parameters.py` gives, most of them near the end. A worn one has motors besides
+that are beyond all of them.
 """
 
 from pathlib import Path
 from typing import cast
 
 import cv2
+import msgspec
 
 from mbot_protocol.calibration import CameraCalibration, MotionCalibration, MotorCalibration
 from mbot_protocol.errors import ConfigurationError
@@ -59,6 +61,21 @@ MOTION = MotionCalibration(
     made_on=MADE_ON,
 )
 
+WORN_MOTION = msgspec.structs.replace(
+    MOTION,
+    left_motor=MotorCalibration(
+        gain=0.98, dead_band=52.0, time_constant_ms=150.0, backward_share=0.97
+    ),
+    right_motor=MotorCalibration(
+        gain=0.52, dead_band=66.0, time_constant_ms=170.0, backward_share=0.94
+    ),
+    wheel_friction=0.6,
+    load_loss=0.05,
+    turning_drag_n_m=0.008,
+)
+"""One motor with about half the other's force, as in the paper's handicap, both slow and weaker
+backward, and a caster that drags."""
+
 LIGHT = LightCalibration(
     exposure_gain=0.84,
     red_gain=1.07,
@@ -93,6 +110,7 @@ BODY = BodyCalibration(
 )
 
 TRUTH = CalibrationFiles(camera=CAMERA, motion=MOTION, body=BODY, light=LIGHT)
+WORN = msgspec.structs.replace(TRUTH, motion=WORN_MOTION)
 
 
 def true_room() -> Picture:
@@ -100,8 +118,12 @@ def true_room() -> Picture:
     return generate_room(ROOM_SEED)
 
 
-def write_truth(folder: Path) -> None:
+def write_truth(folder: Path, motion: MotionCalibration = MOTION) -> None:
     """Write the folder that the virtual robot is made from.
+
+    Args:
+        folder: to write it to.
+        motion: its motors; the rest of all robots here is the same.
 
     Raises:
         ConfigurationError: it can't be written.
@@ -109,9 +131,23 @@ def write_truth(folder: Path) -> None:
     """
     write_body(folder, BODY)
     write_camera(folder, CAMERA)
-    write_motion(folder, MOTION)
+    write_motion(folder, motion)
     write_light(folder, LIGHT)
     save_picture(folder / ROOMS_FOLDER / "room.png", true_room())
+
+
+def corrected(motion: MotionCalibration, found: MotionCalibration) -> MotionCalibration:
+    """True motors, driven by a daemon that corrects them by what was found."""
+    left, right = (
+        msgspec.structs.replace(
+            true, trim=mine.trim, dead_band_compensation=mine.dead_band_compensation
+        )
+        for true, mine in (
+            (motion.left_motor, found.left_motor),
+            (motion.right_motor, found.right_motor),
+        )
+    )
+    return msgspec.structs.replace(motion, left_motor=left, right_motor=right)
 
 
 def save_picture(path: Path, picture: Picture) -> None:

@@ -109,6 +109,15 @@ def part_name(model: MjModel, geom: int) -> str:
     return name.removeprefix(_PART) if name.startswith(_PART) else ""
 
 
+def resist_turning(model: MjModel, robot: RobotParameters) -> None:
+    """Give a compiled model the robot's `turning_drag_n_m`.
+
+    Only there a free joint can have friction about one axis alone.
+    """
+    yaw = model.joint(ROBOT).dofadr[0] + 5  # after three ways and two angles, about its own z
+    model.dof_frictionloss[yaw] = robot.turning_drag_n_m
+
+
 def _add_slider(base: Any, name: str, ahead_m: float, clearance_m: float) -> None:
     # Without friction: MuJoCo's soft contacts lift whatever slides with friction, and the robot
     # would bounce. What a caster costs in speed is `load_loss`, at the wheels.

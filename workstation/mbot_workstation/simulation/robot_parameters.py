@@ -50,6 +50,8 @@ class MotorParameters:
 
     Attributes:
         gain: strength against the nominal motor; +-0.05 is usual, 0.5 is the paper's handicap.
+        backward_share: its strength when it turns the wheel backward, against forward. A brushed
+            motor has a better direction, by some percent; 1 if not identified.
         dead_band: share of full duty up to which the wheel stands. Public notes say 40 to 60 of
             255; 50 is the middle.
         time_constant_s: of the wheel's speed after a step of the duty, with the robot's own mass
@@ -61,6 +63,7 @@ class MotorParameters:
     """
 
     gain: float = 1.0
+    backward_share: float = 1.0
     dead_band: float = 50 / 255
     time_constant_s: float = 0.090
     dry_friction: float = 0.0
@@ -68,6 +71,8 @@ class MotorParameters:
     def __post_init__(self) -> None:
         if not (math.isfinite(self.gain) and self.gain > 0):
             raise ValueError(f"gain is {self.gain}, expected above 0")
+        if not (math.isfinite(self.backward_share) and self.backward_share > 0):
+            raise ValueError(f"backward_share is {self.backward_share}, expected above 0")
         if not 0 <= self.dead_band < 1:
             raise ValueError(f"dead_band is {self.dead_band}, expected from 0 to below 1")
         if not 0.005 <= self.time_constant_s <= 2:
@@ -114,6 +119,9 @@ class RobotParameters:
         track_m: between the wheels' centres; public measurement, others say 0.110; +-0.002.
         caster_ahead_m: where the passive wheel touches the floor, ahead of the axle (public
             drawings: the mini caster is in front).
+        turning_drag_n_m: torque with which the caster and the tyres' width resist a turn, however
+            fast. It costs a weak motor a larger share of its speed. 0 if not identified; a caster
+            with 0.15 N of friction makes 0.01.
         load_loss: share of the free speed lost under the robot's own load, by the caster and in
             the bearings (paper: "lower under load", no figure); assumed.
         free_speed_rpm: of a wheel at full duty without load: measured in the paper at 3.7 V;
@@ -135,6 +143,7 @@ class RobotParameters:
     wheel_friction: float = 0.9
     track_m: float = 0.115
     caster_ahead_m: float = 0.075
+    turning_drag_n_m: float = 0.0
     load_loss: float = 0.02
     free_speed_rpm: float = 120.0
     supply_v: float = 3.7

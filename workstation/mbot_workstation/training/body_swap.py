@@ -9,7 +9,13 @@ from collections.abc import Sequence
 
 from mbot_protocol.camera_model import CameraModel
 from mbot_workstation.simulation.engine import MjModel, mujoco
-from mbot_workstation.simulation.robot_mjcf import ROBOT, ROBOT_CAMERA, WHEELS, add_robot
+from mbot_workstation.simulation.robot_mjcf import (
+    ROBOT,
+    ROBOT_CAMERA,
+    WHEELS,
+    add_robot,
+    resist_turning,
+)
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.simulation import Simulation
 
@@ -54,7 +60,9 @@ def swap_body(simulation: Simulation, robot: RobotParameters) -> None:
     """
     spec = mujoco.MjSpec()
     add_robot(spec, robot)
-    _copy_robot(spec.compile(), simulation.model)
+    swapped = spec.compile()
+    resist_turning(swapped, robot)
+    _copy_robot(swapped, simulation.model)
     simulation.robot = robot
 
 
