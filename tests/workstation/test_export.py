@@ -21,6 +21,7 @@ from mbot_protocol.golden_frames import PROPERTY
 from mbot_protocol.policy_contract import FULL_VIEW, PolicyMetadata
 from mbot_workstation.commands.export import export
 from mbot_workstation.model_check import check_model
+from mbot_workstation.servo_policy import ServoGains, servo_model
 from mbot_workstation.training.checkpoint import (
     CheckpointState,
     RandomState,
@@ -33,10 +34,10 @@ from mbot_workstation.training.golden_frames import check_golden_frames, golden_
 from mbot_workstation.training.learner import LearnerSettings, make_learner
 from mbot_workstation.training.onnx_policy import OnnxPolicy
 from mbot_workstation.training.picture_ppo import PicturePPO
-from mbot_workstation.training.policy_export import PROVENANCE
 from mbot_workstation.training.policy_graph import policy_graph
 from mbot_workstation.training.run_directory import RunDirectory, write_json
 from mbot_workstation.training.train import begin_run
+from mbot_workstation.training.trained_policy import PROVENANCE, WHEELS, trained_policy
 from mbot_workstation.training.training_config import TrainingConfig
 
 PICTURES = np.random.default_rng(5).integers(0, 256, (40, 64, 64, 3)).astype(np.uint8)
@@ -151,6 +152,31 @@ def test_weights_can_be_averaged_with_another_runs(
     ours = OnnxPolicy(model.SerializeToString()).act(PICTURES)
     np.testing.assert_allclose(ours, expected, rtol=0, atol=1e-4)
     assert np.abs(ours - learner.policy.predict(PICTURES, deterministic=True)[0]).max() > 0.01
+
+
+def test_a_policy_file_can_be_exported_again_turning_less(
+    run: RunDirectory, tmp_path: Path
+) -> None:
+    first, calmer = tmp_path / "first.onnx", tmp_path / "calmer.onnx"
+    invoke(str(run.path), "-o", str(first))
+    for name, weight in trained_policy(first).weights.items():
+        torch.testing.assert_close(weight, trained_policy(run.path).weights[name])
+    invoke(str(first), "--turn", "0.8", "-o", str(calmer))
+    before, after = (trained_policy(path).weights for path in (first, calmer))
+    for name in WHEELS:
+        (left, right), (new_left, new_right) = before[name], after[name]
+        torch.testing.assert_close(new_left - new_right, 0.8 * (left - right))
+        torch.testing.assert_close(new_left + new_right, left + right)
+    invoke(str(calmer), "--turn", "0.5", "-o", str(calmer))
+    origin = json.loads(properties(onnx.load(calmer))[PROVENANCE])
+    assert (origin["run"], origin["turn"]) == ("first", 0.4)
+
+
+def test_a_policy_that_was_not_exported_here_cannot_be_exported_again(tmp_path: Path) -> None:
+    path = tmp_path / "servo.onnx"
+    path.write_bytes(servo_model(ServoGains(), PolicyMetadata("servo")).SerializeToString())
+    with pytest.raises(ConfigurationError, match="was not written by `workstation export`"):
+        invoke(str(path))
 
 
 def test_golden_frames_travel_along_and_are_checked(run: RunDirectory, tmp_path: Path) -> None:

@@ -11,7 +11,11 @@ from mbot_workstation.link_options import JsonOption
 def export(
     *,
     source: Annotated[
-        Path, typer.Argument(metavar="RUN", help="A run's folder, or that of one checkpoint.")
+        Path,
+        typer.Argument(
+            metavar="RUN",
+            help="A run's folder, that of one checkpoint, or a policy that was exported before.",
+        ),
     ],
     output: Annotated[
         Path | None,
@@ -26,10 +30,20 @@ def export(
         list[Path] | None,
         typer.Option(
             metavar="RUN",
-            help="Average the weights with those of this run, which began with RUN's weights or "
-            "the other way round; may be given several times.",
+            help="Average the weights with those of this run or policy, which began with RUN's "
+            "weights or the other way round; may be given several times.",
         ),
     ] = None,
+    turn: Annotated[
+        float,
+        typer.Option(
+            min=0.3,
+            max=2,
+            metavar="SHARE",
+            help="Turn by so much of what the policy says: 0.9 for a robot that turns too far "
+            "before it sees, on a slippery floor or with late pictures.",
+        ),
+    ] = 1.0,
     as_json: JsonOption = False,
 ) -> None:
     """Write a trained policy as one ONNX file, ready for `workstation push-model`.
@@ -37,21 +51,24 @@ def export(
     The file says which run, code, lessons and rooms it comes from, and brings three frames with
     the actions they should give, so that anyone can check it.
 
-    Example: `workstation export runs/first -o policy.onnx`
+    Examples:
+
+    - `workstation export runs/first -o policy.onnx`
+    - `workstation export policy.onnx --turn 0.9 -o calmer.onnx`
     """
     import hashlib
     import json
 
     from mbot_protocol.errors import ConfigurationError
     from mbot_workstation.training.policy_export import export_policy
-    from mbot_workstation.training.policy_source import find_source
+    from mbot_workstation.training.trained_policy import averaged, trained_policy, turning
     from mbot_workstation.wording import short_digest, size_words
 
-    found = find_source(source)
-    path = output or Path(f"{found.run.path.resolve().name}.onnx")
+    found = trained_policy(source)
+    path = output or Path(f"{found.name}.onnx")
     policy_name = name or path.stem
-    others = [find_source(other) for other in average or ()]
-    data = export_policy(found, policy_name, others).SerializeToString(deterministic=True)
+    policy = turning(averaged(found, [trained_policy(one) for one in average or ()]), turn)
+    data = export_policy(policy, policy_name).SerializeToString(deterministic=True)
     try:
         path.write_bytes(data)
     except OSError as error:

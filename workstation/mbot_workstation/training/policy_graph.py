@@ -31,6 +31,13 @@ BATCH = "batch"
 """The contract lets a symbolic dimension stand for the batch; evaluation runs many at once."""
 
 _FEATURES = "features_extractor."
+_LAYERS = {
+    "first": f"{_FEATURES}first",
+    "second": f"{_FEATURES}second",
+    "dense": f"{_FEATURES}dense",
+    "wheels": "action_net",
+}
+"""The graph's layers and their names in SB3's policy."""
 
 
 def policy_graph(
@@ -101,12 +108,7 @@ def _layer(
 def _constants(weights: Mapping[str, torch.Tensor]) -> dict[str, NDArray[np.float32]]:
     arrays = {
         f"{name}.{part}": _array(weights[f"{origin}.{part}"])
-        for name, origin in (
-            ("first", f"{_FEATURES}first"),
-            ("second", f"{_FEATURES}second"),
-            ("dense", f"{_FEATURES}dense"),
-            ("wheels", "action_net"),
-        )
+        for name, origin in _LAYERS.items()
         for part in ("weight", "bias")
     }
     # Raw pixels go into the first convolution; scaling and shifting them is in its weights.
@@ -116,6 +118,24 @@ def _constants(weights: Mapping[str, torch.Tensor]) -> dict[str, NDArray[np.floa
     arrays["backward"] = np.array(-1.0, np.float32)
     arrays["forward"] = np.array(1.0, np.float32)
     return arrays
+
+
+def graph_weights(model: onnx.ModelProto) -> dict[str, torch.Tensor]:
+    """The way back: a graph's weights by SB3's names, to single precision.
+
+    Raises:
+        KeyError: `policy_graph` did not write it.
+
+    """
+    arrays = {one.name: numpy_helper.to_array(one) for one in model.graph.initializer}
+    first = arrays["first.weight"] / np.float32(PIXEL_SCALE)
+    shift = np.float32(PIXEL_SHIFT) * first.sum((1, 2, 3))
+    arrays |= {"first.weight": first, "first.bias": arrays["first.bias"] - shift}
+    return {
+        f"{origin}.{part}": torch.from_numpy(arrays[f"{name}.{part}"].copy())
+        for name, origin in _LAYERS.items()
+        for part in ("weight", "bias")
+    }
 
 
 def _array(tensor: torch.Tensor) -> NDArray[np.float32]:
