@@ -1,8 +1,8 @@
 """Is a motor weaker backward, is the robot dragged in turns? Taken in only where it shows.
 
 Most robots have neither, and a fit that looked for both in every recording would know everything
-else less well. Without them what they do counts as scatter: motors seem to differ in strength from
-manoeuvre to manoeuvre. Where that scatter falls clearly once they are fitted, they are there.
+else less well. Without them motors seem to differ in strength from manoeuvre to manoeuvre; where
+that is explained clearly better with them, they are there.
 """
 
 import math
@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from mbot_workstation.identification.linearisation import State
-from mbot_workstation.identification.mixed_fit import MixedFit, Progress
+from mbot_workstation.identification.mixed_fit import MixedFit, Progress, begin
 from mbot_workstation.identification.parameters import value, with_values
 from mbot_workstation.identification.run_terms import SIDES, STRENGTH
 from mbot_workstation.recordings.track import Array
@@ -24,7 +24,14 @@ EXTRAS = (*BACKWARD, *DRAG)
 CLEARLY = 8.0
 """By how much the logarithm of the runs' likelihood has to rise: 4 standard deviations."""
 
-ROUNDS = 6
+WIDE_ROUNDS, HELD_ROUNDS, ROUNDS = 4, 12, 6
+ALL_ROUNDS = WIDE_ROUNDS + HELD_ROUNDS + ROUNDS
+
+LIKELY_DRAG_N_M = 0.005
+"""Where the search for drag begins: half of what a caster with 0.15 N of friction makes."""
+
+LOAD = 0.003
+"""A run's strength of both motors alike differs by as much from the next one's in a steady hand."""
 
 
 def look_for_extras(
@@ -38,9 +45,14 @@ def look_for_extras(
     """
     found: tuple[str, ...] = ()
     for extra in (BACKWARD, DRAG):
-        start = _told_apart(fit) if extra == BACKWARD else fit.state
-        trial = MixedFit(fit.views, fit.fixed, start, fit.scatter)
-        trial.run([*names, *found, *extra], ROUNDS, progress)
+        start = _told_apart(fit) if extra == BACKWARD else _dragged(fit)
+        trial = MixedFit(fit.views, fit.fixed, start)
+        every = [*names, *found, *extra]
+        trial.run(every, WIDE_ROUNDS, progress, learn=False)
+        # Narrow and held, so that what the new parameter may explain is not left to the scatter.
+        trial.scatter = replace(fit.scatter, load=min(fit.scatter.load, LOAD))
+        trial.run(every, HELD_ROUNDS, progress, learn=False)
+        trial.run(every, ROUNDS, progress)
         if _likelier(fit, trial) >= CLEARLY:
             fit.here, fit.scatter = trial.here, trial.scatter
             found = (*found, *extra)
@@ -48,12 +60,16 @@ def look_for_extras(
 
 
 def _likelier(before: MixedFit, after: MixedFit) -> float:
-    """By how much the logarithm of the likelihood of the runs' strengths has risen, about.
+    """By how much the logarithm of the runs' likelihood has risen, about.
 
-    Each is drawn from its scatter: the narrower that is, the likelier are they.
+    Where manoeuvres were repeated, what one gets wrong every time costs, and costs less now. Where
+    they were not, it is taken for the scatter of motors' strengths, which is narrower now: the
+    likelier is every one that is drawn from it.
     """
+    cheaper = before.cost - after.here.cost(after.views, before.scatter)
     own = 2 * math.log(before.scatter.strength / after.scatter.strength)
-    return len(before.views) * (own + math.log(before.scatter.load / after.scatter.load))
+    both = math.log(before.scatter.load / after.scatter.load)
+    return max(cheaper, len(before.views) * (own + both))
 
 
 def _told_apart(fit: MixedFit) -> State:
@@ -78,6 +94,12 @@ def _told_apart(fit: MixedFit) -> State:
         for own, way in zip(state.deviations, ways, strict=True)
     ]
     return replace(state, robot=with_values(robot, changes), deviations=tuple(deviations))
+
+
+def _dragged(fit: MixedFit) -> State:
+    """The state with some drag, and with no run stronger or weaker than another any more."""
+    robot = with_values(fit.state.robot, {DRAG[0]: LIKELY_DRAG_N_M})
+    return begin(fit.views, robot, fit.state.settings)
 
 
 def _without(own: Array, explained: Sequence[float]) -> Array:

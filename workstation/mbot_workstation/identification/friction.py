@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from mbot_workstation.identification.mixed_fit import MixedFit, Progress
 from mbot_workstation.identification.parameters import value, with_values
+from mbot_workstation.identification.scatter import Scatter
 
 CLEARLY = 8.0
 """Drop of half the sum of squares from which on friction is taken in: 4 standard deviations."""
@@ -26,7 +27,7 @@ QUICKER = 0.7
 HOPELESS = 3.0
 """A trial that still costs so many times as much has gone astray."""
 
-ROUNDS, FAR_ROUNDS = 4, 6
+WIDE_ROUNDS, ROUNDS, FAR_ROUNDS = 4, 4, 6
 
 DRY_NAME, GRIP_NAME = "dry_friction", "wheel_friction"
 _TIMES = ("left_time_constant_s", "right_time_constant_s")
@@ -94,5 +95,10 @@ def _explored(
 ) -> tuple[float, MixedFit]:
     """The fit from a changed robot on, with the scatter left alone so that costs compare."""
     trial = fit.branch(with_values(fit.state.robot, change))
+    if change:
+        # Wide at first: a narrow one holds the rest to where it was without the change.
+        trial.scatter = Scatter()
+        trial.run(names, WIDE_ROUNDS, progress, learn=False)
+        trial.scatter = fit.scatter
     trial.run(names, ROUNDS, progress, learn=False)
     return trial.cost, trial

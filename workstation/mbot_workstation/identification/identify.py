@@ -5,13 +5,13 @@ from collections.abc import Callable, Sequence
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.identification.conclusions import estimates, latency
 from mbot_workstation.identification.estimate import Identification
-from mbot_workstation.identification.extras import EXTRAS, look_for_extras
-from mbot_workstation.identification.extras import ROUNDS as EXTRA_ROUNDS
+from mbot_workstation.identification.extras import ALL_ROUNDS, EXTRAS, look_for_extras
 from mbot_workstation.identification.friction import (
     DRY_NAME,
     FAR_ROUNDS,
     GRIP_NAME,
     ROUNDS,
+    WIDE_ROUNDS,
     FrictionFinding,
     look_for_friction,
 )
@@ -99,10 +99,9 @@ class _Bar:
 
     def __init__(self, advance: Advance | None, small: int, full: int) -> None:
         self._advance, self._done = advance, 0.0
-        self._all = (
-            small * (SMALL_ROUNDS + 2 * EXTRA_ROUNDS + 5 * ROUNDS + 2 * FAR_ROUNDS)
-            + full * FULL_ROUNDS
-        )
+        extras = 2 * ALL_ROUNDS
+        friction = 4 * WIDE_ROUNDS + 5 * ROUNDS + 2 * FAR_ROUNDS
+        self._all = small * (SMALL_ROUNDS + extras + friction) + full * FULL_ROUNDS
 
     def count(self, runs: int) -> None:
         self._done += runs
