@@ -137,11 +137,11 @@ def page(results: dict[str, dict[str, Result]], command: str) -> str:
         f"Made by `{command}` on {date.today().isoformat()}: {machine()}, OpenCV "
         f"{cv2.__version__}.",
         "",
-        "Photographs of a real, printed checkerboard in a hand, from the Debian package opencv-doc",
-        "(two cameras with a distorting lens, 640 x 480). OpenCV's own is what its sample does:",
-        "findChessboardCorners, cornerSubPix, calibrateCamera. Errors are root mean square",
-        "distances in pixels; held out is the median of pictures seen by a camera that was fitted",
-        "to all the others.",
+        "`left` and `right` are photographs of a real, printed checkerboard in a hand, from the",
+        "Debian package opencv-doc: two cameras with a distorting lens, 640 x 480. OpenCV's own is",
+        "what its sample does: findChessboardCorners, cornerSubPix, calibrateCamera. Errors are",
+        "root mean square distances in pixels; held out is the median of pictures seen by a camera",
+        "that was fitted to all the others.",
         "",
         "| photographs | calibrated by | pictures | error, px | held out, px | focal length, px | "
         "axis, px |",
@@ -174,8 +174,7 @@ def main() -> None:
             "`calibrate camera --keep-outliers`": by_ours(sightings, paths, keep_outliers=True),
             "`calibrate camera`": by_ours(sightings, paths, keep_outliers=False),
         }
-    names = [folder.name for folder in options.folders]
-    command = ["python", "benchmarks/camera.py", *names, "-o", "docs/results/camera.md"]
+    command = ["python", "benchmarks/camera.py", *(folder.name for folder in options.folders)]
     text = page(results, shlex.join(command))
     print(text)
     if options.output is not None:

@@ -156,8 +156,8 @@ def driven(runs: Sequence[ComparedRun]) -> Driven:
     return Driven(
         tuple(gaps),
         rates,
-        _headline([one.calibrated for one in gaps], gaps, rates, CALIBRATED),
-        _headline([one.nominal for one in gaps], gaps, rates, NOMINAL),
+        _headline(gaps, rates, CALIBRATED),
+        _headline(gaps, rates, NOMINAL),
     )
 
 
@@ -169,9 +169,8 @@ def judged(
     return tuple(judge(one, tolerances) for one in quantities(files, before, after))
 
 
-def _headline(
-    errors: Sequence[PathError], gaps: Sequence[ManeuverGap], rates: Sequence[RunRates], path: str
-) -> Headline:
+def _headline(gaps: Sequence[ManeuverGap], rates: Sequence[RunRates], path: str) -> Headline:
+    errors: list[PathError] = [getattr(gap, path) for gap in gaps]
     runs = [run for gap in gaps for run in gap.runs]
     off = [(run.paths()[path][-1, 2] - run.measured[-1, 2], run.turned_rad) for run in runs]
     position_m = np.concatenate([error.position_at_end_m for error in errors])
