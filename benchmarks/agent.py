@@ -19,13 +19,13 @@ from pathlib import Path
 from mbot_protocol.policy_contract import PolicyMetadata
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.demo.child import Child
-from mbot_workstation.model_push import push
-from mbot_workstation.remote_control import RemoteControl
-from mbot_workstation.robot_link import RobotLink
-from mbot_workstation.servo_policy import ServoGains, servo_model
-from mbot_workstation.signing_key import SigningKey
-from mbot_workstation.stage_times import percentile
-from mbot_workstation.telemetry_stream import TelemetryStream
+from mbot_workstation.link.remote_control import RemoteControl
+from mbot_workstation.link.robot_link import RobotLink
+from mbot_workstation.models.push import push
+from mbot_workstation.models.servo_policy import ServoGains, servo_model
+from mbot_workstation.models.signing_key import SigningKey
+from mbot_workstation.telemetry.stage_times import percentile
+from mbot_workstation.telemetry.stream import TelemetryStream
 
 ADDRESS = "127.0.0.1:17447"
 PLAIN_SECONDS = 30.0

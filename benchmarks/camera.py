@@ -19,10 +19,10 @@ import numpy as np
 from machine import machine
 from numpy.typing import NDArray
 
-from mbot_workstation.calibration.camera_fit import CameraFit, fit_camera
-from mbot_workstation.calibration.camera_pictures import look_for_boards
-from mbot_workstation.calibration.sighting import Sighting
-from mbot_workstation.calibration.targets import Board
+from mbot_workstation.calibration.camera.camera_fit import CameraFit, fit_camera
+from mbot_workstation.calibration.camera.camera_pictures import look_for_boards
+from mbot_workstation.calibration.camera.sighting import Sighting
+from mbot_workstation.targets.specifications import Board
 
 Corners = NDArray[np.float32]
 

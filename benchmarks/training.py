@@ -25,9 +25,9 @@ from torch import nn
 from training_environment import PlainEnv, kernels
 
 from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.training.fetch_vec_env import FetchVecEnv
-from mbot_workstation.training.learner import LearnerSettings, make_learner
-from mbot_workstation.training.scaled_rewards import ScaledRewards
+from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
+from mbot_workstation.training.learning.scaled_rewards import ScaledRewards
+from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 
 ROBOTS = 16
 SETTINGS = LearnerSettings()

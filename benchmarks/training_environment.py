@@ -29,12 +29,12 @@ from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.room_generator import generate_room
 from mbot_workstation.simulation.scene_mjcf import CUBE, build_model
 from mbot_workstation.simulation.scene_parameters import SceneParameters
-from mbot_workstation.training.fast_physics import TRAINING_TIMESTEP_S
-from mbot_workstation.training.fetch_vec_env import FetchVecEnv
-from mbot_workstation.training.fetch_world import FetchWorld
-from mbot_workstation.training.robot_camera import Glimpse
-from mbot_workstation.training.robot_eye import OBSERVATION, RobotEye
-from mbot_workstation.training.world_settings import world_settings
+from mbot_workstation.training.worlds.fast_physics import TRAINING_TIMESTEP_S
+from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.training.worlds.fetch_world import FetchWorld
+from mbot_workstation.training.worlds.robot_camera import Glimpse
+from mbot_workstation.training.worlds.robot_eye import OBSERVATION, RobotEye
+from mbot_workstation.training.worlds.world_settings import world_settings
 
 PRESETS = ("ideal", "nominal", "randomised")
 PLAIN = "plain SubprocVecEnv"

@@ -15,10 +15,10 @@ from mbot_protocol.access_rules import Kind
 from mbot_protocol.keys import DECISION, TOPICS, Flow, Right
 from mbot_workstation.enrolment.bundles import enrolment_toml, zenohd_json5
 from mbot_workstation.enrolment.certificates import issue
-from mbot_workstation.enrolment.enroll import Enrolment
 from mbot_workstation.enrolment.fleet_folder import FleetFolder
-from mbot_workstation.link_security import LinkSecurity
-from mbot_workstation.robot_link import RobotLink
+from mbot_workstation.enrolment.membership import Enrolment
+from mbot_workstation.link.robot_link import RobotLink
+from mbot_workstation.link.security import LinkSecurity
 
 from .processes import free_port
 

@@ -12,9 +12,9 @@ from types import TracebackType
 from typing import Self
 
 from mbot_protocol.v1.messages_pb2 import Status
-from mbot_workstation.remote_control import RemoteControl
-from mbot_workstation.robot_link import RobotLink
-from mbot_workstation.signing_key import SigningKey
+from mbot_workstation.link.remote_control import RemoteControl
+from mbot_workstation.link.robot_link import RobotLink
+from mbot_workstation.models.signing_key import SigningKey
 
 HERE = Path(__file__).parent
 ROBOT_ID = "mbot-test"
@@ -159,7 +159,7 @@ class Daemon:
         return until(lambda: "is up" in self.log.read_text(), 20)
 
     def push(self, model: bytes) -> None:
-        from mbot_workstation.model_push import push
+        from mbot_workstation.models.push import push
 
         path = self.directory / "model.onnx"
         path.write_bytes(model)

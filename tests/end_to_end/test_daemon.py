@@ -13,10 +13,10 @@ from mbot_protocol.errors import RefusedError
 from mbot_protocol.keys import COMMAND, STATUS
 from mbot_protocol.schema import SCHEMA_VERSION
 from mbot_protocol.v1.messages_pb2 import Command, CommandReply, MotorMap, Run, Stop
-from mbot_workstation.model_store import activate
-from mbot_workstation.remote_control import RemoteControl
-from mbot_workstation.robot_link import RobotLink
-from mbot_workstation.telemetry_stream import TelemetryStream
+from mbot_workstation.link.remote_control import RemoteControl
+from mbot_workstation.link.robot_link import RobotLink
+from mbot_workstation.models.stored_models import activate
+from mbot_workstation.telemetry.stream import TelemetryStream
 
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import cv2
 
-from mbot_workstation.recording import read_recording
+from mbot_workstation.recordings.drive_mcap import read_recording
 
 from .processes import PROGRAMS
 

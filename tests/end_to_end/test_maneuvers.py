@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.recording import read_recording as read_telemetry
+from mbot_workstation.recordings.drive_mcap import read_recording as read_telemetry
 from mbot_workstation.recordings.driven_run import DrivenRun
-from mbot_workstation.recordings.folder import read_recording
+from mbot_workstation.recordings.recording_folder import read_recording
 from mbot_workstation.recordings.track_files import read_track
 
 from .processes import Daemon, until, workstation

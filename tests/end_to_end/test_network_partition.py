@@ -9,11 +9,11 @@ import pytest
 
 from mbot_protocol.errors import MbotError
 from mbot_protocol.keys import STOP
-from mbot_workstation.address import parse_address
-from mbot_workstation.remote_control import RemoteControl
-from mbot_workstation.robot_link import RobotLink
-from mbot_workstation.robot_session import open_session
-from mbot_workstation.telemetry_stream import TelemetryStream
+from mbot_workstation.link.address import parse_address
+from mbot_workstation.link.remote_control import RemoteControl
+from mbot_workstation.link.robot_link import RobotLink
+from mbot_workstation.link.robot_session import open_session
+from mbot_workstation.telemetry.stream import TelemetryStream
 
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model

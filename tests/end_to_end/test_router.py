@@ -25,9 +25,9 @@ from mbot_protocol.keys import (
     Topic,
 )
 from mbot_protocol.v1.messages_pb2 import Command, CommandReply
-from mbot_workstation.address import Endpoint
-from mbot_workstation.rights import rights_at
-from mbot_workstation.robot_session import alive_robots, open_session
+from mbot_workstation.link.address import Endpoint
+from mbot_workstation.link.rights import rights_at
+from mbot_workstation.link.robot_session import alive_robots, open_session
 
 from .fleet import LOCALHOST, Fleet, TalkingRobot
 from .processes import free_port, until

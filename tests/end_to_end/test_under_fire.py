@@ -21,9 +21,9 @@ from mbot_agent.link_settings import MOST_SESSIONS
 from mbot_protocol.errors import UnreachableError
 from mbot_protocol.keys import COMMAND, OBSERVATION, PUSH_CHUNK, TOPICS, Flow, Topic
 from mbot_protocol.v1.messages_pb2 import Command, PushBegin, PushChunk
-from mbot_workstation.address import parse_address
-from mbot_workstation.remote_control import RemoteControl
-from mbot_workstation.robot_session import open_session
+from mbot_workstation.link.address import parse_address
+from mbot_workstation.link.remote_control import RemoteControl
+from mbot_workstation.link.robot_session import open_session
 
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model

@@ -25,13 +25,13 @@ from mbot_protocol.keys import (
     Topic,
 )
 from mbot_protocol.v1.messages_pb2 import Command, CommandReply
-from mbot_workstation.address import Endpoint
 from mbot_workstation.enrolment.certificates import issue, make_authority
-from mbot_workstation.link_diagnosis import why_no_session
-from mbot_workstation.link_security import LinkSecurity
-from mbot_workstation.rights import person, rights_at
-from mbot_workstation.robot_link import RobotLink
-from mbot_workstation.robot_session import alive_robots, open_session
+from mbot_workstation.link.address import Endpoint
+from mbot_workstation.link.diagnosis import why_no_session
+from mbot_workstation.link.rights import person, rights_at
+from mbot_workstation.link.robot_link import RobotLink
+from mbot_workstation.link.robot_session import alive_robots, open_session
+from mbot_workstation.link.security import LinkSecurity
 
 from .fleet import LOCALHOST, Fleet, TalkingRobot
 from .processes import until

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol.mcore import RESET_REQUEST, STOP, VERSION_REQUEST, has_deadman, stop_burst
-from mbot_workstation.firmware_flash import read_image
+from mbot_workstation.firmware.flashing import read_image
 
 from .frames import (
     ACKNOWLEDGED,

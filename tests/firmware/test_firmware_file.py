@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.firmware.firmware_file import find_firmware
 from mbot_workstation.virtual.emulated.board_simulator import cache_folder, simulator_program
-from mbot_workstation.virtual.emulated.firmware_file import find_firmware
 
 
 def test_ours_is_what_make_firmware_makes() -> None:

@@ -14,7 +14,7 @@ from mbot_workstation.simulation.room_generator import generate_room
 from mbot_workstation.simulation.scene_renderer import TRAINING
 from mbot_workstation.virtual.camera_stream import CameraSettings
 from mbot_workstation.virtual.emulated.emulated_board import EmulatedBoard
-from mbot_workstation.virtual.virtual_robot import VirtualRobot, VirtualRobotSettings
+from mbot_workstation.virtual.stand_in import VirtualRobot, VirtualRobotSettings
 
 from ..end_to_end.processes import Daemon, Process
 from ..robot.tiny_models import constant_model

@@ -17,7 +17,7 @@ from mbot_protocol.errors import ContractError
 from mbot_protocol.model_structure import MOST_FIELDS, OPERATORS, check_structure
 from mbot_protocol.policy_contract import LARGEST_MODEL_BYTES, PolicyMetadata
 from mbot_protocol.wire_fields import fields, varints
-from mbot_workstation.servo_policy import ServoGains, servo_model
+from mbot_workstation.models.servo_policy import ServoGains, servo_model
 
 from ..robot.tiny_models import constant_model
 

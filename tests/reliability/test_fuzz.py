@@ -34,8 +34,8 @@ from mbot_protocol.public_key import PublicKey
 from mbot_protocol.schema import decode as decode_message
 from mbot_protocol.toml_file import read_toml
 from mbot_protocol.v1 import messages_pb2 as messages
-from mbot_workstation.address import parse_address
-from mbot_workstation.recording import Recording, read_recording
+from mbot_workstation.link.address import parse_address
+from mbot_workstation.recordings.drive_mcap import Recording, read_recording
 
 from ..protocol.test_model_manifest import MANIFEST, SIGNED
 from ..robot.test_jpeg_picture import PICTURE, jpeg

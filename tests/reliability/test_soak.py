@@ -17,8 +17,8 @@ import pytest
 
 from mbot_protocol.errors import MbotError
 from mbot_protocol.keys import TOPICS, Flow
-from mbot_workstation.remote_control import RemoteControl
-from mbot_workstation.telemetry_stream import TelemetryStream
+from mbot_workstation.link.remote_control import RemoteControl
+from mbot_workstation.telemetry.stream import TelemetryStream
 
 from ..end_to_end.daemon_watch import Observer, open_files, resident_mb
 from ..end_to_end.processes import ROBOT_ID, Daemon, Process, until

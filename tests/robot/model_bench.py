@@ -28,7 +28,7 @@ from mbot_protocol.v1.messages_pb2 import (
     PushNonceReply,
     PushReply,
 )
-from mbot_workstation.signing_key import SigningKey
+from mbot_workstation.models.signing_key import SigningKey
 
 ROBOT_ID = "mbot-1"
 CLEAN_DECISIONS = 5

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbot_protocol.camera_model import CameraModel
-from mbot_workstation.calibration.targets import Board
-from mbot_workstation.printing.layouts import board_page
-from mbot_workstation.printing.page import PAPERS
-from mbot_workstation.printing.png import draw
+from mbot_workstation.targets.layouts import board_page
+from mbot_workstation.targets.png import draw
+from mbot_workstation.targets.sheet import PAPERS
+from mbot_workstation.targets.specifications import Board
 
 DOTS_A_MM = 12.0
 FINER = 2

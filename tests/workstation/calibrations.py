@@ -6,13 +6,13 @@ from mbot_protocol.calibration import (
     MotionCalibration,
     MotorCalibration,
 )
-from mbot_workstation.calibration.body_calibration import (
+from mbot_workstation.calibration_files.body_calibration import (
     BodyCalibration,
     Component,
     MountCalibration,
     Weighing,
 )
-from mbot_workstation.calibration.light_calibration import LightCalibration
+from mbot_workstation.calibration_files.light_calibration import LightCalibration
 
 CAMERA = CameraCalibration(
     width_px=2028,

@@ -9,9 +9,6 @@ from numpy.typing import NDArray
 
 from mbot_protocol.camera_model import nominal_pi_camera
 from mbot_protocol.picture import Picture
-from mbot_workstation.printing.layouts import card_page, card_place
-from mbot_workstation.printing.page import PAPERS
-from mbot_workstation.printing.png import draw
 from mbot_workstation.simulation.camera_renderer import CameraRenderer
 from mbot_workstation.simulation.engine import mujoco
 from mbot_workstation.simulation.pose import ORIGIN
@@ -20,6 +17,9 @@ from mbot_workstation.simulation.scene_mjcf import CUBE
 from mbot_workstation.simulation.scene_parameters import Cube, Light, SceneParameters
 from mbot_workstation.simulation.sensor_noise import SensorNoise
 from mbot_workstation.simulation.simulation import Simulation
+from mbot_workstation.targets.layouts import card_page, card_place
+from mbot_workstation.targets.png import draw
+from mbot_workstation.targets.sheet import PAPERS
 
 from .scene_geometry import project
 

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
-from mbot_workstation.calibration.folder import CalibrationFiles
+from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
 from mbot_workstation.gap_report.compared_run import ComparedRun
 from mbot_workstation.gap_report.missing import missing_parts
 from mbot_workstation.gap_report.report import GapReport, driven, judged
 from mbot_workstation.recordings.maneuver import MANEUVERS, Maneuver
 from mbot_workstation.recordings.track import Array
-from mbot_workstation.training.tolerance_file import MapAxis, RewardMap, Tolerances
+from mbot_workstation.training.studies.tolerance_file import MapAxis, RewardMap, Tolerances
 
 Wheels = tuple[float, float, float]
 """Speeds of the left and right wheel at full command [m/s], and the track [m]."""

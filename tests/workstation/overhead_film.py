@@ -8,14 +8,14 @@ import cv2
 import numpy as np
 
 from mbot_protocol.camera_model import CameraModel
-from mbot_workstation.calibration.targets import (
+from mbot_workstation.recordings.track import Array
+from mbot_workstation.targets.specifications import (
     MARKER_DICTIONARY,
     ROBOT_MARKER_ID,
     Board,
     charuco_board,
     marker_cells,
 )
-from mbot_workstation.recordings.track import Array
 from mbot_workstation.tracking.marker_detection import Grey
 
 FRAME_RATE_HZ = 30.0

@@ -13,7 +13,7 @@ from mbot_protocol.actions import WheelMaps, to_steps
 from mbot_workstation.recordings.maneuver import MANEUVERS
 from mbot_workstation.recordings.run import CommandSeries, Recording, Run
 from mbot_workstation.recordings.track import Array, Track
-from mbot_workstation.virtual.mcore_firmware import duties
+from mbot_workstation.simulation.motor import duties
 
 STEP_S = 0.0005
 GRAVITY = 9.81

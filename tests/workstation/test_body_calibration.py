@@ -15,17 +15,21 @@ from hypothesis import strategies as st
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.toml_file import read_toml
-from mbot_workstation.calibration.body_calibration import (
+from mbot_workstation.calibration.body.body_check import Finding, examine
+from mbot_workstation.calibration.body.body_drawing import DOTS_PER_INCH, SHEET_MM, draw_body
+from mbot_workstation.calibration.body.body_example import example_file
+from mbot_workstation.calibration.body.mass_properties import MassProperties, mass_properties
+from mbot_workstation.calibration_files.body_calibration import (
     BodyCalibration,
     Component,
     MountCalibration,
     Weighing,
 )
-from mbot_workstation.calibration.body_check import Finding, examine
-from mbot_workstation.calibration.body_drawing import DOTS_PER_INCH, SHEET_MM, draw_body
-from mbot_workstation.calibration.body_example import example_file
-from mbot_workstation.calibration.folder import CalibrationFiles, read_files, write_body
-from mbot_workstation.calibration.mass_properties import MassProperties, mass_properties
+from mbot_workstation.calibration_files.calibration_folder import (
+    CalibrationFiles,
+    read_files,
+    write_body,
+)
 from mbot_workstation.simulation.engine import mujoco
 from mbot_workstation.simulation.robot_mjcf import add_robot
 from mbot_workstation.simulation.robot_parameters import RobotParameters

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.mcore import BAUD_RATE, Joystick
-from mbot_workstation.calibration.folder import (
+from mbot_workstation.calibration_files.calibration_folder import (
     made_folder,
     read_files,
     write_camera,
@@ -30,14 +30,14 @@ from mbot_workstation.simulation.camera_renderer import CameraRenderer
 from mbot_workstation.simulation.fetch_rules import FetchRules
 from mbot_workstation.simulation.room_generator import generate_room
 from mbot_workstation.simulation.simulation import Simulation
-from mbot_workstation.training.learner import LearnerSettings
-from mbot_workstation.training.progress_display import LineDisplay
-from mbot_workstation.training.train import begin_run, train
-from mbot_workstation.training.training_config import TrainingConfig
-from mbot_workstation.virtual import session
+from mbot_workstation.training.learning.learner import LearnerSettings
+from mbot_workstation.training.learning.progress_display import LineDisplay
+from mbot_workstation.training.learning.training_config import TrainingConfig
+from mbot_workstation.training.learning.training_run import begin_run, train
+from mbot_workstation.virtual import virtual_session as session
 from mbot_workstation.virtual.live_world import SLICE_S, LiveWorld
 from mbot_workstation.virtual.mcore_board import McoreBoard
-from mbot_workstation.virtual.virtual_robot import VirtualRobotSettings
+from mbot_workstation.virtual.stand_in import VirtualRobotSettings
 
 from .calibrations import CAMERA, LIGHT, MOTION
 from .small_world import ROOMS

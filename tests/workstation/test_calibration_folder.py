@@ -23,7 +23,7 @@ from mbot_protocol.calibration import (
     read_motion,
 )
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration.folder import (
+from mbot_workstation.calibration_files.calibration_folder import (
     CalibrationFiles,
     read_calibration,
     read_files,
@@ -32,21 +32,21 @@ from mbot_workstation.calibration.folder import (
     write_light,
     write_motion,
 )
-from mbot_workstation.calibration.motion_ranges import NARROWINGS
-from mbot_workstation.calibration.toml_writer import write_toml
+from mbot_workstation.calibration_files.toml_writer import write_toml
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_parameters import SceneParameters
-from mbot_workstation.training.contestants import driver
-from mbot_workstation.training.effects import EFFECT_NAMES, EffectRanges, RealWorldEffects
-from mbot_workstation.training.fetch_env import FetchEnv
-from mbot_workstation.training.perturbed_robot import (
+from mbot_workstation.training.drivers.contestants import driver
+from mbot_workstation.training.learning.run_directory import write_json
+from mbot_workstation.training.learning.training_config import TrainingConfig, read_config
+from mbot_workstation.training.worlds.fetch_env import FetchEnv
+from mbot_workstation.variation.effects import EFFECT_NAMES, EffectRanges, RealWorldEffects
+from mbot_workstation.variation.motion_ranges import NARROWINGS
+from mbot_workstation.variation.perturbed_robot import (
     perturbed_robot,
     perturbed_wheel_maps,
     trimmed,
 )
-from mbot_workstation.training.presets import PRESETS, measured, preset
-from mbot_workstation.training.run_directory import write_json
-from mbot_workstation.training.training_config import TrainingConfig, read_config
+from mbot_workstation.variation.presets import PRESETS, measured, preset
 
 from .calibrations import BODY, CAMERA, LIGHT, MOTION
 from .small_world import ROOMS

@@ -18,21 +18,21 @@ from typer.testing import CliRunner
 from mbot_protocol.calibration import read_camera
 from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError, UnreachableError
-from mbot_workstation.calibration.board_collector import STILL_S, BoardCollector, Verdict
-from mbot_workstation.calibration.board_detection import (
+from mbot_workstation.calibration.camera.board_collector import STILL_S, BoardCollector, Verdict
+from mbot_workstation.calibration.camera.board_detection import (
     MOST_BEND,
     FoundBoard,
     bend,
     find_board,
     most_likely_checkerboard,
 )
-from mbot_workstation.calibration.bundle import View, adjust, intrinsics_of, pose_of
-from mbot_workstation.calibration.camera_fit import CameraFit, fit_camera
-from mbot_workstation.calibration.camera_pictures import look_for_boards
-from mbot_workstation.calibration.camera_quality import judge
-from mbot_workstation.calibration.sighting import Sighting
-from mbot_workstation.calibration.targets import Board
+from mbot_workstation.calibration.camera.bundle import View, adjust, intrinsics_of, pose_of
+from mbot_workstation.calibration.camera.camera_fit import CameraFit, fit_camera
+from mbot_workstation.calibration.camera.camera_pictures import look_for_boards
+from mbot_workstation.calibration.camera.camera_quality import judge
+from mbot_workstation.calibration.camera.sighting import Sighting
 from mbot_workstation.commands.calibrate_camera import camera as camera_command
+from mbot_workstation.targets.specifications import Board
 from mbot_workstation.virtual.mjpeg_server import MjpegServer
 
 from .board_pictures import photograph, poses, shaken, wobbling

@@ -2,8 +2,8 @@ import msgspec
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_workstation.training.curriculum import CurriculumState, after_episode, is_last
-from mbot_workstation.training.lessons import LESSONS, PASS_EPISODES, PASS_SHARE, Lesson
+from mbot_workstation.training.learning.curriculum import CurriculumState, after_episode, is_last
+from mbot_workstation.training.worlds.lessons import LESSONS, PASS_EPISODES, PASS_SHARE, Lesson
 
 FEW = LESSONS[:3]
 

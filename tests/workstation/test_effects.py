@@ -11,11 +11,11 @@ from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_mjcf import build_model
 from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.simulation.simulation import Simulation
-from mbot_workstation.training.body_swap import aim_camera, swap_body
-from mbot_workstation.training.effects import EFFECT_NAMES, IDEAL, EffectRanges, RealWorldEffects
-from mbot_workstation.training.fast_physics import PLACEHOLDER
-from mbot_workstation.training.perturbed_robot import observing_camera, perturbed_robot
-from mbot_workstation.training.presets import (
+from mbot_workstation.training.worlds.body_swap import aim_camera, swap_body
+from mbot_workstation.training.worlds.fast_physics import PLACEHOLDER
+from mbot_workstation.variation.effects import EFFECT_NAMES, IDEAL, EffectRanges, RealWorldEffects
+from mbot_workstation.variation.perturbed_robot import observing_camera, perturbed_robot
+from mbot_workstation.variation.presets import (
     NOMINAL,
     PERTURBATIONS,
     PRESETS,

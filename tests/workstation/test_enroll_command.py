@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from mbot_workstation.key_folder import KeyFolder
+from mbot_workstation.models.key_folder import KeyFolder
 
 WORKSTATION = (sys.executable, "-c", "from mbot_workstation.main import main; main()", "enroll")
 

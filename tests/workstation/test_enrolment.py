@@ -18,18 +18,18 @@ from mbot_agent.enrolment import ENROLMENT_FILE, enrolled
 from mbot_protocol.access_rules import Kind
 from mbot_protocol.errors import ConfigurationError, RefusedError
 from mbot_protocol.keys import Right
-from mbot_workstation.enrolment import enroll
+from mbot_workstation.enrolment import membership as enroll
 from mbot_workstation.enrolment.bundles import read_person_bundle
 from mbot_workstation.enrolment.certificates import (
     BACKDATED,
     hosts_in,
     issue,
     make_authority,
-    owner_name,
 )
-from mbot_workstation.enrolment.enroll import Enrolment, HandOver
 from mbot_workstation.enrolment.fleet_folder import FleetFolder
+from mbot_workstation.enrolment.membership import Enrolment, HandOver
 from mbot_workstation.enrolment.roll import ROLL_FILE, decode_roll
+from mbot_workstation.link.security import owner_name
 
 NOW = datetime(2030, 5, 17, 12, tzinfo=UTC)
 

@@ -11,13 +11,13 @@ from typer.testing import CliRunner
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands.evaluate import evaluate as command
 from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.training.contestants import driver
-from mbot_workstation.training.effects import IDEAL
-from mbot_workstation.training.evaluate import EpisodeResult, Trial, evaluate, score
-from mbot_workstation.training.evaluation_report import Line, draw, share_of_oracle
-from mbot_workstation.training.lessons import lesson
-from mbot_workstation.training.oracle import Oracle
-from mbot_workstation.training.presets import preset
+from mbot_workstation.training.drivers.contestants import driver
+from mbot_workstation.training.drivers.oracle import Oracle
+from mbot_workstation.training.evaluation.episodes import EpisodeResult, Trial, evaluate, score
+from mbot_workstation.training.evaluation.evaluation_report import Line, draw, share_of_oracle
+from mbot_workstation.training.worlds.lessons import lesson
+from mbot_workstation.variation.effects import IDEAL
+from mbot_workstation.variation.presets import preset
 
 ROOMS = [generate_room(7, width_px=256)]
 

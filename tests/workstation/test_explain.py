@@ -15,17 +15,17 @@ from mbot_protocol.errors import ConfigurationError, ContractError
 from mbot_protocol.policy_contract import FULL_VIEW, PolicyMetadata
 from mbot_workstation.commands.explain import explain
 from mbot_workstation.commands.training_curve import training_curve
-from mbot_workstation.recording import Recording
-from mbot_workstation.servo_policy import ServoGains, servo_model
-from mbot_workstation.training.activations import Microscope
-from mbot_workstation.training.example_frames import (
+from mbot_workstation.models.servo_policy import ServoGains, servo_model
+from mbot_workstation.recordings.drive_mcap import Recording
+from mbot_workstation.training.evaluation.activations import Microscope
+from mbot_workstation.training.evaluation.explanation import as_observation, mosaic
+from mbot_workstation.training.learning.policy_graph import policy_graph
+from mbot_workstation.training.worlds.example_frames import (
     NO_OBJECT,
     OBJECT_CENTRAL,
     OBJECT_LEFT,
     example_frames,
 )
-from mbot_workstation.training.explain import as_observation, mosaic
-from mbot_workstation.training.policy_graph import policy_graph
 
 from .samples import picture
 

@@ -20,25 +20,25 @@ from mbot_protocol.errors import ConfigurationError, ContractError
 from mbot_protocol.golden_frames import PROPERTY
 from mbot_protocol.policy_contract import FULL_VIEW, PolicyMetadata
 from mbot_workstation.commands.export import export
-from mbot_workstation.model_check import check_model
-from mbot_workstation.servo_policy import ServoGains, servo_model
-from mbot_workstation.training.checkpoint import (
+from mbot_workstation.models.check import check_model
+from mbot_workstation.models.servo_policy import ServoGains, servo_model
+from mbot_workstation.training.drivers.onnx_policy import OnnxPolicy
+from mbot_workstation.training.learning.checkpoint import (
     CheckpointState,
     RandomState,
     read_weights,
     write_checkpoint,
 )
-from mbot_workstation.training.curriculum import CurriculumState
-from mbot_workstation.training.fetch_env import FetchEnv
-from mbot_workstation.training.golden_frames import check_golden_frames, golden_property
-from mbot_workstation.training.learner import LearnerSettings, make_learner
-from mbot_workstation.training.onnx_policy import OnnxPolicy
-from mbot_workstation.training.picture_ppo import PicturePPO
-from mbot_workstation.training.policy_graph import policy_graph
-from mbot_workstation.training.run_directory import RunDirectory, write_json
-from mbot_workstation.training.train import begin_run
-from mbot_workstation.training.trained_policy import PROVENANCE, WHEELS, trained_policy
-from mbot_workstation.training.training_config import TrainingConfig
+from mbot_workstation.training.learning.curriculum import CurriculumState
+from mbot_workstation.training.learning.golden_answers import check_golden_frames, golden_property
+from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
+from mbot_workstation.training.learning.picture_ppo import PicturePPO
+from mbot_workstation.training.learning.policy_graph import policy_graph
+from mbot_workstation.training.learning.run_directory import RunDirectory, write_json
+from mbot_workstation.training.learning.trained_policy import PROVENANCE, WHEELS, trained_policy
+from mbot_workstation.training.learning.training_config import TrainingConfig
+from mbot_workstation.training.learning.training_run import begin_run
+from mbot_workstation.training.worlds.fetch_env import FetchEnv
 
 PICTURES = np.random.default_rng(5).integers(0, 256, (40, 64, 64, 3)).astype(np.uint8)
 CONFIG = TrainingConfig(panoramas=("/somewhere/private/hall.jpg",), seed=4)

@@ -10,10 +10,10 @@ from stable_baselines3.common.env_checker import check_env as check_sb3_env
 
 from mbot_workstation.simulation.fetch_task import Happening
 from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.training.fetch_env import ENV_ID, FetchEnv
-from mbot_workstation.training.fetch_world import FetchWorld
-from mbot_workstation.training.lessons import BLUR_LESSON
-from mbot_workstation.training.robot_eye import RobotEye
+from mbot_workstation.training.worlds.fetch_env import ENV_ID, FetchEnv
+from mbot_workstation.training.worlds.fetch_world import FetchWorld
+from mbot_workstation.training.worlds.lessons import BLUR_LESSON
+from mbot_workstation.training.worlds.robot_eye import RobotEye
 
 from .small_world import ROOMS, settings, steer_to_target, world
 

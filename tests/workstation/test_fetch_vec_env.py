@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from stable_baselines3.common.evaluation import evaluate_policy
 
-from mbot_workstation.training.fetch_env import FetchEnv
-from mbot_workstation.training.fetch_vec_env import FetchVecEnv
-from mbot_workstation.training.worker_pool import WorkerError
+from mbot_workstation.training.worlds.fetch_env import FetchEnv
+from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.training.worlds.worker_pool import WorkerError
 
 from .small_world import ROOMS
 
@@ -166,7 +166,7 @@ def test_no_process_is_left(pair: FetchVecEnv) -> None:
 INTERRUPTED = """
 import multiprocessing, os, signal, sys
 import numpy as np
-from mbot_workstation.training.fetch_vec_env import FetchVecEnv
+from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 
 if __name__ == "__main__":
     room = np.zeros((32, 64, 3), np.uint8)

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError, RefusedError, UnreachableError
-from mbot_workstation import firmware_flash
 from mbot_workstation.commands.flash import flash
-from mbot_workstation.firmware_flash import Image, read_image
+from mbot_workstation.firmware import flashing as firmware_flash
+from mbot_workstation.firmware.flashing import Image, read_image
 
 from ..robot.fake_board import FakeBoard
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration.folder import (
+from mbot_workstation.calibration_files.calibration_folder import (
     CalibrationFiles,
     write_body,
     write_camera,
@@ -34,17 +34,17 @@ from mbot_workstation.gap_report.simulated_view import Place
 from mbot_workstation.gap_report.steady_rates import steady_rate, steady_rates
 from mbot_workstation.gap_report.telemetry_frames import telemetry_frames
 from mbot_workstation.gap_report.verdict import Word, judge
-from mbot_workstation.recording import Recording
-from mbot_workstation.recordings.folder import TELEMETRY_FILE, write_recording
+from mbot_workstation.recordings.drive_mcap import Recording
 from mbot_workstation.recordings.maneuver import MANEUVERS, maneuver_named
+from mbot_workstation.recordings.recording_folder import TELEMETRY_FILE, write_recording
 from mbot_workstation.simulation.pose import ORIGIN, Pose
-from mbot_workstation.training.study_plans import DEVIATIONS
-from mbot_workstation.training.tolerance_file import (
+from mbot_workstation.training.studies.study_plans import DEVIATIONS
+from mbot_workstation.training.studies.tolerance_file import (
     Tolerances,
     read_tolerances,
     write_tolerances,
 )
-from mbot_workstation.training.tolerance_map import BEARABLE, ToleranceMap, as_file
+from mbot_workstation.training.studies.tolerance_map import BEARABLE, ToleranceMap, as_file
 
 from .calibrations import BODY, CAMERA, LIGHT, MOTION
 from .driven_robot import session

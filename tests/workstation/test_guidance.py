@@ -7,17 +7,17 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_workstation.training.advice_memory import AdviceMemory
-from mbot_workstation.training.fetch_vec_env import FetchVecEnv
-from mbot_workstation.training.guidance import (
+from mbot_workstation.training.drivers.guide import SEARCH_TURN, Guide
+from mbot_workstation.training.learning.advice_memory import AdviceMemory
+from mbot_workstation.training.learning.guidance import (
     AskTheGuide,
     GuidedRolloutBuffer,
     advice_loss,
     guide_weight,
 )
-from mbot_workstation.training.guide import SEARCH_TURN, Guide
-from mbot_workstation.training.learner import LearnerSettings, make_learner
-from mbot_workstation.training.presets import preset
+from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
+from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.variation.presets import preset
 
 NOMINAL = preset("nominal")
 

@@ -10,11 +10,11 @@ from typer.testing import CliRunner, Result
 
 from mbot_protocol.calibration import read_motion
 from mbot_protocol.errors import ConfigurationError, MbotError
-from mbot_workstation.calibration.folder import read_calibration
+from mbot_workstation.calibration_files.calibration_folder import read_calibration
 from mbot_workstation.commands.identify import identify
 from mbot_workstation.identification.estimate import Identification
 from mbot_workstation.identification.identify import identify as real_identify
-from mbot_workstation.recordings.folder import write_recording
+from mbot_workstation.recordings.recording_folder import write_recording
 from mbot_workstation.recordings.run import Recording
 from mbot_workstation.recordings.track import Track
 from mbot_workstation.simulation.robot_parameters import RobotParameters

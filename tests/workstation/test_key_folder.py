@@ -9,7 +9,7 @@ from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption,
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.model_manifest import ModelManifest, verify
 from mbot_protocol.public_key import PublicKey
-from mbot_workstation.key_folder import KeyFolder, keys_directory
+from mbot_workstation.models.key_folder import KeyFolder, keys_directory
 
 MANIFEST = ModelManifest("mbot-1", 1, "00" * 32, 10, "00" * 16)
 

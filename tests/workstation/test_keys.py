@@ -6,7 +6,7 @@ from typer.testing import CliRunner, Result
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.public_key import PublicKey
-from mbot_workstation.commands.keys import app
+from mbot_workstation.commands.model_keys import app
 
 
 @pytest.fixture(autouse=True)

@@ -6,7 +6,7 @@ import pytest
 
 from mbot_workstation.simulation.fetch_rules import spawn
 from mbot_workstation.simulation.pose import ORIGIN
-from mbot_workstation.training.lessons import (
+from mbot_workstation.training.worlds.lessons import (
     BLUR_LESSON,
     LESSONS,
     PASS_EPISODES,
@@ -15,7 +15,7 @@ from mbot_workstation.training.lessons import (
     named,
     passed,
 )
-from mbot_workstation.training.presets import PRESETS, measured
+from mbot_workstation.variation.presets import PRESETS, measured
 
 
 def test_there_are_the_papers_ten() -> None:

@@ -15,10 +15,10 @@ from typer.testing import CliRunner
 
 from mbot_protocol.camera_model import nominal_pi_camera
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration.colour_difference import ciede2000, lab, srgb_level
-from mbot_workstation.calibration.folder import read_calibration
-from mbot_workstation.calibration.gray_card import read_card
-from mbot_workstation.calibration.light_fit import fit_light, shade
+from mbot_workstation.calibration.light.colour_difference import ciede2000, lab, srgb_level
+from mbot_workstation.calibration.light.gray_card import read_card
+from mbot_workstation.calibration.light.light_fit import fit_light, shade
+from mbot_workstation.calibration_files.calibration_folder import read_calibration
 from mbot_workstation.commands.calibrate_light import light as light_command
 from mbot_workstation.simulation.scene_parameters import Light
 

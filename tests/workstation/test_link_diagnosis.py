@@ -8,11 +8,11 @@ import zenoh
 from mbot_agent.link_settings import zenoh_configuration
 from mbot_protocol.errors import UnreachableError
 from mbot_protocol.keys import ALIVE
-from mbot_workstation import robot_session
-from mbot_workstation.address import Endpoint
-from mbot_workstation.link_diagnosis import why_no_session, why_unreachable
-from mbot_workstation.link_security import LinkSecurity
-from mbot_workstation.robot_link import RobotLink
+from mbot_workstation.link import robot_session
+from mbot_workstation.link.address import Endpoint
+from mbot_workstation.link.diagnosis import why_no_session, why_unreachable
+from mbot_workstation.link.robot_link import RobotLink
+from mbot_workstation.link.security import LinkSecurity
 
 from ..end_to_end.fleet import Fleet
 from .fake_robot import FakeRobot, free_port

@@ -29,7 +29,7 @@ from mbot_protocol.v1.messages_pb2 import (
     State,
     Status,
 )
-from mbot_workstation.recording import read_recording
+from mbot_workstation.recordings.drive_mcap import read_recording
 
 from .fake_robot import OLD_MODEL, FakeRobot, free_port
 from .samples import decision, picture, small_policy

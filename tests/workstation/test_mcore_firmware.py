@@ -13,7 +13,8 @@ from mbot_protocol.mcore import (
     VersionReply,
     stop_burst,
 )
-from mbot_workstation.virtual.mcore_firmware import McoreFirmware, duties
+from mbot_workstation.simulation.motor import duties
+from mbot_workstation.virtual.mcore_firmware import McoreFirmware
 
 DRIVE = Joystick(-120, -120)
 speed = st.integers(-255, 255)

@@ -6,7 +6,7 @@ from onnx import TensorProto, helper
 
 from mbot_protocol.errors import ConfigurationError, ContractError, NewerSchemaError
 from mbot_protocol.policy_contract import LARGEST_MODEL_BYTES, PolicyMetadata
-from mbot_workstation.model_check import check_model
+from mbot_workstation.models.check import check_model
 
 from .samples import small_policy
 

@@ -23,11 +23,11 @@ from mbot_protocol.v1.messages_pb2 import (
     PushReply,
     Status,
 )
-from mbot_workstation.model_check import check_model
-from mbot_workstation.model_push import push, push_checked
-from mbot_workstation.model_store import activate, list_models, model_fields
-from mbot_workstation.robot_link import RobotLink
-from mbot_workstation.signing_key import SigningKey
+from mbot_workstation.link.robot_link import RobotLink
+from mbot_workstation.models.check import check_model
+from mbot_workstation.models.push import push, push_checked
+from mbot_workstation.models.signing_key import SigningKey
+from mbot_workstation.models.stored_models import activate, list_models, model_fields
 
 from .fake_robot import NONCE, OLD_MODEL, ROBOT_ID, FakeRobot
 from .samples import small_policy

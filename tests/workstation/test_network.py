@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import nn
 
-from mbot_workstation.training.network import PIXEL_SCALE, PIXEL_SHIFT, PaperNetwork
+from mbot_workstation.training.learning.network import PIXEL_SCALE, PIXEL_SHIFT, PaperNetwork
 
 SPACE = gymnasium.spaces.Box(0, 255, (64, 64, 3), np.uint8)
 

@@ -12,7 +12,7 @@ from mbot_workstation.simulation.camera_renderer import CameraRenderer
 from mbot_workstation.simulation.own_view import MARGIN_DEG, parts_in_view
 from mbot_workstation.simulation.robot_parameters import BoxBody, CameraMount, RobotParameters
 from mbot_workstation.simulation.simulation import Simulation
-from mbot_workstation.training.fetch_env import FetchEnv
+from mbot_workstation.training.worlds.fetch_env import FetchEnv
 
 from .small_world import ROOMS
 

@@ -3,8 +3,8 @@ import time
 
 import numpy as np
 
+from mbot_workstation.pacer import Pacer
 from mbot_workstation.simulation.simulation import SceneState
-from mbot_workstation.virtual.pacer import Pacer
 from mbot_workstation.virtual.scene_history import SceneHistory
 
 

@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration.folder import read_calibration
-from mbot_workstation.calibration.panorama_checks import read_tags
-from mbot_workstation.calibration.panorama_import import prepare_room
-from mbot_workstation.calibration.panorama_tilt import find_tilt
-from mbot_workstation.calibration.panorama_turn import (
+from mbot_workstation.calibration.room.panorama_checks import read_tags
+from mbot_workstation.calibration.room.panorama_import import prepare_room
+from mbot_workstation.calibration.room.panorama_tilt import find_tilt
+from mbot_workstation.calibration.room.panorama_turn import (
     camera_tilt,
     directions,
     level,
     look_at,
     tilt_of,
 )
+from mbot_workstation.calibration_files.calibration_folder import read_calibration
 from mbot_workstation.commands.panorama import panorama as panorama_command
 from mbot_workstation.simulation.room import load_room
 from mbot_workstation.simulation.room_generator import generate_room

@@ -10,7 +10,7 @@ from mcap.reader import make_reader
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.recording import FLUSH_EVERY_S, Recording, read_recording
+from mbot_workstation.recordings.drive_mcap import FLUSH_EVERY_S, Recording, read_recording
 
 from .samples import decision, picture
 
@@ -53,7 +53,7 @@ def test_a_process_that_dies_loses_at_most_a_second(tmp_path: Path) -> None:
     path = tmp_path / "drive.mcap"
     script = f"""
 import os, pathlib
-from mbot_workstation.recording import Recording
+from mbot_workstation.recordings.drive_mcap import Recording
 from mbot_protocol.v1.messages_pb2 import Decision
 clock_s = 0.0
 recording = Recording(pathlib.Path({str(path)!r}), "mbot-1", lambda: clock_s)

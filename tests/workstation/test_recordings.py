@@ -10,8 +10,12 @@ import pytest
 from mbot_protocol.actions import MotorMap, WheelMaps
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.recordings.commands_csv import CommandedRun, write_commands
-from mbot_workstation.recordings.folder import COMMANDS_FILE, read_recording, write_recording
 from mbot_workstation.recordings.maneuver import MANEUVERS, maneuver_named
+from mbot_workstation.recordings.recording_folder import (
+    COMMANDS_FILE,
+    read_recording,
+    write_recording,
+)
 from mbot_workstation.recordings.run import CommandSeries, Run
 from mbot_workstation.recordings.track import Array, Track
 

@@ -9,14 +9,17 @@ import pytest
 from rich.console import Console
 
 from mbot_protocol.errors import ConfigurationError, MbotError
-from mbot_workstation.calibration.board_detection import find_board
-from mbot_workstation.calibration.folder import CalibrationFiles, read_calibration, read_files
-from mbot_workstation.calibration.light_measurement import CardSettings, measure_light
-from mbot_workstation.calibration.targets import Board
+from mbot_workstation.calibration.camera.board_detection import find_board
+from mbot_workstation.calibration.light.light_measurement import CardSettings, measure_light
+from mbot_workstation.calibration_files.calibration_folder import (
+    CalibrationFiles,
+    read_calibration,
+    read_files,
+)
 from mbot_workstation.gap_report.frames_folder import read_frames
 from mbot_workstation.recordings.commands_csv import read_commands
-from mbot_workstation.recordings.folder import read_recording, write_recording
 from mbot_workstation.recordings.maneuver import MANEUVERS
+from mbot_workstation.recordings.recording_folder import read_recording, write_recording
 from mbot_workstation.recordings.recording_toml import read_info
 from mbot_workstation.recordings.run import Run
 from mbot_workstation.recordings.track_files import read_track
@@ -39,6 +42,7 @@ from mbot_workstation.rehearsal.truth import (
     write_truth,
 )
 from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_workstation.targets.specifications import Board
 
 from .driven_robot import session
 

@@ -6,9 +6,9 @@ import pytest
 from mbot_protocol.errors import RefusedError, UnreachableError
 from mbot_protocol.keys import COMMAND, STOP
 from mbot_protocol.v1.messages_pb2 import CommandReply
-from mbot_workstation import remote_control
-from mbot_workstation.remote_control import TIME_TO_LIVE_S, RemoteControl, RobotClock
-from mbot_workstation.robot_link import RobotLink
+from mbot_workstation.link import remote_control
+from mbot_workstation.link.remote_control import TIME_TO_LIVE_S, RemoteControl, RobotClock
+from mbot_workstation.link.robot_link import RobotLink
 
 from .fake_robot import SESSION_ID, FakeRobot
 

@@ -14,9 +14,10 @@ from mbot_protocol.errors import (
 from mbot_protocol.keys import COMMAND, STATUS
 from mbot_protocol.schema import MalformedMessageError
 from mbot_protocol.v1.messages_pb2 import Command, CommandReply, Status
-from mbot_workstation import link_diagnosis, robot_session
-from mbot_workstation.link_security import LinkSecurity, link_security
-from mbot_workstation.robot_link import RobotLink
+from mbot_workstation.link import diagnosis as link_diagnosis
+from mbot_workstation.link import robot_session
+from mbot_workstation.link.robot_link import RobotLink
+from mbot_workstation.link.security import LinkSecurity, link_security
 
 from .fake_robot import SESSION_ID, FakeRobot, free_port
 

@@ -10,13 +10,13 @@ from mbot_workstation.simulation.lens_distortion import LensDistortion
 from mbot_workstation.simulation.pose import Pose
 from mbot_workstation.simulation.robot_mjcf import ROBOT_CAMERA
 from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_workstation.simulation.rolling_shutter import RollingShutter
 from mbot_workstation.simulation.room_generator import generate_room
 from mbot_workstation.simulation.scene_renderer import SceneRenderer
 from mbot_workstation.simulation.simulation import Simulation
-from mbot_workstation.training.effects import IDEAL
-from mbot_workstation.training.perturbed_robot import observing_camera
-from mbot_workstation.training.robot_eye import OBSERVATION
-from mbot_workstation.training.rolling_shutter import RollingShutter
+from mbot_workstation.training.worlds.robot_eye import OBSERVATION
+from mbot_workstation.variation.effects import IDEAL
+from mbot_workstation.variation.perturbed_robot import observing_camera
 
 ROOM = generate_room(seed=0, width_px=512)
 CAMERA = observing_camera(IDEAL)

@@ -29,8 +29,8 @@ from mbot_protocol.policy_contract import (
     PolicyMetadata,
 )
 from mbot_workstation.commands.make_servo_policy import make_servo_policy
-from mbot_workstation.model_check import check_model
-from mbot_workstation.servo_policy import ServoGains, servo_model
+from mbot_workstation.models.check import check_model
+from mbot_workstation.models.servo_policy import ServoGains, servo_model
 
 GAINS = ServoGains()
 SEARCH = (GAINS.search_speed, -GAINS.search_speed)

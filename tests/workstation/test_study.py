@@ -7,21 +7,25 @@ import typer
 from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration.folder import CalibrationFiles, read_files, write_motion
+from mbot_workstation.calibration_files.calibration_folder import (
+    CalibrationFiles,
+    read_files,
+    write_motion,
+)
 from mbot_workstation.commands.study import NAMES, TOLERANCE, study
-from mbot_workstation.training.evaluate import EpisodeResult, Trial, score
-from mbot_workstation.training.evaluation_report import Line
-from mbot_workstation.training.lessons import lesson
-from mbot_workstation.training.presets import NOMINAL
-from mbot_workstation.training.study import run_study
-from mbot_workstation.training.study_plans import (
+from mbot_workstation.training.evaluation.episodes import EpisodeResult, Trial, score
+from mbot_workstation.training.evaluation.evaluation_report import Line
+from mbot_workstation.training.studies.study_plans import (
     DEVIATIONS,
     PAIRS,
     STUDIES,
     deviating,
     study_plan,
 )
-from mbot_workstation.training.tolerance_map import ToleranceMap
+from mbot_workstation.training.studies.study_run import run_study
+from mbot_workstation.training.studies.tolerance_map import ToleranceMap
+from mbot_workstation.training.worlds.lessons import lesson
+from mbot_workstation.variation.presets import NOMINAL
 
 from .calibrations import LIGHT, MOTION
 
@@ -111,7 +115,7 @@ def test_the_command_tries_the_calibrated_robot_in_its_rooms(
         tried.append(trial)
         return [EpisodeResult(1.0, 1, 1, completed=True)]
 
-    monkeypatch.setattr("mbot_workstation.training.study.evaluate", evaluate)
+    monkeypatch.setattr("mbot_workstation.training.studies.study_run.evaluate", evaluate)
     options = ["--calibration", str(folder), "-o", str(tmp_path)]
     invoke("handicap", "oracle", *options)
     invoke(TOLERANCE, "oracle", *options, "--pair", "track_scale:fov_scale", "--cells", "2")

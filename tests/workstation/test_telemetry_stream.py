@@ -6,8 +6,8 @@ import pytest
 from mbot_protocol.errors import NewerSchemaError
 from mbot_protocol.keys import DECISION, OBSERVATION
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.robot_link import RobotLink
-from mbot_workstation.telemetry_stream import DEPTH, LinkState, Sample, TelemetryStream
+from mbot_workstation.link.robot_link import RobotLink
+from mbot_workstation.telemetry.stream import DEPTH, LinkState, Sample, TelemetryStream
 
 from .fake_robot import FakeRobot
 from .samples import decision, picture

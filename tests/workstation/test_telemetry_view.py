@@ -7,11 +7,11 @@ from rich.console import Console
 
 from mbot_protocol.v1.messages_pb2 import Decision, Fault, Notice, State
 from mbot_workstation.half_blocks import decode_picture, half_blocks
-from mbot_workstation.stage_times import percentile, span_ms, stage_ms
-from mbot_workstation.telemetry_fields import decision_fields
-from mbot_workstation.telemetry_stream import LinkState, Sample
-from mbot_workstation.telemetry_view import bar, plain_line, render
-from mbot_workstation.telemetry_window import WINDOW, TelemetryWindow
+from mbot_workstation.telemetry.fields import decision_fields
+from mbot_workstation.telemetry.stage_times import percentile, span_ms, stage_ms
+from mbot_workstation.telemetry.stream import LinkState, Sample
+from mbot_workstation.telemetry.view import bar, plain_line, render
+from mbot_workstation.telemetry.window import WINDOW, TelemetryWindow
 
 from .samples import decision, picture
 

@@ -20,15 +20,15 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.training.checkpoint import read_state, read_weights
-from mbot_workstation.training.curriculum import CurriculumState
-from mbot_workstation.training.learner import LearnerSettings, make_learner
-from mbot_workstation.training.picture_ppo import PicturePPO
-from mbot_workstation.training.progress_display import LineDisplay
-from mbot_workstation.training.progress_log import Episode, ProgressLog, read_progress
-from mbot_workstation.training.run_directory import RunDirectory
-from mbot_workstation.training.train import TrainingResult, begin_run, train
-from mbot_workstation.training.training_config import TrainingConfig, read_config
+from mbot_workstation.training.learning.checkpoint import read_state, read_weights
+from mbot_workstation.training.learning.curriculum import CurriculumState
+from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
+from mbot_workstation.training.learning.picture_ppo import PicturePPO
+from mbot_workstation.training.learning.progress_display import LineDisplay
+from mbot_workstation.training.learning.progress_log import Episode, ProgressLog, read_progress
+from mbot_workstation.training.learning.run_directory import RunDirectory
+from mbot_workstation.training.learning.training_config import TrainingConfig, read_config
+from mbot_workstation.training.learning.training_run import TrainingResult, begin_run, train
 
 TINY = TrainingConfig(
     steps=128,

@@ -24,8 +24,8 @@ from mbot_workstation.simulation.room_generator import generate_room
 from mbot_workstation.simulation.scene_renderer import TRAINING
 from mbot_workstation.virtual.camera_stream import CameraSettings
 from mbot_workstation.virtual.live_report import LiveReport
-from mbot_workstation.virtual.session import Outputs, run_session
-from mbot_workstation.virtual.virtual_robot import VirtualRobot, VirtualRobotSettings
+from mbot_workstation.virtual.stand_in import VirtualRobot, VirtualRobotSettings
+from mbot_workstation.virtual.virtual_session import Outputs, run_session
 
 ROOM = generate_room(0, 64)
 CAMERA = CameraSettings(width_px=64, height_px=48, latency_s=0.01, quality=TRAINING)

@@ -15,9 +15,9 @@ from mbot_workstation.commands.export import export
 from mbot_workstation.commands.flash import flash
 from mbot_workstation.commands.gap_report import gap_report
 from mbot_workstation.commands.identify import identify
-from mbot_workstation.commands.keys import app as keys
 from mbot_workstation.commands.make_servo_policy import make_servo_policy
 from mbot_workstation.commands.maneuvers import app as maneuvers
+from mbot_workstation.commands.model_keys import app as keys
 from mbot_workstation.commands.models import models, rollback
 from mbot_workstation.commands.panorama import panorama
 from mbot_workstation.commands.print_targets import app as print_targets
@@ -25,7 +25,7 @@ from mbot_workstation.commands.push_model import push_model
 from mbot_workstation.commands.robots import robots
 from mbot_workstation.commands.study import study
 from mbot_workstation.commands.telemetry import telemetry
-from mbot_workstation.commands.track import track
+from mbot_workstation.commands.track_robot import track
 from mbot_workstation.commands.train import train
 from mbot_workstation.commands.training_curve import training_curve
 from mbot_workstation.commands.virtual_robot import virtual_robot

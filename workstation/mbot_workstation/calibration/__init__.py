@@ -1,1 +1,1 @@
-"""One robot's calibration: from its folder to everything that simulates it."""
+"""Measuring a robot with things at hand: its camera, its body, its light, its room."""

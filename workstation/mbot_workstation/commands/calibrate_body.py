@@ -6,12 +6,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration_option import DEFAULT_CALIBRATION, CalibrationOutputOption
-from mbot_workstation.link_options import JsonOption
+from mbot_workstation.commands.calibration_option import (
+    DEFAULT_CALIBRATION,
+    CalibrationOutputOption,
+)
+from mbot_workstation.commands.link_options import JsonOption
 
 if TYPE_CHECKING:
-    from mbot_workstation.calibration.body_check import Finding
-    from mbot_workstation.calibration.mass_properties import MassProperties
+    from mbot_workstation.calibration.body.body_check import Finding
+    from mbot_workstation.calibration.body.mass_properties import MassProperties
 
 
 def body(
@@ -54,9 +57,9 @@ def body(
     import msgspec
 
     from mbot_protocol.toml_file import read_toml
-    from mbot_workstation.calibration.body_calibration import BodyCalibration
-    from mbot_workstation.calibration.body_check import examine
-    from mbot_workstation.calibration.body_example import example_file
+    from mbot_workstation.calibration.body.body_check import examine
+    from mbot_workstation.calibration.body.body_example import example_file
+    from mbot_workstation.calibration_files.body_calibration import BodyCalibration
 
     if example:
         print(example_file(), end="")
@@ -67,15 +70,15 @@ def body(
             "writes one to fill in"
         )
 
-    from mbot_workstation.calibration.body_drawing import draw_body
-    from mbot_workstation.calibration.body_mjcf import write_mjcf
-    from mbot_workstation.calibration.folder import (
+    from mbot_workstation.calibration.body.body_drawing import draw_body
+    from mbot_workstation.calibration.body.body_mjcf import write_mjcf
+    from mbot_workstation.calibration.body.mass_properties import mass_properties
+    from mbot_workstation.calibration_files.calibration_folder import (
         CalibrationFiles,
         made_folder,
         read_files,
         write_body,
     )
-    from mbot_workstation.calibration.mass_properties import mass_properties
 
     measured = read_toml(components, BodyCalibration)
     files = read_files(calibration) if calibration.exists() else CalibrationFiles()

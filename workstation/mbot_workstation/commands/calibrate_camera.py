@@ -5,19 +5,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mbot_workstation.calibration.targets import (
+from mbot_workstation.commands.calibration_option import (
+    DEFAULT_CALIBRATION,
+    CalibrationOutputOption,
+)
+from mbot_workstation.commands.link_options import JsonOption
+from mbot_workstation.targets.specifications import (
     BOARD_DICTIONARY,
     BOARD_MARKER_SHARE,
     BOARD_SQUARE_MM,
     Board,
 )
-from mbot_workstation.calibration_option import DEFAULT_CALIBRATION, CalibrationOutputOption
-from mbot_workstation.link_options import JsonOption
 
 if TYPE_CHECKING:
-    from mbot_workstation.calibration.camera_fit import CameraFit, PictureFit
-    from mbot_workstation.calibration.camera_pictures import SeenBoards
-    from mbot_workstation.calibration.camera_quality import CameraQuality
+    from mbot_workstation.calibration.camera.camera_fit import CameraFit, PictureFit
+    from mbot_workstation.calibration.camera.camera_pictures import SeenBoards
+    from mbot_workstation.calibration.camera.camera_quality import CameraQuality
 
 _BOARD, _LIVE = "Board", "Live"
 
@@ -127,7 +130,7 @@ def _boards(
 ) -> list[Board]:
     """The boards named by the options; none if they are to be guessed."""
     from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.calibration.targets import BOARD_COLUMNS, BOARD_ROWS, charuco_board
+    from mbot_workstation.targets.specifications import BOARD_COLUMNS, BOARD_ROWS, charuco_board
 
     charuco = charuco or marker_mm is not None or dictionary != BOARD_DICTIONARY
     if inner_corners is None and not charuco:
@@ -156,8 +159,8 @@ def _collect(source: str, boards: list[Board], folder: Path, count: int) -> list
     from rich.console import Console
 
     from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.calibration.board_collector import Verdict
-    from mbot_workstation.calibration.camera_live import collect
+    from mbot_workstation.calibration.camera.board_collector import Verdict
+    from mbot_workstation.calibration.camera.camera_live import collect
 
     console = Console(stderr=True)
     looked_for = boards or [Board(charuco=True), Board()]  # the one that is quicker to rule out
@@ -191,10 +194,10 @@ def _calibrate(
     from rich.console import Console
     from rich.progress import Progress
 
-    from mbot_workstation.calibration.camera_fit import fit_camera
-    from mbot_workstation.calibration.camera_pictures import look_for_boards
-    from mbot_workstation.calibration.camera_quality import judge
-    from mbot_workstation.calibration.pictures import picture_files
+    from mbot_workstation.calibration.camera.camera_fit import fit_camera
+    from mbot_workstation.calibration.camera.camera_pictures import look_for_boards
+    from mbot_workstation.calibration.camera.camera_quality import judge
+    from mbot_workstation.calibration.camera.pictures import picture_files
 
     files = picture_files(photos)
     console = Console(stderr=True)
@@ -210,7 +213,7 @@ def _write(fit: "CameraFit", folder: Path) -> Path:
 
     from mbot_protocol.calibration import CameraCalibration
     from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.calibration.folder import write_camera
+    from mbot_workstation.calibration_files.calibration_folder import write_camera
 
     model = fit.camera
     try:
@@ -233,7 +236,7 @@ def _write(fit: "CameraFit", folder: Path) -> Path:
 
 def _draw(fit: "CameraFit", path: Path, *, as_json: bool) -> None:
     from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.calibration.camera_drawing import draw_calibration
+    from mbot_workstation.calibration.camera.camera_drawing import draw_calibration
 
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -286,7 +289,7 @@ def _row(picture: "PictureFit", fit: "CameraFit") -> dict[str, Any]:
 
 
 def _print_words(seen: "SeenBoards", fit: "CameraFit", quality: "CameraQuality") -> None:
-    from mbot_workstation.calibration.camera_quality import view_deg
+    from mbot_workstation.calibration.camera.camera_quality import view_deg
 
     model, sigma = fit.camera, fit.deviations
     across, up = view_deg(model)

@@ -5,11 +5,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mbot_workstation.calibration_option import DEFAULT_CALIBRATION, CalibrationOutputOption
-from mbot_workstation.link_options import JsonOption
+from mbot_workstation.commands.calibration_option import (
+    DEFAULT_CALIBRATION,
+    CalibrationOutputOption,
+)
+from mbot_workstation.commands.link_options import JsonOption
 
 if TYPE_CHECKING:
-    from mbot_workstation.calibration.light_measurement import LightMeasurement
+    from mbot_workstation.calibration.light.light_measurement import LightMeasurement
     from mbot_workstation.simulation.robot_parameters import RobotParameters
 
 
@@ -73,8 +76,8 @@ def light(
     from rich.console import Console
     from rich.progress import Progress
 
-    from mbot_workstation.calibration.light_measurement import CardSettings, measure_light
-    from mbot_workstation.calibration.pictures import picture_files
+    from mbot_workstation.calibration.camera.pictures import picture_files
+    from mbot_workstation.calibration.light.light_measurement import CardSettings, measure_light
 
     settings = CardSettings(
         card_mm,
@@ -102,7 +105,7 @@ def light(
 
 
 def _robot(folder: Path) -> "RobotParameters":
-    from mbot_workstation.calibration.folder import read_calibration
+    from mbot_workstation.calibration_files.calibration_folder import read_calibration
     from mbot_workstation.simulation.robot_parameters import RobotParameters
 
     return read_calibration(folder).robot if folder.is_dir() else RobotParameters()
@@ -142,10 +145,10 @@ def _write(measured: "LightMeasurement", folder: Path, heading_deg: float) -> Pa
     from datetime import datetime
 
     from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.calibration.folder import write_light
-    from mbot_workstation.calibration.light_calibration import LightCalibration
-    from mbot_workstation.calibration.light_drawing import draw_light
-    from mbot_workstation.calibration.light_measurement import turned
+    from mbot_workstation.calibration.light.light_drawing import draw_light
+    from mbot_workstation.calibration.light.light_measurement import turned
+    from mbot_workstation.calibration_files.calibration_folder import write_light
+    from mbot_workstation.calibration_files.light_calibration import LightCalibration
 
     fit = measured.fit
     light = fit.light if fit.undetermined else turned(fit.light, heading_deg)
@@ -226,7 +229,7 @@ def _turn_words(normal: Any) -> str:
 
 
 def _fields(measured: "LightMeasurement", path: Path, heading_deg: float) -> dict[str, Any]:
-    from mbot_workstation.calibration.light_measurement import turned
+    from mbot_workstation.calibration.light.light_measurement import turned
 
     fit = measured.fit
     light = fit.light if fit.undetermined else turned(fit.light, heading_deg)

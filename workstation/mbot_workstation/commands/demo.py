@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mbot_workstation.calibration_option import CalibrationOption
-from mbot_workstation.link_options import JsonOption
+from mbot_workstation.commands.calibration_option import CalibrationOption
+from mbot_workstation.commands.link_options import JsonOption
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from mbot_workstation.demo.run import DemoResult
+    from mbot_workstation.demo.demo_run import DemoResult
 
 
 def demo(
@@ -72,12 +72,12 @@ def demo(
     from rich.console import Console
 
     from mbot_protocol.policy_contract import PolicyMetadata
-    from mbot_workstation.calibration.folder import read_files
-    from mbot_workstation.demo.run import ROBOT_ID, DemoSettings, run_demo
-    from mbot_workstation.servo_policy import ServoGains, servo_model
-    from mbot_workstation.telemetry_output import JsonLines, LiveView, PlainLines
+    from mbot_workstation.calibration_files.calibration_folder import read_files
+    from mbot_workstation.demo.demo_run import ROBOT_ID, DemoSettings, run_demo
+    from mbot_workstation.firmware.firmware_file import find_firmware
+    from mbot_workstation.models.servo_policy import ServoGains, servo_model
+    from mbot_workstation.telemetry.output import JsonLines, LiveView, PlainLines
     from mbot_workstation.virtual.emulated.board_simulator import simulator_program
-    from mbot_workstation.virtual.emulated.firmware_file import find_firmware
 
     options = ["--radius", str(radius), "--seed", str(seed)]
     if panorama is not None:

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from mbot_workstation.link_options import (
+from mbot_workstation.commands.link_options import (
     CaOption,
     CertificateOption,
     IdOption,
@@ -32,7 +32,7 @@ def run(
     """
     import sys
 
-    from mbot_workstation.remote_control import RemoteControl
+    from mbot_workstation.link.remote_control import RemoteControl
     from mbot_workstation.wording import fault_lines
 
     with robot_link(robot, robot_id, ca, certificate, key) as link:
@@ -55,7 +55,7 @@ def stop(
 
     Example: `workstation stop --robot mbot-1.local`
     """
-    from mbot_workstation.remote_control import RemoteControl
+    from mbot_workstation.link.remote_control import RemoteControl
 
     with robot_link(robot, robot_id, ca, certificate, key) as link:
         print(f"{link.robot_id}: {RemoteControl(link).stop()}")
@@ -85,7 +85,7 @@ def drive(
     import time
 
     from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.remote_control import RemoteControl
+    from mbot_workstation.link.remote_control import RemoteControl
 
     if not (math.isfinite(left) and math.isfinite(right)):
         raise ConfigurationError(f"wheels are {left}, {right}, expected numbers in [-1, 1]")

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mbot_protocol.keys import Right
-from mbot_workstation.link_options import JsonOption
+from mbot_workstation.commands.link_options import JsonOption
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbot_workstation.enrolment.enroll import Enrolment, HandOver
+    from mbot_workstation.enrolment.membership import Enrolment, HandOver
     from mbot_workstation.enrolment.roll import Roll
 
 _OTHER = "Instead of enrolling"
@@ -92,7 +92,7 @@ def enroll(
     - `workstation enroll --revoke max`
     """
     from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.enrolment.enroll import Enrolment
+    from mbot_workstation.enrolment.membership import Enrolment
 
     asked = [bool(name), listing, revoke is not None, renew, join is not None]
     if sum(asked) != 1:
@@ -228,7 +228,7 @@ def _advice_on_keys() -> list[str]:
     import json
 
     from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.key_folder import KeyFolder
+    from mbot_workstation.models.key_folder import KeyFolder
 
     try:
         lines = [key.line for key in KeyFolder().public_keys()]

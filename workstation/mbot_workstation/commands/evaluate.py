@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration_option import CalibrationOption
-from mbot_workstation.link_options import JsonOption
+from mbot_workstation.commands.calibration_option import CalibrationOption
+from mbot_workstation.commands.link_options import JsonOption
 
 if TYPE_CHECKING:
-    from mbot_workstation.calibration.folder import CalibrationFiles
-    from mbot_workstation.training.effects import EffectRanges
-    from mbot_workstation.training.evaluate import EpisodeResult, Trial
-    from mbot_workstation.training.lessons import Lesson
+    from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
+    from mbot_workstation.training.evaluation.episodes import EpisodeResult, Trial
+    from mbot_workstation.training.worlds.lessons import Lesson
+    from mbot_workstation.variation.effects import EffectRanges
 
 TABLE_WIDTH = 140
 """Characters."""
@@ -80,10 +80,14 @@ def evaluate(
 
     from rich.console import Console
 
-    from mbot_workstation.calibration.folder import CalibrationFiles, read_files, room_pictures
-    from mbot_workstation.training.evaluate import Trial, score
-    from mbot_workstation.training.evaluation_report import Line, draw, fields, table
-    from mbot_workstation.training.rooms import EVALUATION_ROOMS, gather_rooms
+    from mbot_workstation.calibration_files.calibration_folder import (
+        CalibrationFiles,
+        read_files,
+        room_pictures,
+    )
+    from mbot_workstation.training.evaluation.episodes import Trial, score
+    from mbot_workstation.training.evaluation.evaluation_report import Line, draw, fields, table
+    from mbot_workstation.training.worlds.rooms import EVALUATION_ROOMS, gather_rooms
 
     files = read_files(calibration) if calibration else CalibrationFiles()
     stage = _lesson(lesson)
@@ -116,7 +120,7 @@ def _with_bar(contestant: str, words: str, trial: "Trial") -> "list[EpisodeResul
     from rich.console import Console
     from rich.progress import Progress
 
-    from mbot_workstation.training.evaluate import evaluate as run
+    from mbot_workstation.training.evaluation.episodes import evaluate as run
 
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
@@ -125,7 +129,7 @@ def _with_bar(contestant: str, words: str, trial: "Trial") -> "list[EpisodeResul
 
 
 def _lesson(name: str) -> "Lesson":
-    from mbot_workstation.training.lessons import lesson
+    from mbot_workstation.training.worlds.lessons import lesson
 
     try:
         return lesson(name)
@@ -134,7 +138,7 @@ def _lesson(name: str) -> "Lesson":
 
 
 def _presets(names: list[str], calibrated: "CalibrationFiles | None") -> "dict[str, EffectRanges]":
-    from mbot_workstation.training.presets import PRESETS, preset
+    from mbot_workstation.variation.presets import PRESETS, preset
 
     if "all" in names:
         names = [name for name in PRESETS if calibrated is None or name != "ideal"]
@@ -147,7 +151,7 @@ def _presets(names: list[str], calibrated: "CalibrationFiles | None") -> "dict[s
 
 def _titles(contestants: list[str]) -> dict[str, str]:
     """Contestants by their names in tables; two files of the same name keep their paths."""
-    from mbot_workstation.training.contestants import title
+    from mbot_workstation.training.drivers.contestants import title
 
     short = [title(contestant) for contestant in contestants]
     return {

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from mbot_workstation.link_options import JsonOption
+from mbot_workstation.commands.link_options import JsonOption
 
 
 def explain(
@@ -48,9 +48,9 @@ def explain(
     import json
 
     from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.model_check import check_model
-    from mbot_workstation.training.activations import Microscope
-    from mbot_workstation.training.explain import draw, load_frame, recorded_frames
+    from mbot_workstation.models.check import check_model
+    from mbot_workstation.training.evaluation.activations import Microscope
+    from mbot_workstation.training.evaluation.explanation import draw, load_frame, recorded_frames
 
     files = [*(frames or ()), *(more_frames or ())]
     if files and recording:
@@ -63,7 +63,7 @@ def explain(
     elif files:
         pictures = {path.stem: load_frame(path, view) for path in files}
     else:
-        from mbot_workstation.training.example_frames import example_frames
+        from mbot_workstation.training.worlds.example_frames import example_frames
 
         pictures = example_frames()
     seen = {title: microscope.look(picture) for title, picture in pictures.items()}

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from mbot_workstation.link_options import JsonOption
+from mbot_workstation.commands.link_options import JsonOption
 
 
 def export(
@@ -60,8 +60,8 @@ def export(
     import json
 
     from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.training.policy_export import export_policy
-    from mbot_workstation.training.trained_policy import averaged, trained_policy, turning
+    from mbot_workstation.training.learning.policy_export import export_policy
+    from mbot_workstation.training.learning.trained_policy import averaged, trained_policy, turning
     from mbot_workstation.wording import short_digest, size_words
 
     found = trained_policy(source)

@@ -38,7 +38,7 @@ def flash(
     import shlex
 
     from mbot_protocol.errors import RefusedError
-    from mbot_workstation import firmware_flash
+    from mbot_workstation.firmware import flashing as firmware_flash
 
     image = firmware_flash.read_image(image_path)
     firmware_flash.need_avrdude()

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.link_options import JsonOption
+from mbot_workstation.commands.link_options import JsonOption
 
 if TYPE_CHECKING:
     from mbot_workstation.gap_report.report import GapReport

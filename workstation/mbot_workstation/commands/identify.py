@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mbot_protocol.errors import ConfigurationError, MbotError
-from mbot_workstation.link_options import JsonOption
+from mbot_workstation.commands.link_options import JsonOption
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -66,10 +66,10 @@ def identify(
     """
     import json
 
-    from mbot_workstation.calibration.folder import write_motion
+    from mbot_workstation.calibration_files.calibration_folder import write_motion
     from mbot_workstation.identification.motion_file import motion_calibration, straight_maps
     from mbot_workstation.identification.report import as_fields
-    from mbot_workstation.recordings.folder import read_recording
+    from mbot_workstation.recordings.recording_folder import read_recording
 
     read = [read_recording(folder) for folder in recordings]
     robot_id = robot or _robot_id(read)
@@ -118,7 +118,7 @@ def _known(folder: Path) -> "RobotParameters":
     """The robot without its motion: that is what shall be found."""
     import msgspec
 
-    from mbot_workstation.calibration.folder import CalibrationFiles, read_files
+    from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles, read_files
 
     files = read_files(folder) if folder.is_dir() else CalibrationFiles()
     return msgspec.structs.replace(files, motion=None).robot

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from mbot_protocol.policy_contract import FULL_VIEW, FieldOfView, PolicyMetadata
-from mbot_workstation.link_options import JsonOption
+from mbot_workstation.commands.link_options import JsonOption
 
 POLICY_NAME = "servo"
 
@@ -41,7 +41,7 @@ def make_servo_policy(
     from dataclasses import replace
 
     from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.servo_policy import ServoGains, servo_model
+    from mbot_workstation.models.servo_policy import ServoGains, servo_model
     from mbot_workstation.wording import short_digest
 
     try:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.link_options import (
+from mbot_workstation.commands.link_options import (
     CaOption,
     CertificateOption,
     IdOption,
@@ -24,9 +24,9 @@ from mbot_workstation.recordings.maneuver import (
 )
 
 if TYPE_CHECKING:
+    from mbot_workstation.link.robot_link import RobotLink
     from mbot_workstation.maneuvers.journal import Journal
-    from mbot_workstation.maneuvers.session import SessionSettings
-    from mbot_workstation.robot_link import RobotLink
+    from mbot_workstation.maneuvers.maneuver_session import SessionSettings
 
 app = typer.Typer(
     help="Drive the paper's eight manoeuvres, to learn how a robot moves.", no_args_is_help=True
@@ -135,8 +135,8 @@ def run(
     from mbot_protocol.actions import WheelMaps
     from mbot_protocol.calibration import read_motion
     from mbot_workstation.maneuvers.journal import Journal
+    from mbot_workstation.maneuvers.maneuver_session import SessionSettings, check_ready
     from mbot_workstation.maneuvers.robot_time import measure_robot_time
-    from mbot_workstation.maneuvers.session import SessionSettings, check_ready
 
     if output is not None and resume is not None:
         raise ConfigurationError("--output and --resume exclude each other")
@@ -202,7 +202,7 @@ def _drive(
 
     from mbot_workstation.maneuvers.display import PlainDisplay, TerminalDisplay
     from mbot_workstation.maneuvers.keyboard import Keyboard, NoKeys
-    from mbot_workstation.maneuvers.session import Session
+    from mbot_workstation.maneuvers.maneuver_session import Session
     from mbot_workstation.maneuvers.telemetry_recorder import TelemetryRecorder
 
     before = len(journal.runs)

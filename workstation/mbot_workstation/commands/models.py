@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mbot_workstation.link_options import (
+from mbot_workstation.commands.link_options import (
     CaOption,
     CertificateOption,
     IdOption,
@@ -33,7 +33,7 @@ def models(
 
     Example: `workstation models --robot mbot-1.local`
     """
-    from mbot_workstation.model_store import list_models
+    from mbot_workstation.models.stored_models import list_models
 
     with robot_link(robot, robot_id, ca, certificate, key) as link:
         _print_models(list_models(link), as_json)
@@ -62,7 +62,7 @@ def rollback(
     import re
 
     from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.model_store import activate
+    from mbot_workstation.models.stored_models import activate
 
     if digest and not re.fullmatch(r"[0-9a-f]{8,64}", digest):
         raise ConfigurationError(
@@ -88,7 +88,7 @@ def _print_models(found: "Sequence[Model]", as_json: bool) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    from mbot_workstation.model_store import model_fields
+    from mbot_workstation.models.stored_models import model_fields
     from mbot_workstation.wording import one_line, short_digest, size_words
 
     if as_json:

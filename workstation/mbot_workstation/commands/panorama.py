@@ -5,11 +5,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mbot_workstation.calibration_option import DEFAULT_CALIBRATION, CalibrationOutputOption
-from mbot_workstation.link_options import JsonOption
+from mbot_workstation.commands.calibration_option import (
+    DEFAULT_CALIBRATION,
+    CalibrationOutputOption,
+)
+from mbot_workstation.commands.link_options import JsonOption
 
 if TYPE_CHECKING:
-    from mbot_workstation.calibration.panorama_import import Room
+    from mbot_workstation.calibration.room.panorama_import import Room
 
 
 def panorama(
@@ -73,9 +76,13 @@ def panorama(
     - `workstation panorama R0010042.JPG --name lab --heading 90 --calibration calibration/mbot-2`
     """
     from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.calibration.folder import CalibrationFiles, read_files
-    from mbot_workstation.calibration.panorama_import import check_width, prepare_room, write_room
-    from mbot_workstation.calibration.panorama_preview import draw_preview
+    from mbot_workstation.calibration.room.panorama_import import (
+        check_width,
+        prepare_room,
+        write_room,
+    )
+    from mbot_workstation.calibration.room.panorama_preview import draw_preview
+    from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles, read_files
 
     if width is not None:
         check_width(width)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mbot_workstation.calibration.targets import (
+from mbot_workstation.targets.specifications import (
     BOARD_COLUMNS,
     BOARD_ROWS,
     BOARD_SQUARE_MM,
@@ -14,7 +14,7 @@ from mbot_workstation.calibration.targets import (
 )
 
 if TYPE_CHECKING:
-    from mbot_workstation.printing.page import Page, Paper
+    from mbot_workstation.targets.sheet import Page, Paper
 
 app = typer.Typer(
     help="Write pages to print at their exact size: boards for the camera, a marker for the robot.",
@@ -58,8 +58,8 @@ def board(
     - `workstation print board --charuco --paper letter -o charuco.pdf`
     """
     from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.calibration.targets import Board, charuco_board
-    from mbot_workstation.printing.layouts import board_page
+    from mbot_workstation.targets.layouts import board_page
+    from mbot_workstation.targets.specifications import Board, charuco_board
 
     try:
         wanted = Board(columns, rows, square_mm, charuco)
@@ -91,7 +91,7 @@ def marker(
 
     Example: `workstation print marker` writes marker.pdf
     """
-    from mbot_workstation.printing.layouts import marker_page
+    from mbot_workstation.targets.layouts import marker_page
 
     _write(marker_page(number, edge_mm, _paper(paper)), output or Path("marker.pdf"))
 
@@ -110,14 +110,14 @@ def gray_card(
 
     Example: `workstation print gray-card --card-mm 85 54` writes gray-card.pdf
     """
-    from mbot_workstation.printing.layouts import card_page
+    from mbot_workstation.targets.layouts import card_page
 
     _write(card_page(card_mm, _paper(paper)), output or Path("gray-card.pdf"))
 
 
 def _paper(name: str) -> "Paper":
     from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.printing.page import PAPERS
+    from mbot_workstation.targets.sheet import PAPERS
 
     if name.lower() not in PAPERS:
         raise ConfigurationError(f"--paper is {name!r}, expected one of {', '.join(PAPERS)}")
@@ -129,11 +129,11 @@ def _write(page: "Page", path: Path) -> None:
 
     ending = path.suffix.lower()
     if ending == ".pdf":
-        from mbot_workstation.printing.pdf import to_pdf as encode
+        from mbot_workstation.targets.pdf import to_pdf as encode
     elif ending == ".svg":
-        from mbot_workstation.printing.svg import to_svg as encode
+        from mbot_workstation.targets.svg_page import to_svg as encode
     elif ending == ".png":
-        from mbot_workstation.printing.png import to_png as encode
+        from mbot_workstation.targets.png import to_png as encode
     else:
         raise ConfigurationError(
             f"can't write {path}: expected a file ending in .pdf, .svg or .png"

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mbot_workstation.link_options import (
+from mbot_workstation.commands.link_options import (
     CaOption,
     CertificateOption,
     IdOption,
@@ -16,9 +16,9 @@ from mbot_workstation.link_options import (
 )
 
 if TYPE_CHECKING:
-    from mbot_workstation.model_check import CheckedModel
-    from mbot_workstation.model_push import Pushed
-    from mbot_workstation.robot_link import RobotLink
+    from mbot_workstation.link.robot_link import RobotLink
+    from mbot_workstation.models.check import CheckedModel
+    from mbot_workstation.models.push import Pushed
 
 
 def push_model(
@@ -59,8 +59,8 @@ def push_model(
     import json
     import sys
 
-    from mbot_workstation.model_check import check_model
-    from mbot_workstation.model_store import model_fields
+    from mbot_workstation.models.check import check_model
+    from mbot_workstation.models.stored_models import model_fields
     from mbot_workstation.wording import one_line, short_digest, size_words
 
     checked = check_model(model)  # before the robot is looked for: most mistakes are in the file
@@ -115,9 +115,9 @@ def _push_with_bar(
     from rich.console import Console
     from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 
-    from mbot_workstation.key_choice import chooser
-    from mbot_workstation.key_folder import KeyFolder
-    from mbot_workstation.model_push import push_checked
+    from mbot_workstation.models.key_choice import chooser
+    from mbot_workstation.models.key_folder import KeyFolder
+    from mbot_workstation.models.push import push_checked
 
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn())

@@ -4,7 +4,7 @@ import sys
 
 import typer
 
-from mbot_workstation.link_options import (
+from mbot_workstation.commands.link_options import (
     CaOption,
     CertificateOption,
     JsonOption,
@@ -30,9 +30,9 @@ def robots(
     import json
 
     from mbot_protocol.errors import UnreachableError
-    from mbot_workstation.destination import find_destinations
-    from mbot_workstation.fleet import look_around
-    from mbot_workstation.link_security import link_security
+    from mbot_workstation.enrolment.enrolled_robots import find_destinations
+    from mbot_workstation.link.fleet import look_around
+    from mbot_workstation.link.security import link_security
     from mbot_workstation.wording import fault_lines
 
     destinations = find_destinations(robot or [], link_security(ca, certificate, key))

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration_option import CalibrationOption
+from mbot_workstation.commands.calibration_option import CalibrationOption
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from mbot_workstation.training.effects import EffectRanges
-    from mbot_workstation.training.evaluation_report import Line
-    from mbot_workstation.training.study import Condition
+    from mbot_workstation.training.evaluation.evaluation_report import Line
+    from mbot_workstation.training.studies.study_run import Condition
+    from mbot_workstation.variation.effects import EffectRanges
 
 TOLERANCE = "tolerance"
 NAMES = ("handicap", "blur", "latency", "robots", TOLERANCE)
@@ -73,14 +73,18 @@ def study(
     - `workstation study tolerance policy.onnx --pair track_scale:fov_scale --cells 9`
     - `workstation study robots policy.onnx --calibration calibration/mbot-1 -o results`
     """
-    from mbot_workstation.calibration.folder import CalibrationFiles, read_files, room_pictures
-    from mbot_workstation.training.evaluate import Trial
-    from mbot_workstation.training.lessons import lesson as find_lesson
-    from mbot_workstation.training.presets import preset
-    from mbot_workstation.training.rooms import EVALUATION_ROOMS, gather_rooms
-    from mbot_workstation.training.study import run_study
-    from mbot_workstation.training.study_plans import study_plan
-    from mbot_workstation.training.study_report import write_report
+    from mbot_workstation.calibration_files.calibration_folder import (
+        CalibrationFiles,
+        read_files,
+        room_pictures,
+    )
+    from mbot_workstation.training.evaluation.episodes import Trial
+    from mbot_workstation.training.studies.study_plans import study_plan
+    from mbot_workstation.training.studies.study_report import write_report
+    from mbot_workstation.training.studies.study_run import run_study
+    from mbot_workstation.training.worlds.lessons import lesson as find_lesson
+    from mbot_workstation.training.worlds.rooms import EVALUATION_ROOMS, gather_rooms
+    from mbot_workstation.variation.presets import preset
 
     if name not in NAMES:
         raise ConfigurationError(f"no study {name!r}, expected one of {', '.join(NAMES)}")
@@ -158,11 +162,11 @@ def _tolerance(
     how: str,
     largest_reward: float,
 ) -> Path:
-    from mbot_workstation.training.study import Condition
-    from mbot_workstation.training.study_plans import PAIRS
-    from mbot_workstation.training.study_report import make_folder
-    from mbot_workstation.training.tolerance_file import TOLERANCE_FILE, write_tolerances
-    from mbot_workstation.training.tolerance_map import (
+    from mbot_workstation.training.studies.study_plans import PAIRS
+    from mbot_workstation.training.studies.study_report import make_folder
+    from mbot_workstation.training.studies.study_run import Condition
+    from mbot_workstation.training.studies.tolerance_file import TOLERANCE_FILE, write_tolerances
+    from mbot_workstation.training.studies.tolerance_map import (
         ToleranceMap,
         as_file,
         draw_maps,

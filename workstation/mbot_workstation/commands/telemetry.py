@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mbot_workstation.link_options import (
+from mbot_workstation.commands.link_options import (
     CaOption,
     CertificateOption,
     IdOption,
@@ -16,7 +16,7 @@ from mbot_workstation.link_options import (
 )
 
 if TYPE_CHECKING:
-    from mbot_workstation.telemetry_output import Output
+    from mbot_workstation.telemetry.output import Output
 
 _POLL_S = 0.1
 
@@ -48,8 +48,8 @@ def telemetry(
     import time
     from contextlib import ExitStack
 
-    from mbot_workstation.recording import Recording
-    from mbot_workstation.telemetry_stream import TelemetryStream
+    from mbot_workstation.recordings.drive_mcap import Recording
+    from mbot_workstation.telemetry.stream import TelemetryStream
 
     with ExitStack() as stack:
         link = stack.enter_context(robot_link(robot, robot_id, ca, certificate, key))
@@ -73,7 +73,7 @@ def _output(robot_id: str, as_json: bool) -> "Output":
 
     from rich.console import Console
 
-    from mbot_workstation.telemetry_output import JsonLines, LiveView, PlainLines
+    from mbot_workstation.telemetry.output import JsonLines, LiveView, PlainLines
 
     if as_json:
         return JsonLines(sys.stdout, sys.stderr)

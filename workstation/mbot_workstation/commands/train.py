@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration_option import CalibrationOption
-from mbot_workstation.link_options import JsonOption
+from mbot_workstation.commands.calibration_option import CalibrationOption
+from mbot_workstation.commands.link_options import JsonOption
 
 if TYPE_CHECKING:
-    from mbot_workstation.training.run_directory import RunDirectory
-    from mbot_workstation.training.train import TrainingResult
-    from mbot_workstation.training.training_config import TrainingConfig
+    from mbot_workstation.training.learning.run_directory import RunDirectory
+    from mbot_workstation.training.learning.training_config import TrainingConfig
+    from mbot_workstation.training.learning.training_run import TrainingResult
 
 _WHAT, _ROOMS, _HOW = "What to learn", "Rooms", "How"
 
@@ -148,7 +148,7 @@ def train(
     import sys
     from dataclasses import asdict, replace
 
-    from mbot_workstation.training.training_config import TrainingConfig
+    from mbot_workstation.training.learning.training_config import TrainingConfig
 
     if resume is not None:
         if name or lesson or parent or panorama or calibration:
@@ -158,7 +158,7 @@ def train(
             )
         run, config = _resumed(resume, steps, target_reward, workers)
     else:
-        from mbot_workstation.calibration.folder import read_files, room_pictures
+        from mbot_workstation.calibration_files.calibration_folder import read_files, room_pictures
 
         rooms = [*(panorama or ()), *(room_pictures(calibration) if calibration else ())]
         made_up = made_up_rooms if made_up_rooms is not None else (0 if rooms else 6)
@@ -177,7 +177,7 @@ def train(
             device=_device(device),
         )
         if guide:
-            from mbot_workstation.training.learner import GUIDED
+            from mbot_workstation.training.learning.learner import GUIDED
 
             config = replace(config, learner=replace(GUIDED, guided_decisions=guide))
         run, config = _begun(runs, name, config, parent)
@@ -205,8 +205,8 @@ def _resumed(
 ) -> tuple["RunDirectory", "TrainingConfig"]:
     from dataclasses import replace
 
-    from mbot_workstation.training.run_directory import RunDirectory
-    from mbot_workstation.training.training_config import read_config
+    from mbot_workstation.training.learning.run_directory import RunDirectory
+    from mbot_workstation.training.learning.training_config import read_config
 
     run = RunDirectory.open(path)
     config = read_config(run.config_file)
@@ -224,9 +224,9 @@ def _begun(
     from dataclasses import replace
     from datetime import datetime
 
-    from mbot_workstation.training.learner import FINE_TUNING
-    from mbot_workstation.training.policy_source import find_source
-    from mbot_workstation.training.train import begin_run
+    from mbot_workstation.training.learning.learner import FINE_TUNING
+    from mbot_workstation.training.learning.policy_source import find_source
+    from mbot_workstation.training.learning.training_run import begin_run
 
     if parent is not None:
         checkpoint = find_source(parent).checkpoint
@@ -243,7 +243,7 @@ def _begun(
 
 
 def _lessons(selection: list[str]) -> tuple[str, ...]:
-    from mbot_workstation.training.lessons import named
+    from mbot_workstation.training.worlds.lessons import named
 
     try:
         return named(selection)
@@ -269,10 +269,10 @@ def _train_until_stopped(run: "RunDirectory", config: "TrainingConfig") -> "Trai
     import threading
     from types import FrameType
 
-    from mbot_workstation.training.progress_display import display
-    from mbot_workstation.training.progress_log import read_progress
-    from mbot_workstation.training.train import train
-    from mbot_workstation.training.training_curve import draw_curve
+    from mbot_workstation.training.learning.learning_curve import draw_curve
+    from mbot_workstation.training.learning.progress_display import display
+    from mbot_workstation.training.learning.progress_log import read_progress
+    from mbot_workstation.training.learning.training_run import train
 
     stop = threading.Event()
 

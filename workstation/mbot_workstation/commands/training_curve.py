@@ -18,9 +18,9 @@ def training_curve(
 
     Example: `workstation training-curve runs/first -o curve.png`
     """
-    from mbot_workstation.training.progress_log import read_progress
-    from mbot_workstation.training.run_directory import RunDirectory
-    from mbot_workstation.training.training_curve import draw_curve
+    from mbot_workstation.training.learning.learning_curve import draw_curve
+    from mbot_workstation.training.learning.progress_log import read_progress
+    from mbot_workstation.training.learning.run_directory import RunDirectory
 
     found = RunDirectory.open(run)
     path = output or found.curve_file

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration_option import CalibrationOption
+from mbot_workstation.commands.calibration_option import CalibrationOption
 
 if TYPE_CHECKING:
     from mbot_protocol.camera_model import CameraModel
     from mbot_workstation.simulation.robot_parameters import RobotParameters
     from mbot_workstation.simulation.scene_parameters import SceneParameters
-    from mbot_workstation.training.effects import RealWorldEffects
+    from mbot_workstation.variation.effects import RealWorldEffects
 
 _TASK, _ROBOT, _CAMERA = "Task", "Robot", "Camera"
 _OUTPUT = "What is left of it"
@@ -258,17 +258,21 @@ def virtual_robot(
     import threading
     from types import FrameType
 
-    from mbot_workstation.calibration.folder import CalibrationFiles, read_files, room_pictures
+    from mbot_workstation.calibration_files.calibration_folder import (
+        CalibrationFiles,
+        read_files,
+        room_pictures,
+    )
+    from mbot_workstation.firmware.firmware_file import find_firmware
     from mbot_workstation.simulation.fetch_rules import FetchRules
     from mbot_workstation.simulation.room import load_room
     from mbot_workstation.simulation.room_generator import generate_room
     from mbot_workstation.simulation.scene_renderer import SHOW, TRAINING
     from mbot_workstation.virtual.camera_stream import CameraSettings
-    from mbot_workstation.virtual.emulated.firmware_file import find_firmware
     from mbot_workstation.virtual.live_report import LiveReport
-    from mbot_workstation.virtual.session import Outputs, run_session
+    from mbot_workstation.virtual.stand_in import VirtualRobotSettings
     from mbot_workstation.virtual.truth_track import TrackerSettings
-    from mbot_workstation.virtual.virtual_robot import VirtualRobotSettings
+    from mbot_workstation.virtual.virtual_session import Outputs, run_session
 
     files = read_files(calibration) if calibration else CalibrationFiles()
     robot = _robot(

@@ -12,7 +12,7 @@ from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Picture
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.recording import read_recording
+from mbot_workstation.recordings.drive_mcap import read_recording
 
 COLUMNS, ROWS = 6, 4
 TILE_PX = 128

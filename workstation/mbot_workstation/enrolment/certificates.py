@@ -129,16 +129,6 @@ def hosts_in(certificate: x509.Certificate) -> set[str]:
     return {str(name.value) for name in extension.value}
 
 
-def owner_name(certificate_pem: bytes) -> str:
-    """The common name in a certificate; empty if it has none or is no certificate."""
-    try:
-        certificate = x509.load_pem_x509_certificate(certificate_pem)
-    except ValueError:
-        return ""
-    names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
-    return str(names[0].value) if names else ""
-
-
 def _subject(name: str) -> x509.Name:
     return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
 

@@ -7,7 +7,7 @@ from mbot_protocol.access_rules import Kind
 from mbot_protocol.errors import ConfigurationError, RefusedError
 from mbot_workstation.enrolment.certificates import Identity
 from mbot_workstation.enrolment.roll import ROLL_FILE, Roll, encode_roll, read_roll
-from mbot_workstation.link_security import LinkSecurity
+from mbot_workstation.link.security import LinkSecurity
 
 AUTHORITY = "authority"
 

@@ -13,7 +13,7 @@ from msgspec import Struct
 from mbot_protocol.access_rules import Kind, check_name
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.keys import DEFAULT_PORT, Right, check_robot_id
-from mbot_workstation.address import Endpoint
+from mbot_workstation.link.address import Endpoint
 
 ROLL_FILE = "roll.json"
 SCHEMA = 1

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbot_workstation.recordings.track import Array
-from mbot_workstation.training.tolerance_file import MapAxis, RewardMap, Tolerances
+from mbot_workstation.training.studies.tolerance_file import MapAxis, RewardMap, Tolerances
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,16 +5,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration.folder import CalibrationFiles, read_files
+from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles, read_files
 from mbot_workstation.gap_report.comparison import Comparison, compare
 from mbot_workstation.gap_report.frame_pair import RealFrame, frame_pairs
 from mbot_workstation.gap_report.frames_folder import read_frames
 from mbot_workstation.gap_report.missing import missing_parts
 from mbot_workstation.gap_report.report import GapReport, driven, judged
 from mbot_workstation.gap_report.telemetry_frames import telemetry_frames
-from mbot_workstation.recordings.folder import read_recording
+from mbot_workstation.recordings.recording_folder import read_recording
 from mbot_workstation.recordings.run import Recording
-from mbot_workstation.training.tolerance_file import read_tolerances
+from mbot_workstation.training.studies.tolerance_file import read_tolerances
 
 
 @dataclass(frozen=True, slots=True)

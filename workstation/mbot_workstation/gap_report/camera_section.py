@@ -10,7 +10,7 @@ import numpy as np
 
 from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.picture import Picture
-from mbot_workstation.calibration.folder import CalibrationFiles
+from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
 from mbot_workstation.gap_report.elements import figure, paragraph, picture, table
 from mbot_workstation.gap_report.frame_pair import FramePair
 from mbot_workstation.gap_report.report import GapReport

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbot_workstation.calibration.folder import CalibrationFiles
+from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
 from mbot_workstation.gap_report.body_path import Setting, body_path
 from mbot_workstation.gap_report.compared_run import ComparedRun
 from mbot_workstation.identification.held_out import is_held_out

@@ -7,7 +7,7 @@ from pathlib import Path
 from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.picture import Observer, Picture
 from mbot_protocol.policy_contract import FULL_VIEW
-from mbot_workstation.calibration.folder import CalibrationFiles, room_pictures
+from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles, room_pictures
 from mbot_workstation.gap_report.simulated_view import Place, SimulatedView
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.room import load_room

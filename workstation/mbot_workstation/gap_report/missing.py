@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mbot_protocol.calibration import CAMERA_FILE, MOTION_FILE
-from mbot_workstation.calibration.body_calibration import BODY_FILE
-from mbot_workstation.calibration.folder import CalibrationFiles, room_pictures
-from mbot_workstation.calibration.light_calibration import LIGHT_FILE
+from mbot_workstation.calibration_files.body_calibration import BODY_FILE
+from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles, room_pictures
+from mbot_workstation.calibration_files.light_calibration import LIGHT_FILE
 from mbot_workstation.gap_report.quantity import DEVIATIONS_OF_QUANTITIES
 from mbot_workstation.gap_report.report import Missing
 from mbot_workstation.recordings.maneuver import MANEUVERS
-from mbot_workstation.training.tolerance_file import Tolerances
+from mbot_workstation.training.studies.tolerance_file import Tolerances
 
 
 def missing_parts(

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 from mbot_protocol.calibration import Interval, MotionCalibration, MotorCalibration
-from mbot_workstation.calibration.folder import CalibrationFiles
+from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
 from mbot_workstation.gap_report.elements import paragraph, table
 from mbot_workstation.simulation.robot_parameters import MotorParameters, RobotParameters
-from mbot_workstation.training.presets import measured
+from mbot_workstation.variation.presets import measured
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 from mbot_protocol.calibration import CameraCalibration
 from mbot_protocol.camera_model import CameraModel
-from mbot_workstation.calibration.folder import CalibrationFiles
+from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
 from mbot_workstation.gap_report.deviation import Deviation
 from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.training.presets import measured
+from mbot_workstation.variation.presets import measured
 
 DEVIATIONS_OF_QUANTITIES = (
     "gain asymmetry",

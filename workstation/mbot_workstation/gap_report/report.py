@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbot_workstation.calibration.folder import CalibrationFiles
+from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
 from mbot_workstation.gap_report.compared_run import CALIBRATED, NOMINAL, ComparedRun
 from mbot_workstation.gap_report.deviation import SPINS, STRAIGHT, deviation
 from mbot_workstation.gap_report.frame_pair import FramePair
@@ -15,7 +15,7 @@ from mbot_workstation.gap_report.steady_rates import RunRates, steady_rates
 from mbot_workstation.gap_report.verdict import Judged, judge
 from mbot_workstation.identification.held_out import heading_share
 from mbot_workstation.recordings.maneuver import MANEUVERS
-from mbot_workstation.training.tolerance_file import Tolerances
+from mbot_workstation.training.studies.tolerance_file import Tolerances
 
 
 @dataclass(frozen=True, slots=True, eq=False)

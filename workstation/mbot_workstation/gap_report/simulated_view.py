@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from mbot_protocol.picture import Picture
-from mbot_workstation.calibration.folder import CalibrationFiles
+from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
 from mbot_workstation.simulation.camera_renderer import CameraRenderer
 from mbot_workstation.simulation.pose import Pose
 from mbot_workstation.simulation.scene_parameters import SceneParameters

@@ -15,8 +15,8 @@ from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.gap_report.compared_run import ComparedRun
 from mbot_workstation.gap_report.frame_pair import RealFrame
 from mbot_workstation.gap_report.simulated_view import Place
-from mbot_workstation.recording import read_recording
-from mbot_workstation.recordings.folder import TELEMETRY_FILE
+from mbot_workstation.recordings.drive_mcap import read_recording
+from mbot_workstation.recordings.recording_folder import TELEMETRY_FILE
 from mbot_workstation.simulation.pose import ORIGIN, Pose
 
 MOMENTS = (-1e-9, 0.35, 0.7)

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from mbot_workstation.gap_report.compared_run import CALIBRATED, NOMINAL
 from mbot_workstation.gap_report.quantity import Quantity
 from mbot_workstation.gap_report.svg import COLOURS, styled, to_svg
-from mbot_workstation.training.tolerance_file import MapAxis, RewardMap, Tolerances
+from mbot_workstation.training.studies.tolerance_file import MapAxis, RewardMap, Tolerances
 
 
 def tolerance_plot(

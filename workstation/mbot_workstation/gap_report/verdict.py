@@ -5,7 +5,7 @@ from enum import Enum
 
 from mbot_workstation.gap_report.bearable import Bearable, bearable
 from mbot_workstation.gap_report.quantity import Quantity
-from mbot_workstation.training.tolerance_file import Tolerances
+from mbot_workstation.training.studies.tolerance_file import Tolerances
 
 HALF_WAY = 0.5
 """Of the way to the border: the other half is for what adds up, and for the map's own noise."""

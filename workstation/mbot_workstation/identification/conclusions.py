@@ -11,7 +11,7 @@ from mbot_workstation.identification.parameters import BY_NAME, NAMES, value
 from mbot_workstation.identification.preparation import Prepared
 from mbot_workstation.identification.selection import Selection
 from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.training.presets import measured
+from mbot_workstation.variation.presets import measured
 
 QUANTILE_95 = 1.96
 

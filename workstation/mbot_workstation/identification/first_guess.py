@@ -27,9 +27,8 @@ from mbot_workstation.identification.sense_checks import (
 )
 from mbot_workstation.identification.steady_motion import SteadyPiece, steady_pieces
 from mbot_workstation.recordings.track import Array
-from mbot_workstation.simulation.motor import motor_voltage
+from mbot_workstation.simulation.motor import duties, motor_voltage
 from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.virtual.mcore_firmware import duties
 
 TELLING = 0.05
 """Of full voltage: less does not tell what a wheel does."""

@@ -15,11 +15,10 @@ from mbot_protocol.actions import WheelMaps, to_steps
 from mbot_workstation.recordings.run import CommandSeries, Run
 from mbot_workstation.recordings.track import Array, Track
 from mbot_workstation.simulation.engine import MjModel, mujoco
-from mbot_workstation.simulation.motor import motor_voltage
+from mbot_workstation.simulation.motor import duties, motor_voltage
 from mbot_workstation.simulation.robot_mjcf import FLOOR_BIT, add_robot, resist_turning
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.timestep import TIMESTEP_S
-from mbot_workstation.virtual.mcore_firmware import duties
 
 STOPPING_S = 0.6
 """Simulated beyond the last command: any motor of up to 200 ms has stopped nearly by then."""

@@ -8,8 +8,8 @@ import msgspec
 from mbot_protocol.actions import WheelMaps
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.recordings.commands_csv import CommandedRun, read_commands, write_commands
-from mbot_workstation.recordings.folder import COMMANDS_FILE, TELEMETRY_FILE
 from mbot_workstation.recordings.maneuver import Maneuver
+from mbot_workstation.recordings.recording_folder import COMMANDS_FILE, TELEMETRY_FILE
 from mbot_workstation.recordings.recording_toml import (
     RECORDING_FILE,
     RecordingInfo,

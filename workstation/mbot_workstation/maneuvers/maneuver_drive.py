@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbot_protocol.errors import MbotError, RefusedError, UnreachableError
+from mbot_workstation.link.remote_control import RemoteControl
 from mbot_workstation.maneuvers.robot_time import RobotTime
 from mbot_workstation.recordings.maneuver import Maneuver
 from mbot_workstation.recordings.run import CommandSeries
-from mbot_workstation.remote_control import RemoteControl
 
 RESEND_NS = 100_000_000
 HOLD_MS = 500

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from mbot_workstation.robot_link import RobotLink
+from mbot_workstation.link.robot_link import RobotLink
 
 SAMPLES = 8
 """The fastest of so many replies counts: a Wi-Fi reply mostly takes 2 ms and sometimes 50."""

@@ -7,9 +7,9 @@ from types import TracebackType
 from typing import Self
 
 from mbot_protocol.errors import MbotError
-from mbot_workstation.recording import Recording
-from mbot_workstation.robot_link import RobotLink
-from mbot_workstation.telemetry_stream import TelemetryStream
+from mbot_workstation.link.robot_link import RobotLink
+from mbot_workstation.recordings.drive_mcap import Recording
+from mbot_workstation.telemetry.stream import TelemetryStream
 
 _POLL_S = 0.1
 

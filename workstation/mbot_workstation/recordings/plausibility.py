@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.recordings.axes_check import check_frame
 from mbot_workstation.recordings.direction_check import check_directions
 from mbot_workstation.recordings.driven_run import DrivenRun
-from mbot_workstation.recordings.frame_check import check_frame
 from mbot_workstation.recordings.run import Run
 from mbot_workstation.recordings.run_check import check_repeated_numbers, check_run
 from mbot_workstation.recordings.track_format import TrackFormat

@@ -10,8 +10,8 @@ from rich.console import Console
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Picture
-from mbot_workstation.calibration.folder import read_files
-from mbot_workstation.calibration.toml_writer import write_toml
+from mbot_workstation.calibration_files.calibration_folder import read_files
+from mbot_workstation.calibration_files.toml_writer import write_toml
 from mbot_workstation.recordings.maneuver import MANEUVERS
 from mbot_workstation.rehearsal.board_photos import board_photos
 from mbot_workstation.rehearsal.card_photos import HEIGHT_PX, WIDTH_PX, card_photos

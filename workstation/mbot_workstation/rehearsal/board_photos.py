@@ -7,12 +7,12 @@ import numpy as np
 
 from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.picture import Picture
-from mbot_workstation.calibration.targets import Board
-from mbot_workstation.printing.layouts import board_page
-from mbot_workstation.printing.page import PAPERS
-from mbot_workstation.printing.png import draw
 from mbot_workstation.rehearsal.photograph import Hold, Sheet, photograph
 from mbot_workstation.simulation.sensor_noise import SensorNoise
+from mbot_workstation.targets.layouts import board_page
+from mbot_workstation.targets.png import draw
+from mbot_workstation.targets.sheet import PAPERS
+from mbot_workstation.targets.specifications import Board
 
 DOTS_A_MM = 8.0
 STEEPEST_RAD = np.radians(40)

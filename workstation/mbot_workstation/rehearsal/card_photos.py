@@ -6,16 +6,16 @@ import cv2
 import numpy as np
 
 from mbot_protocol.picture import Picture
-from mbot_workstation.calibration.colour_difference import srgb_level
-from mbot_workstation.calibration.folder import CalibrationFiles
-from mbot_workstation.calibration.simulated_card import camera_axes
-from mbot_workstation.printing.layouts import card_page, card_place
-from mbot_workstation.printing.page import PAPERS
-from mbot_workstation.printing.png import draw
+from mbot_workstation.calibration.light.colour_difference import srgb_level
+from mbot_workstation.calibration.light.simulated_card import camera_axes
+from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
 from mbot_workstation.recordings.track import Array
 from mbot_workstation.rehearsal.photograph import Hold, Sheet, photograph
 from mbot_workstation.simulation.scene_parameters import Light
 from mbot_workstation.simulation.sensor_noise import SensorNoise
+from mbot_workstation.targets.layouts import card_page, card_place
+from mbot_workstation.targets.png import draw
+from mbot_workstation.targets.sheet import PAPERS
 
 DOTS_A_MM = 6.0
 CARD_MM = (127.0, 102.0)

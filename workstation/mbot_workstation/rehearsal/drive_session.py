@@ -4,7 +4,7 @@ from pathlib import Path
 
 from mbot_protocol.errors import MbotError
 from mbot_workstation.recordings.commands_csv import read_commands
-from mbot_workstation.recordings.folder import COMMANDS_FILE
+from mbot_workstation.recordings.recording_folder import COMMANDS_FILE
 from mbot_workstation.rehearsal.command_line import CommandLine
 
 ATTEMPTS_WITHOUT_PROGRESS = 3

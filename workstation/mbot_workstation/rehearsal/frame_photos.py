@@ -5,7 +5,7 @@ import math
 from pathlib import Path
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration.folder import CalibrationFiles
+from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
 from mbot_workstation.gap_report.frames_folder import CUBE, FRAMES_FILE, ROBOT
 from mbot_workstation.gap_report.simulated_view import Place, SimulatedView
 from mbot_workstation.rehearsal.truth import save_picture, true_room

@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.recordings.folder import read_recording
+from mbot_workstation.recordings.recording_folder import read_recording
 from mbot_workstation.recordings.recording_toml import read_info, write_info
 
 _ADVICE = re.compile(r"add (\d+) to leave_out")

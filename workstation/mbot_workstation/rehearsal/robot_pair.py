@@ -9,8 +9,8 @@ from pathlib import Path
 
 from mbot_protocol.errors import UnreachableError
 from mbot_workstation.demo.child import Child
+from mbot_workstation.link.robot_link import RobotLink
 from mbot_workstation.rehearsal.command_line import CommandLine
-from mbot_workstation.robot_link import RobotLink
 
 ROBOT_ID = "virtual-mbot"
 READY_TIMEOUT_S = 90.0

@@ -14,13 +14,13 @@ import msgspec
 from mbot_protocol.calibration import CameraCalibration, MotionCalibration, MotorCalibration
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Picture
-from mbot_workstation.calibration.body_calibration import (
+from mbot_workstation.calibration_files.body_calibration import (
     BodyCalibration,
     Component,
     MountCalibration,
     Weighing,
 )
-from mbot_workstation.calibration.folder import (
+from mbot_workstation.calibration_files.calibration_folder import (
     ROOMS_FOLDER,
     CalibrationFiles,
     write_body,
@@ -28,7 +28,7 @@ from mbot_workstation.calibration.folder import (
     write_light,
     write_motion,
 )
-from mbot_workstation.calibration.light_calibration import LightCalibration
+from mbot_workstation.calibration_files.light_calibration import LightCalibration
 from mbot_workstation.simulation.robot_parameters import NOMINAL_BODIES
 from mbot_workstation.simulation.room_generator import generate_room
 

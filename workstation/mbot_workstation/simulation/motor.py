@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from mbot_protocol.mcore import Joystick
 from mbot_workstation.simulation.robot_parameters import MotorParameters, RobotParameters
 from mbot_workstation.simulation.timestep import TIMESTEP_S
 
@@ -65,3 +66,16 @@ def motor_voltage(duty: float, motor: MotorParameters, supply_v: float) -> float
     working = (size - motor.dead_band) / (1 - motor.dead_band)
     gain = motor.gain if duty > 0 else motor.gain * motor.backward_share
     return math.copysign((working * gain + motor.dry_friction) * supply_v, duty)
+
+
+def duties(motors: Joystick) -> tuple[float, float]:
+    """The PWM duties of the left and the right wheel in [-1, 1], positive is forward.
+
+    M1 is the left motor and runs backwards. The board's timer gives (v + 1) / 256, exactly 0
+    at 0 (measured).
+    """
+    return -_duty(motors.m1), _duty(motors.m2)
+
+
+def _duty(speed: int) -> float:
+    return 0.0 if speed == 0 else (abs(speed) + 1) / 256 * (1 if speed > 0 else -1)

@@ -6,9 +6,9 @@ import numpy as np
 
 from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration.board_detection import find_board
-from mbot_workstation.calibration.targets import Board
+from mbot_workstation.calibration.camera.board_detection import find_board
 from mbot_workstation.recordings.track import Array
+from mbot_workstation.targets.specifications import Board
 from mbot_workstation.tracking.floor_plane import FloorPlane, plane_from_points
 from mbot_workstation.tracking.marker_detection import Grey
 

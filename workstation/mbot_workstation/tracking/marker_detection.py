@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbot_protocol.picture import Picture
-from mbot_workstation.calibration.targets import MARKER_DICTIONARY, dictionary
 from mbot_workstation.recordings.track import Array
+from mbot_workstation.targets.specifications import MARKER_DICTIONARY, dictionary
 from mbot_workstation.tracking.marker_edges import refine_corners
 
 Grey = NDArray[np.uint8]

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
+from mbot_workstation.pacer import Pacer
 from mbot_workstation.recordings.track import Array
 from mbot_workstation.tracking.track_file import TrackFile
-from mbot_workstation.virtual.pacer import Pacer
 
 
 class PoseSource(Protocol):

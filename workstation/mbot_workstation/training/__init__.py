@@ -1,1 +1,1 @@
-"""Learning the fetch task in simulation: environment, lessons, effects of the real world."""
+"""Learning the fetch task in simulation, and finding out what was learned."""

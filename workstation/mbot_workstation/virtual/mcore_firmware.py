@@ -111,16 +111,3 @@ class McoreFirmware:
 def _speed(data: bytes) -> int:
     speed = int.from_bytes(data.ljust(2, b"\0"), "little", signed=True)
     return max(-SPEED_LIMIT, min(SPEED_LIMIT, speed))
-
-
-def duties(motors: Joystick) -> tuple[float, float]:
-    """The PWM duties of the left and the right wheel in [-1, 1], positive is forward.
-
-    M1 is the left motor and runs backwards. The board's timer gives (v + 1) / 256, exactly 0
-    at 0 (measured).
-    """
-    return -_duty(motors.m1), _duty(motors.m2)
-
-
-def _duty(speed: int) -> float:
-    return 0.0 if speed == 0 else (abs(speed) + 1) / 256 * (1 if speed > 0 else -1)

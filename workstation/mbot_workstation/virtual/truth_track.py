@@ -11,8 +11,8 @@ from typing import Self
 import numpy as np
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.pacer import Pacer
 from mbot_workstation.recordings.track import Array, multiply
-from mbot_workstation.virtual.pacer import Pacer
 from mbot_workstation.virtual.scene_history import SceneHistory
 
 RATE_HZ = 90.0

@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.pacer import Pacer
 from mbot_workstation.virtual.overhead_view import OverheadView
-from mbot_workstation.virtual.pacer import Pacer
-from mbot_workstation.virtual.virtual_robot import VirtualRobot
+from mbot_workstation.virtual.stand_in import VirtualRobot
 
 RATE_HZ = 10
 """Enough to follow 0.4 m/s, and a quarter of what the camera itself costs."""

@@ -1,0 +1,1 @@
+"""Masses and dimensions: weighed and measured parts checked and drawn."""

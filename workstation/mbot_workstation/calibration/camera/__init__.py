@@ -1,0 +1,1 @@
+"""The lens: boards found in photographs, fitted, checked and drawn."""

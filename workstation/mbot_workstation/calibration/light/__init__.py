@@ -1,0 +1,1 @@
+"""Exposure, white balance and light: a gray card found, measured, fitted and drawn."""

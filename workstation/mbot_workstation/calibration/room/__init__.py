@@ -1,0 +1,1 @@
+"""A 360-degree photograph of the robot's room: checked, levelled, turned and imported."""

@@ -1,0 +1,1 @@
+"""One robot's calibration folder: its files as data, and the simulated robot they describe."""

@@ -1,0 +1,302 @@
+"""The demonstration: every part as its own program, talking as they would over a network."""
+
+import json
+import shutil
+import socket
+import tempfile
+import time
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from mbot_protocol.calibration import read_camera, read_motion
+from mbot_protocol.errors import (
+    ConfigurationError,
+    MbotError,
+    RefusedError,
+    UnreachableError,
+)
+from mbot_protocol.v1.messages_pb2 import Decision, Status
+from mbot_workstation.demo.child import Child
+from mbot_workstation.demo.contact_sheet import contact_sheet, moments, path_side_px, save
+from mbot_workstation.demo.path_drawing import draw_path, read_trajectory
+from mbot_workstation.link.remote_control import RemoteControl
+from mbot_workstation.link.robot_link import RobotLink
+from mbot_workstation.models.push import push
+from mbot_workstation.models.signing_key import SigningKey
+from mbot_workstation.recordings.drive_mcap import Recording
+from mbot_workstation.telemetry.output import Output
+from mbot_workstation.telemetry.stage_times import percentile
+from mbot_workstation.telemetry.stream import Sample, TelemetryStream
+
+ROBOT_ID = "virtual-mbot"
+ENOUGH_TOUCHES = 10
+SUCCESS_TOUCHES = 3
+READY_TIMEOUT_S = 60.0
+
+CONFIGURATION = """\
+robot_id = "{robot_id}"
+calibration = "{calibration}"
+[camera]
+source = "{camera}"
+[board]
+port = "{board}"
+accept_no_deadman = {accept_no_deadman}
+[models]
+directory = "{models}"
+[trust]
+keys = ["{key}"]
+[network]
+listen = ["tcp/{address}"]
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class DemoSettings:
+    """What to show.
+
+    Attributes:
+        model: the policy to push.
+        output: folder for recording, pictures, logs.
+        seconds: of driving, at most.
+        virtual_robot: further options of `workstation virtual-robot`.
+        calibration: of the robot, for its daemon.
+        accept_no_deadman: drive even if the board would drive on without the daemon.
+
+    """
+
+    model: Path
+    output: Path
+    seconds: float
+    virtual_robot: tuple[str, ...] = ()
+    calibration: Path | None = None
+    accept_no_deadman: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class DemoResult:
+    """What came of it; times in ms, medians and 99th percentiles over the driving decisions.
+
+    Attributes:
+        decision_p50_ms, decision_p99_ms: start of a decision to the board's acknowledgement.
+        frame_p50_ms, frame_p99_ms: frame captured to the board's acknowledgement.
+        agent_cpu_share: of one core, while driving.
+        push_s: push to active, the robot's dry run included.
+        board_version: what the board's firmware calls itself.
+        board_has_deadman: it stops by itself when the daemon falls silent.
+
+    """
+
+    touches: int
+    driven_s: float
+    distance_driven_m: float
+    score: float
+    decisions: int
+    missed_ticks: int
+    decision_p50_ms: float
+    decision_p99_ms: float
+    frame_p50_ms: float
+    frame_p99_ms: float
+    agent_cpu_share: float
+    agent_memory_mb: float
+    push_s: float
+    board_version: str
+    board_has_deadman: bool
+    success: bool
+
+
+def run_demo(settings: DemoSettings, output: Output) -> DemoResult:
+    """Run everything, watch it on `output`, leave the pictures.
+
+    Raises:
+        MbotError: a part did not start or broke.
+
+    """
+    folder = settings.output
+    _clear(folder)
+    address = f"127.0.0.1:{_free_port()}"
+    ready = folder / "ready.json"
+    with ExitStack() as stack:
+        state = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        arguments = [
+            *("virtual-robot", "--camera-port", "0", "--board", str(state / "board")),
+            *("--result", str(folder / "result.json"), "--ready-file", str(ready)),
+            *("--trajectory", str(folder / "trajectory.jsonl"), *settings.virtual_robot),
+        ]
+        robot = stack.enter_context(Child("workstation", arguments, folder / "virtual-robot.log"))
+        robot.wait_until(ready.exists, READY_TIMEOUT_S, "the virtual robot did not start")
+        places = json.loads(ready.read_text())
+        configuration = folder / "robot.toml"
+        key = SigningKey.ephemeral("demo")
+        configuration.write_text(
+            CONFIGURATION.format(
+                robot_id=ROBOT_ID,
+                accept_no_deadman=str(settings.accept_no_deadman).lower(),
+                calibration=_daemons_part(settings.calibration),
+                models=state / "models",
+                key=key.public.line,
+                address=address,
+                **places,
+            )
+        )
+        agent = stack.enter_context(
+            Child("mbot-agent", ["run", "--config", str(configuration)], folder / "agent.log")
+        )
+        link = stack.enter_context(_connect(agent, address))
+        agent.wait_until(
+            lambda: not _blocking_faults(link), READY_TIMEOUT_S, "the daemon is not ready to drive"
+        )
+        started_s = time.monotonic()
+        push(link, settings.model, lambda _: key)
+        push_s = time.monotonic() - started_s
+        board = link.status()
+        recording = stack.enter_context(Recording(folder / "recording.mcap", link.robot_id))
+        stream = stack.enter_context(TelemetryStream(link))
+        stack.enter_context(output)
+        cpu_before_s, began_s = agent.cpu_s, time.monotonic()
+        decisions = _drive(link, stream, recording, output, settings, folder)
+        driven_s = time.monotonic() - began_s
+        cpu_share = (agent.cpu_s - cpu_before_s) / driven_s
+        if agent.end() != 0:
+            raise MbotError(f"the daemon did not end well, see {folder / 'agent.log'}")
+        robot.end()
+    result = _summarise(folder, decisions, driven_s, cpu_share, push_s, board)
+    _draw(folder, result)
+    return result
+
+
+def _daemons_part(calibration: Path | None) -> str:
+    """The folder as the daemon's configuration names it; empty if it holds nothing for it."""
+    if calibration is None:
+        return ""
+    folder = calibration.absolute()
+    return str(folder) if read_camera(folder) or read_motion(folder) else ""
+
+
+def _drive(
+    link: RobotLink,
+    stream: TelemetryStream,
+    recording: Recording,
+    output: Output,
+    settings: DemoSettings,
+    folder: Path,
+) -> list[Decision]:
+    """Let the policy drive until time or objects are up; the decisions it took."""
+    control = RemoteControl(link)
+    decisions: list[Decision] = []
+
+    def take(samples: list[Sample]) -> None:
+        for sample in samples:
+            output.take(sample)
+            recording.write(sample.message)
+            if isinstance(sample.message, Decision) and sample.message.HasField("action"):
+                decisions.append(sample.message)
+        output.refresh(stream.state, stream.silence_s)
+        recording.save_if_due()
+
+    control.run()
+    until_s = time.monotonic() + settings.seconds
+    try:
+        while time.monotonic() < until_s and _touches(folder) < ENOUGH_TOUCHES:
+            take(stream.poll(0.1))
+    finally:
+        control.stop()
+    take(stream.poll(0.5))
+    return decisions
+
+
+def _touches(folder: Path) -> int:
+    try:
+        return (folder / "trajectory.jsonl").read_text().count('"event": "touch"')
+    except OSError:
+        return 0
+
+
+def _connect(agent: Child, address: str) -> RobotLink:
+    """A link to the daemon as soon as it listens."""
+    found: list[RobotLink] = []
+
+    def listens() -> bool:
+        try:
+            with RobotLink(address) as link:
+                link.status()
+        except UnreachableError:
+            return False
+        found.append(RobotLink(address))
+        return True
+
+    agent.wait_until(listens, READY_TIMEOUT_S, "the daemon does not listen")
+    return found[0]
+
+
+def _blocking_faults(link: RobotLink) -> list[str]:
+    status = link.status()
+    faults = [fault.kind for fault in status.faults if fault.kind != "no-model"]
+    if "board-no-deadman" in faults:
+        raise RefusedError(
+            f"the board's firmware ({status.board_version}) keeps its last command for ever if the "
+            "daemon dies, so the daemon does not drive it; --accept-no-deadman lets it"
+        )
+    return faults
+
+
+def _summarise(
+    folder: Path,
+    decisions: list[Decision],
+    driven_s: float,
+    cpu_share: float,
+    push_s: float,
+    board: Status,
+) -> DemoResult:
+    run = json.loads((folder / "result.json").read_text())
+    answered = [d for d in decisions if d.acknowledged_monotonic_ns]
+    if not answered:
+        raise MbotError(f"the policy never drove, see {folder / 'agent.log'}")
+    decision_ms = [(d.acknowledged_monotonic_ns - d.started_monotonic_ns) / 1e6 for d in answered]
+    frame_ms = [(d.acknowledged_monotonic_ns - d.captured_monotonic_ns) / 1e6 for d in answered]
+    missed = decisions[-1].missed_ticks - decisions[0].missed_ticks
+    return DemoResult(
+        touches=run["touches"],
+        driven_s=round(driven_s, 1),
+        distance_driven_m=run["distance_driven_m"],
+        score=run["score"],
+        decisions=len(decisions),
+        missed_ticks=missed,
+        decision_p50_ms=round(percentile(decision_ms, 0.50), 2),
+        decision_p99_ms=round(percentile(decision_ms, 0.99), 2),
+        frame_p50_ms=round(percentile(frame_ms, 0.50), 2),
+        frame_p99_ms=round(percentile(frame_ms, 0.99), 2),
+        agent_cpu_share=round(cpu_share, 4),
+        agent_memory_mb=round(max(d.resident_memory_bytes for d in decisions) / 2**20, 1),
+        push_s=round(push_s, 2),
+        board_version=board.board_version,
+        board_has_deadman=board.board_has_deadman,
+        success=run["touches"] >= SUCCESS_TOUCHES,
+    )
+
+
+def _draw(folder: Path, result: DemoResult) -> None:
+    path = draw_path(read_trajectory(folder / "trajectory.jsonl"), path_side_px())
+    title = (
+        f"{result.touches} objects in {result.driven_s:.0f} s, {result.distance_driven_m:.1f} m; "
+        f"{result.decisions} decisions, frame to motors p50 {result.frame_p50_ms:.1f} ms"
+    )
+    sheet = contact_sheet(moments(folder / "recording.mcap"), path, title)
+    save(sheet, folder / "contact-sheet.png")
+
+
+def _clear(folder: Path) -> None:
+    """An empty folder, made anew; refuses one that holds something else."""
+    if folder.exists() and not (folder / "robot.toml").exists() and any(folder.iterdir()):
+        raise ConfigurationError(f"{folder} holds other things; choose another --output")
+    shutil.rmtree(folder, ignore_errors=True)
+    try:
+        folder.mkdir(parents=True)
+    except OSError as error:
+        raise ConfigurationError(f"can't make {folder}: {error.strerror}") from None
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]

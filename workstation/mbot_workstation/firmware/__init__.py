@@ -1,0 +1,1 @@
+"""The mCore board's firmware: found, compiled, written onto the board."""

@@ -1,0 +1,1 @@
+"""Policy files before and on their way to a robot: checked, signed, pushed; the servo."""

@@ -1,1 +1,0 @@
-"""Pages to print at their exact size: boards and markers."""

@@ -1,0 +1,1 @@
+"""Boards, markers and gray cards: their dimensions once, for printing and for finding them."""

@@ -1,0 +1,1 @@
+"""What a robot tells while it runs: received, timed, shown in a terminal."""

@@ -1,0 +1,1 @@
+"""Who can drive in these worlds: ONNX policies, the oracle, the guide, a random one."""

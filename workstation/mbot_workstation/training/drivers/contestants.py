@@ -1,0 +1,78 @@
+"""Who can be evaluated: any policy file, and three that are built in."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.policy_contract import PolicyMetadata
+from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_workstation.training.drivers.onnx_policy import Actions, OnnxPolicy, Pictures
+from mbot_workstation.training.drivers.oracle import Oracle, Targets, middle
+from mbot_workstation.variation.effects import EffectRanges
+from mbot_workstation.variation.perturbed_robot import trimmed
+
+Driver = Callable[[Pictures, Targets], Actions]
+"""From what all robots see, and where their objects are, to their wheels. Only the oracle uses the
+latter."""
+
+SERVO, RANDOM, ORACLE = "servo", "random", "oracle"
+BUILT_IN = (SERVO, RANDOM, ORACLE)
+
+
+def driver(
+    contestant: str,
+    robots: int,
+    seed: int,
+    preset: EffectRanges,
+    robot: RobotParameters | None = None,
+) -> Driver:
+    """A fresh driver for so many robots.
+
+    Args:
+        contestant: "servo", "random", "oracle" or the path of an ONNX policy.
+        robots: how many it drives.
+        seed: of the random one.
+        preset: what the robots are like, for the oracle.
+        robot: what the preset starts from, for the oracle; the nominal one when None.
+
+    Raises:
+        ConfigurationError: there is no such contestant or file.
+        ContractError: the file is no policy.
+
+    """
+    if contestant == ORACLE:
+        robot = robot or RobotParameters()
+        oracle = Oracle(robots, middle(trimmed(preset, robot.wheel_maps)), robot)
+        return lambda _pictures, targets: oracle.act(targets)
+    if contestant == RANDOM:
+        rng = np.random.default_rng(seed)
+        return lambda pictures, _targets: _draw(rng, len(pictures))
+    policy = _servo() if contestant == SERVO else _load(contestant)
+    return lambda pictures, _targets: policy.act(pictures)
+
+
+def title(contestant: str) -> str:
+    """A short name for tables."""
+    return contestant if contestant in BUILT_IN else Path(contestant).stem
+
+
+def _load(contestant: str) -> OnnxPolicy:
+    path = Path(contestant)
+    if not path.exists():
+        raise ConfigurationError(
+            f"no policy {contestant!r}: expected an ONNX file, or one of {', '.join(BUILT_IN)}"
+        )
+    return OnnxPolicy.load(path)
+
+
+def _servo() -> OnnxPolicy:
+    """The colour servo, as `workstation make-servo-policy` writes it."""
+    from mbot_workstation.models.servo_policy import ServoGains, servo_model
+
+    return OnnxPolicy(servo_model(ServoGains(), PolicyMetadata(SERVO)).SerializeToString())
+
+
+def _draw(rng: np.random.Generator, robots: int) -> Actions:
+    return rng.uniform(-1, 1, (robots, 2)).astype(np.float32)

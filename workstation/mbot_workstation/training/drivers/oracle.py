@@ -1,0 +1,102 @@
+"""The upper bound: a driver that is told where the object is and what the robot is like.
+
+It turns towards the object within one decision and drives as fast as that allows. At 2.5 decisions
+a second there is nothing much better: half a turn on the spot takes the nominal robot 0.45 s. Where
+robots are drawn from ranges it knows the middle of the ranges only, and is no strict bound.
+"""
+
+from dataclasses import astuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbot_protocol.mcore import SPEED_LIMIT
+from mbot_workstation.simulation.fetch_rules import DECISION_S
+from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_workstation.training.drivers.onnx_policy import Actions
+from mbot_workstation.variation.effects import EffectRanges, RealWorldEffects
+
+Targets = NDArray[np.float64]
+"""Where each robot's object is: shape (robots, 2), metres ahead of the axle and to its left; NaN
+where nobody has said yet, as in the first decision of an episode."""
+
+LOOKS_AHEAD = 3
+"""Rounds of correcting the bearing by how far the robot drives while it turns."""
+
+
+def middle(ranges: EffectRanges) -> RealWorldEffects:
+    """The robot in the middle of all ranges."""
+    low, high = np.array(astuple(ranges.low)), np.array(astuple(ranges.high))
+    return RealWorldEffects(*((low + high) / 2).tolist())
+
+
+class Oracle:
+    """Drives a number of robots of one kind; their last turns are remembered, since wheels lag.
+
+    Wheel speeds are in shares of the nominal full speed, positive forward.
+    """
+
+    def __init__(
+        self, robots: int, effects: RealWorldEffects, nominal: RobotParameters | None = None
+    ) -> None:
+        nominal = nominal or RobotParameters()
+        self._effects = effects
+        speed_m_s = (
+            nominal.free_speed_rad_s
+            * effects.speed_scale
+            * nominal.wheel_radius_m
+            * effects.wheel_radius_scale
+            * (1 - nominal.load_loss)
+        )
+        self._way_m = speed_m_s * DECISION_S
+        # Radians a decision for every unit of difference between right and left wheel.
+        self._turn_rad = self._way_m / (nominal.track_m * effects.track_scale)
+        lag_ms = effects.action_latency_ms + effects.action_jitter_ms / 2 + effects.time_constant_ms
+        self._carry = lag_ms / 1000 / DECISION_S
+        self._last_turn = np.zeros(robots)
+
+    def act(self, targets: Targets) -> Actions:
+        """Both wheels of every robot, shape (robots, 2); robots without a target wait."""
+        known = np.isfinite(targets[:, 0])
+        ahead, left = np.nan_to_num(targets).T
+        bearing = np.arctan2(left, ahead)
+        for _ in range(LOOKS_AHEAD):
+            _, speed = self._wheels(bearing)
+            # While it turns the robot drives a chord at half the angle; from its end the object
+            # has another bearing, unless it is met before.
+            chord_m = self._way_m * speed
+            end_ahead, end_left = chord_m * np.cos(bearing / 2), chord_m * np.sin(bearing / 2)
+            seen = np.arctan2(left - end_left, ahead - end_ahead)
+            bearing = np.where(np.hypot(ahead, left) > chord_m, seen, bearing)
+        turn, speed = (np.where(known, part, 0.0) for part in self._wheels(bearing))
+        self._last_turn = turn
+        effects = self._effects
+        commands = (
+            self._command(speed - turn / 2, effects.left_gain),
+            self._command(speed + turn / 2, effects.right_gain),
+        )
+        return np.stack(commands, axis=1).astype(np.float32)
+
+    def drove(self, actions: Actions) -> None:
+        """Replace the remembered turns by those of actions that somebody else has taken."""
+        self._last_turn = (actions[:, 1] - actions[:, 0]).astype(np.float64)
+
+    def _wheels(
+        self, bearing: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Difference right - left, and the largest mean speed that it leaves."""
+        left, right = self._effects.left_gain, self._effects.right_gain
+        # What the wheels still turn from the last command counts towards this bearing.
+        wanted = bearing / self._turn_rad - self._carry * self._last_turn
+        turn = np.clip(wanted, -left - right, left + right)
+        return turn, np.minimum(left + turn / 2, right - turn / 2)
+
+    def _command(self, wheel: NDArray[np.float64], gain: float) -> NDArray[np.float64]:
+        """The action that gives a wheel this speed, beyond both dead bands."""
+        effects = self._effects
+        board = effects.dead_band + (SPEED_LIMIT - effects.dead_band) * np.abs(wheel) / gain
+        step = (board - effects.dead_band_compensation) / (
+            SPEED_LIMIT - effects.dead_band_compensation
+        )
+        size = np.where(np.abs(wheel) < 1e-3, 0.0, np.clip(step, 0.0, 1.0))
+        return np.copysign(size, wheel)

@@ -1,0 +1,1 @@
+"""PPO through the lessons: network, learner, teacher, checkpoints, export."""

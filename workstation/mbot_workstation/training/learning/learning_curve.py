@@ -1,0 +1,70 @@
+"""The paper's Fig. 4 of a run: reward, episode length and lesson over the decisions."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.training.learning.progress_log import ProgressRow
+
+PAPER_REWARD, PAPER_LENGTH = 19.8, 200.0
+"""The paper's plateau in its last lesson."""
+
+_COLOUR, _PAPER = "#3b6ea5", "#999999"
+
+
+def draw_curve(rows: Sequence[ProgressRow], path: Path, title: str = "") -> None:
+    """Write the picture.
+
+    Args:
+        rows: of progress.csv, at least one.
+        path: a file matplotlib can write, such as a PNG.
+        title: above it.
+
+    Raises:
+        ConfigurationError: there are no rows yet, or the file can't be written.
+
+    """
+    if not rows:
+        raise ConfigurationError("the run has no row in progress.csv yet; train it longer")
+    figure = Figure(figsize=(8, 6.5), layout="constrained")
+    axes: Any = figure.subplots(3, 1, sharex=True, gridspec_kw={"height_ratios": [3, 3, 1.6]})
+    steps = [row.step / 1e6 for row in rows]
+    _panel(axes[0], steps, [row.mean_reward for row in rows], "mean reward", PAPER_REWARD)
+    _panel(axes[1], steps, [row.mean_length for row in rows], "mean episode length", PAPER_LENGTH)
+    names = list(dict.fromkeys(row.lesson for row in rows))
+    axes[2].step(steps, [names.index(row.lesson) for row in rows], where="post", color=_COLOUR)
+    axes[2].set_yticks(range(len(names)), names, fontsize=8 if len(names) > 5 else 10)
+    axes[2].set_ylabel("lesson")
+    axes[2].set_xlabel(
+        f"decisions (millions); {rows[-1].step:,} in {rows[-1].wall_s / 60:.0f} minutes"
+    )
+    for panel in axes:
+        panel.grid(alpha=0.3)
+        panel.spines[["top", "right"]].set_visible(False)
+    axes[0].set_ylim(bottom=min(0.0, *(row.mean_reward for row in rows)) - 0.5)
+    axes[1].set_ylim(bottom=0)
+    axes[2].set_xlim(left=0)
+    if title:
+        figure.suptitle(title)
+    try:
+        figure.savefig(path, dpi=110)
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(f"can't write {path}: {error}") from None
+
+
+def _panel(axes: Any, steps: list[float], values: list[float], label: str, paper: float) -> None:
+    axes.plot(steps, values, color=_COLOUR, marker="o", markersize=3)
+    axes.axhline(paper, color=_PAPER, linestyle="--", linewidth=1)
+    axes.annotate(
+        f"paper's plateau {paper:g}",
+        (1, paper),
+        xycoords=("axes fraction", "data"),
+        ha="right",
+        va="bottom",
+        fontsize=8,
+        color="#666666",
+    )
+    axes.set_ylabel(label)

@@ -1,0 +1,32 @@
+"""A trained network becomes a policy file: graph, where it comes from, frames to check it by."""
+
+import json
+
+import onnx
+
+from mbot_protocol.golden_frames import PROPERTY
+from mbot_protocol.policy_contract import FULL_VIEW, PolicyMetadata
+from mbot_workstation.training.learning.golden_answers import golden_property
+from mbot_workstation.training.learning.policy_graph import policy_graph
+from mbot_workstation.training.learning.trained_policy import PROVENANCE, TrainedPolicy
+from mbot_workstation.training.worlds.example_frames import example_frames
+
+
+def export_policy(policy: TrainedPolicy, name: str) -> onnx.ModelProto:
+    """Build the policy file's content.
+
+    The same weights give the same model, on machines that render alike.
+
+    Args:
+        policy: what to export.
+        name: what robots call it.
+
+    Raises:
+        ConfigurationError: nothing can be rendered here.
+
+    """
+    origin = json.dumps(policy.provenance, separators=(",", ":"))
+    model = policy_graph(policy.weights, PolicyMetadata(name, FULL_VIEW), {PROVENANCE: origin})
+    golden = model.metadata_props.add()
+    golden.key, golden.value = PROPERTY, golden_property(model, example_frames())
+    return model

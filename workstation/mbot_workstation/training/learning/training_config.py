@@ -1,0 +1,127 @@
+"""What a training run was told: everything needed to make it again."""
+
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
+from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_workstation.simulation.scene_parameters import SceneParameters
+from mbot_workstation.training.learning.learner import LearnerSettings
+from mbot_workstation.training.learning.progress_log import ROW_EVERY
+from mbot_workstation.training.worlds.lessons import LESSONS, Lesson, lesson
+from mbot_workstation.variation.effects import EffectRanges
+from mbot_workstation.variation.presets import measured, preset
+
+ALL_LESSONS = tuple(lesson.name for lesson in LESSONS)
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingConfig:
+    """One run's configuration.
+
+    Attributes:
+        steps: decisions of all robots together.
+        robots: how many learn in parallel; the paper's 16.
+        workers: processes that simulate them; None is one a core.
+        seed: of weights, exploration, rooms and robots.
+        preset: effects of the real world, by name.
+        calibration: the robot to train for, as its files said when the run began; None is the
+            nominal one.
+        lessons: names, in their order.
+        panoramas: files of the rooms to train in.
+        made_up_rooms: how many generated rooms are added.
+        target_reward: stop early when a progress row of the last lesson reaches it.
+        parent: checkpoint whose weights the run starts from; empty is from nothing.
+        device: torch's name of where the network learns.
+        learner: PPO's numbers.
+        checkpoint_every: decisions that a crash may cost.
+        row_every: decisions a row of progress.csv.
+
+    """
+
+    steps: int = 1_500_000
+    robots: int = 16
+    workers: int | None = None
+    seed: int = 0
+    preset: str = "randomised"
+    calibration: CalibrationFiles | None = None
+    lessons: tuple[str, ...] = ALL_LESSONS
+    panoramas: tuple[str, ...] = ()
+    made_up_rooms: int = 6
+    target_reward: float | None = None
+    parent: str = ""
+    device: str = "cpu"
+    learner: LearnerSettings = field(default_factory=LearnerSettings)
+    checkpoint_every: int = ROW_EVERY
+    row_every: int = ROW_EVERY
+
+    def __post_init__(self) -> None:
+        for name, value, least in (
+            ("steps", self.steps, 1),
+            ("robots", self.robots, 1),
+            ("lessons", len(self.lessons), 1),
+            ("rooms", len(self.panoramas) + self.made_up_rooms, 1),
+        ):
+            if value < least:
+                raise ConfigurationError(f"{name}: {value} given, expected at least {least}")
+        try:
+            self.ranges()
+            self.stages()
+        except ValueError as error:
+            raise ConfigurationError(str(error)) from None
+
+    def ranges(self) -> EffectRanges:
+        """The effects of the robots to train on."""
+        if self.calibration is None:
+            return preset(self.preset)
+        return self.calibration.ranges(self.preset)
+
+    @property
+    def robot(self) -> RobotParameters:
+        """What the effects start from."""
+        return self.calibration.robot if self.calibration else RobotParameters()
+
+    @property
+    def scene(self) -> SceneParameters:
+        """What is around the robots."""
+        return self.calibration.scene if self.calibration else SceneParameters()
+
+    def stages(self) -> tuple[Lesson, ...]:
+        """The lessons themselves, their robots around the calibrated one."""
+        stages = tuple(lesson(name) for name in self.lessons)
+        if self.calibration is None:
+            return stages
+        effects = self.calibration.effects
+        return tuple(stage.moved(measured(), effects) for stage in stages)
+
+    def resolved(self) -> dict[str, Any]:
+        """Everything spelt out, for the run's folder: also what the names stand for."""
+        effects = self.ranges()
+        libraries = ("torch", "stable-baselines3", "gymnasium", "mujoco-core", "numpy")
+        return {
+            "training": msgspec.to_builtins(self),
+            "lessons": [asdict(stage) for stage in self.stages()],
+            "effects": {"low": asdict(effects.low), "high": asdict(effects.high)},
+            "libraries": {name: version(name) for name in libraries},
+        }
+
+
+def read_config(path: Path) -> TrainingConfig:
+    """The configuration in a run's folder.
+
+    Raises:
+        ConfigurationError: it can't be read, or a field is unusable.
+
+    """
+    try:
+        content = msgspec.json.decode(path.read_bytes())
+        return msgspec.convert(content["training"], TrainingConfig)
+    except OSError as error:
+        raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
+    except (msgspec.DecodeError, KeyError, TypeError) as error:
+        raise ConfigurationError(f"{path} is no configuration of a run: {error}") from None

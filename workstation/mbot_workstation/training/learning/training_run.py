@@ -1,0 +1,136 @@
+"""A training run, from nothing or from its last checkpoint, to its end."""
+
+import json
+import threading
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import torch
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
+
+from mbot_workstation.training.drivers.guide import Guide
+from mbot_workstation.training.learning.checkpoint import read_state, restore_learner
+from mbot_workstation.training.learning.git_state import git_state
+from mbot_workstation.training.learning.guidance import AskTheGuide
+from mbot_workstation.training.learning.learner import make_learner
+from mbot_workstation.training.learning.progress_display import Display
+from mbot_workstation.training.learning.run_directory import RunDirectory, write_json
+from mbot_workstation.training.learning.scaled_rewards import ScaledRewards
+from mbot_workstation.training.learning.teacher import Teacher
+from mbot_workstation.training.learning.training_config import TrainingConfig
+from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.training.worlds.rooms import TRAINING_ROOMS, gather_rooms
+from mbot_workstation.variation.perturbed_robot import trimmed
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingResult:
+    """How a run ended; JSON as it is.
+
+    Attributes:
+        run: its folder.
+        reason: "steps", "target" or "interrupted".
+        step: decisions made.
+        wall_s: training time, over all resumptions.
+        lesson: reached.
+        mean_reward: of the last row of progress.csv; None if there is none.
+
+    """
+
+    run: str
+    reason: str
+    step: int
+    wall_s: float
+    lesson: str
+    mean_reward: float | None
+
+
+def begin_run(path: Path, config: TrainingConfig) -> RunDirectory:
+    """Make a new run's folder, with all that is known before it starts.
+
+    Raises:
+        ConfigurationError: the folder exists, or can't be made.
+
+    """
+    run = RunDirectory.create(path)
+    write_json(run.config_file, config.resolved())
+    write_json(run.git_file, [])
+    return run
+
+
+def train(
+    run: RunDirectory, config: TrainingConfig, display: Display, stop: threading.Event
+) -> TrainingResult:
+    """Train until the steps are made, the target is reached or someone says stop.
+
+    A run goes on from its last checkpoint, if there is one. Weights, optimiser, lessons and the
+    learner's random numbers go on from there. The robots start new episodes, from a seed made of
+    the run's and the step: what 16 simulations are in the middle of is not kept.
+
+    Args:
+        run: its folder.
+        config: its configuration; steps and target may have changed since it began.
+        display: shows it; entered already.
+        stop: set it to end at the next decision, with a checkpoint.
+
+    """
+    torch.set_num_threads(1)  # PicturePPO has threads of its own, the robots have processes
+    checkpoints = run.checkpoints()
+    start = read_state(checkpoints[-1]) if checkpoints else None
+    step = start.step if start else 0
+    _note_code(run, step)
+    rooms = gather_rooms(
+        [Path(name) for name in config.panoramas], config.made_up_rooms, TRAINING_ROOMS
+    )
+    environment = FetchVecEnv(
+        robots=config.robots,
+        seed=config.seed + step,
+        preset=config.ranges(),
+        lesson=config.stages()[start.curriculum.index if start else 0],
+        rooms=rooms,
+        workers=config.workers,
+        robot=config.robot,
+        scene=config.scene,
+    )
+    writer = TensorBoardOutputFormat(str(run.tensorboard))
+    try:
+        learner = make_learner(
+            ScaledRewards(environment, config.learner.reward_scale),
+            config.learner,
+            config.seed,
+            config.device,
+        )
+        if start:
+            restore_learner(checkpoints[-1], learner, with_optimizer=True)
+            start.random.restore()
+            learner.num_timesteps = step
+        elif config.parent:
+            restore_learner(Path(config.parent), learner, with_optimizer=False)
+        learner.set_logger(Logger(str(run.tensorboard), [writer]))
+        teacher = Teacher(run, config, environment, display, stop, start)
+        if step < config.steps:
+            callbacks: list[BaseCallback] = [teacher]
+            if config.learner.guided_decisions > 0:
+                effects = trimmed(config.ranges(), config.robot.wheel_maps)
+                guide = Guide(config.robots, effects, config.robot)
+                callbacks.append(AskTheGuide(guide, environment))
+            learner.learn(config.steps - step, callback=callbacks, reset_num_timesteps=not start)
+            teacher.save()
+        return TrainingResult(
+            run=str(run.path),
+            reason=teacher.reason,
+            step=learner.num_timesteps,
+            wall_s=round(teacher.wall_s, 1),
+            lesson=teacher.lesson,
+            mean_reward=teacher.mean_reward,
+        )
+    finally:
+        writer.close()
+        environment.close()
+
+
+def _note_code(run: RunDirectory, step: int) -> None:
+    """Add to git.json which code trains from this step on."""
+    sessions = json.loads(run.git_file.read_text())
+    write_json(run.git_file, [*sessions, {"from_step": step, **asdict(git_state())}])

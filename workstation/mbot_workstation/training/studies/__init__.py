@@ -1,0 +1,1 @@
+"""What a policy tolerates: one thing made wrong, step by step."""

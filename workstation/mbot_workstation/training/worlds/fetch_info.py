@@ -1,0 +1,36 @@
+"""What an environment says beside observation and reward."""
+
+import math
+from typing import Any
+
+from mbot_workstation.simulation.fetch_task import Happening
+from mbot_workstation.training.worlds.fetch_world import FetchWorld
+
+HAPPENINGS = tuple(Happening)
+
+
+def fetch_info(world: FetchWorld, happening: Happening = Happening.NOTHING) -> dict[str, Any]:
+    """The info dictionary after a step.
+
+    Keys: `touches` of the episode; `time_left_s` for this object; `happening` of the last step, as
+    text; `border`, whether that was border contact; `lesson`, its name; `target_ahead_m` and
+    `target_left_m`, where the object is as seen from the robot, for oracles and plots.
+    """
+    ahead_m, left_m = target_from_robot(world)
+    return {
+        "touches": world.touches,
+        "time_left_s": world.time_left_s,
+        "happening": happening.value,
+        "border": happening is Happening.BORDER,
+        "lesson": world.lesson.name,
+        "target_ahead_m": ahead_m,
+        "target_left_m": left_m,
+    }
+
+
+def target_from_robot(world: FetchWorld) -> tuple[float, float]:
+    """How far ahead of the robot's axle and to its left the object is, in metres."""
+    robot, target = world.robot, world.target
+    dx, dy = target.x_m - robot.x_m, target.y_m - robot.y_m
+    cos, sin = math.cos(robot.yaw_rad), math.sin(robot.yaw_rad)
+    return cos * dx + sin * dy, cos * dy - sin * dx

@@ -1,0 +1,185 @@
+"""The curriculum: the paper's ten lessons as data, and when one has been learned.
+
+The paper gives the order (one object, close and in view; further and further away; a second one;
+ten) and the condition to go on; the distances are ours, lesson 10's derived from its score.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from mbot_workstation.simulation.fetch_rules import TIME_LIMIT_DECISIONS, FetchRules
+from mbot_workstation.variation.effects import EffectRanges, RealWorldEffects
+
+PASS_EPISODES = 420
+PASS_SHARE = 0.9
+"""The paper: on with the next lesson when 420 episodes reached a mean reward of at least 0.9.
+
+Read as a share of the lesson's largest reward (3, 5 or 21). A plain 0.9 points would let a robot
+out of lesson 9 after one object of ten, while the paper spent 700,000 steps on it.
+"""
+
+
+Kind = tuple[tuple[str, tuple[float, float]], ...]
+"""Robots that differ from a preset: ranges by the effect's name."""
+
+USUAL: Kind = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Lesson:
+    """One stage of the curriculum.
+
+    Attributes:
+        name: what tables and curves call it.
+        spawn_farthest_m: how far from the origin objects appear.
+        spawn_half_angle_deg: within how much to either side of the robot's first heading.
+        objects: how many make a complete run.
+        kinds: of robots; each episode draws one. What differs from the preset: ranges by the
+            effect's name.
+
+    """
+
+    name: str
+    spawn_farthest_m: float
+    spawn_half_angle_deg: float = 180.0
+    objects: int = 1
+    kinds: tuple[Kind, ...] = (USUAL,)
+
+    @property
+    def rules(self) -> FetchRules:
+        """The task as this lesson sets it."""
+        return FetchRules(
+            spawn_farthest_m=self.spawn_farthest_m,
+            spawn_half_angle_rad=math.radians(self.spawn_half_angle_deg),
+            objects=self.objects,
+        )
+
+    def draw_robot(self, ranges: EffectRanges, rng: np.random.Generator) -> RealWorldEffects:
+        """A robot for one episode, of one of this lesson's kinds and otherwise in these ranges."""
+        several = len(self.kinds) > 1
+        kind = self.kinds[int(rng.integers(len(self.kinds))) if several else 0]
+        return ranges.changed(**dict(kind)).sample(rng)
+
+    def moved(self, origin: RealWorldEffects, to: RealWorldEffects) -> Self:
+        """The same lesson with its kinds around another robot, as `EffectRanges.moved`."""
+        return replace(self, kinds=tuple(_moved(kind, origin, to) for kind in self.kinds))
+
+    @property
+    def largest_reward(self) -> float:
+        """Of an episode: 2 for every object touched at once, 1 for the complete run."""
+        return 2.0 * self.objects + 1.0
+
+    @property
+    def longest_decisions(self) -> int:
+        """Of an episode."""
+        return TIME_LIMIT_DECISIONS * self.objects
+
+
+def _moved(kind: Kind, origin: RealWorldEffects, to: RealWorldEffects) -> Kind:
+    ranges = EffectRanges.fixed(origin).changed(**dict(kind)).moved(origin, to)
+    return tuple(
+        (name, (getattr(ranges.low, name), getattr(ranges.high, name))) for name, _ in kind
+    )
+
+
+LESSONS = (
+    Lesson("1", 0.50, spawn_half_angle_deg=20),
+    Lesson("2", 0.65, spawn_half_angle_deg=45),
+    Lesson("3", 0.80, spawn_half_angle_deg=90),
+    Lesson("4", 1.00),
+    Lesson("5", 1.25),
+    Lesson("6", 1.50),
+    Lesson("7", 1.75, objects=2),
+    Lesson("8", 2.00, objects=10),
+    Lesson("9", 2.25, objects=10),
+    Lesson("10", 2.50, objects=10),
+)
+
+BLUR_LESSON = Lesson(
+    "blur",
+    2.50,
+    objects=10,
+    kinds=((("exposure_ms", (10.0, 60.0)), ("readout_ms", (15.0, 30.0))),),
+)
+"""The paper's remedy: a trained model is trained on, with motion blur, also that of a dark room."""
+
+_WORN: Kind = (
+    ("left_gain", (0.6, 1.1)),
+    ("right_gain", (0.6, 1.1)),
+    ("time_constant_ms", (50.0, 230.0)),
+    ("friction_scale", (0.15, 1.0)),
+    ("camera_latency_ms", (30.0, 190.0)),
+    ("exposure_gain", (0.5, 1.6)),
+    ("noise", (0.5, 5.5)),
+)
+
+ROUGH_LESSON = Lesson(
+    "rough",
+    2.50,
+    objects=10,
+    kinds=(
+        USUAL,
+        USUAL,
+        _WORN,
+        (("left_gain", (0.4, 0.7)),),
+        (("right_gain", (0.4, 0.7)),),
+        (("camera_latency_ms", (100.0, 190.0)),),
+        (("friction_scale", (0.15, 0.4)),),
+        (("exposure_gain", (0.45, 1.7)),),
+    ),
+)
+"""Robots worse than any unit measured, among usual ones: a weak motor, late pictures, a slippery
+floor, dim or glaring light, or a bit of everything with slow wheels besides. For a policy that
+holds when a robot wears."""
+
+_BY_NAME = {lesson.name: lesson for lesson in (*LESSONS, BLUR_LESSON, ROUGH_LESSON)}
+
+
+def lesson(name: str) -> Lesson:
+    """Look a lesson up.
+
+    Raises:
+        ValueError: there is none of this name.
+
+    """
+    if name not in _BY_NAME:
+        raise ValueError(f"no lesson {name!r}, expected one of {', '.join(_BY_NAME)}")
+    return _BY_NAME[name]
+
+
+def named(selection: Sequence[str]) -> tuple[str, ...]:
+    """The names that a selection stands for: ("1-3", "rough") is 1, 2, 3 and rough.
+
+    Raises:
+        ValueError: the range is not one of the paper's ten lessons.
+
+    """
+    names: list[str] = []
+    for text in selection:
+        first, dash, last = text.partition("-")
+        if not dash:
+            names.append(text)
+            continue
+        numbers = [stage.name for stage in LESSONS]
+        if first not in numbers or last not in numbers[numbers.index(first) :]:
+            raise ValueError(f"lessons {text!r}, expected a rising range such as 1-10")
+        names += numbers[numbers.index(first) : numbers.index(last) + 1]
+    return tuple(names)
+
+
+def passed(lesson: Lesson, rewards: Sequence[float]) -> bool:
+    """Whether a lesson has been learned.
+
+    Args:
+        lesson: which.
+        rewards: of its episodes so far, oldest first.
+
+    """
+    if len(rewards) < PASS_EPISODES:
+        return False
+    recent = rewards[-PASS_EPISODES:]
+    return math.fsum(recent) / PASS_EPISODES >= PASS_SHARE * lesson.largest_reward

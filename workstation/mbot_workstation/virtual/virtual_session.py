@@ -1,0 +1,144 @@
+"""One run of the virtual robot: start it, report, write the files, until it is told to stop."""
+
+import json
+import queue
+import threading
+import time
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+from mbot_protocol.errors import ConfigurationError, MbotError
+from mbot_workstation.simulation.fetch_task import FetchResult
+from mbot_workstation.virtual.live_report import LiveReport
+from mbot_workstation.virtual.stand_in import VirtualRobot, VirtualRobotSettings
+from mbot_workstation.virtual.trajectory import TrajectoryWriter
+from mbot_workstation.virtual.truth_track import TrackerSettings, TruthTrack
+from mbot_workstation.virtual.video_recorder import record
+from mbot_workstation.virtual.viewer_window import check_display, show
+
+POLL_S = 0.1
+"""How often the trajectory gets a point: 4 cm at full speed."""
+
+STATUS_EVERY = 10
+"""A status line every so many polls."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outputs:
+    """Where a run leaves its traces; None is nowhere.
+
+    Attributes:
+        result: JSON file with a FetchResult.
+        trajectory: JSON lines, see TrajectoryWriter.
+        film: MP4 file.
+        truth_track: what a tracker on the robot would see, see TruthTrack.
+        tracker: of `truth_track`.
+        ready_file: JSON file with `board` and `camera`, there while the robot is up.
+        view: whether to open a window.
+
+    """
+
+    result: Path | None = None
+    trajectory: Path | None = None
+    film: Path | None = None
+    truth_track: Path | None = None
+    tracker: TrackerSettings = field(default_factory=TrackerSettings)
+    ready_file: Path | None = None
+    view: bool = False
+
+
+def run_session(
+    settings: VirtualRobotSettings,
+    outputs: Outputs,
+    report: LiveReport,
+    stop: threading.Event,
+    seconds: float = 0.0,
+) -> FetchResult:
+    """Run the virtual robot until `stop`, the end of the task, or so many seconds; 0 is no limit.
+
+    Raises:
+        MbotError: something a person can mend.
+
+    """
+    if outputs.view:
+        check_display()
+    for path in (outputs.result, outputs.ready_file):
+        _check_writable(path)
+    with ExitStack() as resources:
+        trajectory = (
+            resources.enter_context(TrajectoryWriter(outputs.trajectory))
+            if outputs.trajectory
+            else None
+        )
+        truth = (
+            resources.enter_context(TruthTrack(outputs.truth_track, outputs.tracker))
+            if outputs.truth_track
+            else None
+        )
+        robot = resources.enter_context(VirtualRobot(settings))
+        if not robot.wait_until_ready():
+            raise MbotError("the camera gave no picture within 30 s; is this machine overloaded?")
+        if truth is not None:
+            robot.run_beside("tracker", lambda stopped: truth.run(robot.world.history, stopped))
+        if (film := outputs.film) is not None:
+            robot.run_beside("film", lambda stopped: record(robot, film, stopped))
+        if outputs.view:
+            robot.run_beside("window", lambda stopped: show(robot, stopped))
+        ready = {"board": str(robot.board.path), "camera": robot.server.url}
+        if outputs.ready_file is not None:
+            _write_json(outputs.ready_file, ready)
+            resources.callback(outputs.ready_file.unlink, missing_ok=True)
+        report.ready(**ready)
+        _follow(robot, report, trajectory, stop, seconds)
+        result = robot.world.status().result
+    robot.raise_failure()
+    report.result(result)
+    if outputs.result is not None:
+        _write_json(outputs.result, asdict(result))
+    return result
+
+
+def _follow(
+    robot: VirtualRobot,
+    report: LiveReport,
+    trajectory: TrajectoryWriter | None,
+    stop: threading.Event,
+    seconds: float,
+) -> None:
+    """Report and record until something ends the run."""
+    began_s = time.monotonic()
+    polls = 0
+    while True:
+        over = robot.stopped.is_set()
+        status = robot.world.status()
+        while True:
+            try:
+                event = robot.world.events.get_nowait()
+            except queue.Empty:
+                break
+            report.event(event)
+            if trajectory is not None:
+                trajectory.add_event(event)
+        if trajectory is not None:
+            trajectory.add(status)
+        if polls % STATUS_EVERY == 0:
+            report.status(status, robot.camera.frames, robot.board.state.commands)
+        if over or stop.wait(POLL_S) or 0 < seconds <= time.monotonic() - began_s:
+            return
+        polls += 1
+
+
+def _check_writable(path: Path | None) -> None:
+    """Find out before the run, not after an hour of it."""
+    if path is not None and not path.absolute().parent.is_dir():
+        raise ConfigurationError(f"can't write {path}: there is no folder {path.absolute().parent}")
+
+
+def _write_json(path: Path, fields: dict[str, object] | dict[str, str]) -> None:
+    fresh = path.with_name(f".{path.name}.new")
+    try:
+        fresh.write_text(json.dumps(fields, indent=2) + "\n", encoding="utf-8")
+        fresh.replace(path)  # whoever waits for the file never reads half of it
+    except OSError as error:
+        raise ConfigurationError(f"can't write {path}: {error.strerror}") from None
