@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.simulation.floor_texture import vinyl
+from mbot_workstation.simulation.floor_textures import vinyl
 from mbot_workstation.simulation.room import fit_room, load_room
 from mbot_workstation.simulation.room_dome import dome_mesh
 from mbot_workstation.simulation.room_generator import generate_room
@@ -89,6 +89,6 @@ def test_the_dome_shows_every_point_in_the_direction_it_was_taken_in() -> None:
 
 
 def test_the_floor_is_light_and_repeats_without_a_seam() -> None:
-    tile = vinyl(0).astype(int)
+    tile = vinyl(0).picture.astype(int)
     assert 160 < tile.mean() < 220
     assert np.abs(tile[:, 0] - tile[:, -1]).mean() < 3

@@ -1,10 +1,14 @@
 """The whole model: floor, walls, cube, room and light around the robot."""
 
+from collections.abc import Sequence
+from typing import Any
+
+import cv2
 import numpy as np
 
 from mbot_protocol.picture import Picture
 from mbot_workstation.simulation.engine import MjModel, MjSpec, mujoco
-from mbot_workstation.simulation.floor_texture import TILE_SIDE_M, vinyl
+from mbot_workstation.simulation.floor_textures import FloorTexture, vinyl
 from mbot_workstation.simulation.robot_mjcf import (
     FLOOR_BIT,
     ROBOT,
@@ -17,7 +21,19 @@ from mbot_workstation.simulation.room_dome import dome_mesh
 from mbot_workstation.simulation.scene_parameters import Arena, Cube, Light, Room, SceneParameters
 from mbot_workstation.simulation.timestep import TIMESTEP_S
 
-CUBE, ROOM, OVERHEAD_CAMERA = "cube", "room", "overhead camera"
+CUBE, CUBE_SHADOW, ROOM, OVERHEAD_CAMERA = "cube", "cube shadow", "room", "overhead camera"
+DISTRACTORS = tuple(f"distractor {number}" for number in range(5))
+"""Things a look can put into the scene; nothing is there unless one does."""
+
+CUBE_TEXTURES = 3
+"""A clean one, and two that are worn."""
+
+HIDDEN_GROUP = 4
+"""Of shapes: MuJoCo draws groups 0 to 2 unless told otherwise."""
+
+WALL_THICKNESS_M = 0.02
+FOOT_DEPTH_M = 0.004
+"""How far a wall's foot stands out."""
 
 OVERHEAD_HEIGHT_M = 5.0
 OVERHEAD_FOV_DEG = 63.0
@@ -31,22 +47,39 @@ SHADOW_REACH_M = 1.6
 a 10 cm cube is a few pixels."""
 
 
-def build_model(robot: RobotParameters, scene: SceneParameters, room_picture: Picture) -> MjModel:
+def floor_material(index: int) -> str:
+    """The name of a floor's material."""
+    return f"floor {index}"
+
+
+def cube_material(index: int) -> str:
+    """The name of the cube's material, clean or worn."""
+    return f"{CUBE} {index}"
+
+
+def build_model(
+    robot: RobotParameters,
+    scene: SceneParameters,
+    room_picture: Picture,
+    floors: Sequence[FloorTexture] = (),
+) -> MjModel:
     """Compile the MuJoCo model.
 
     Args:
         robot: the robot.
         scene: what is around it.
         room_picture: shape (h, 2 h, 3), RGB, equirectangular; its width a multiple of 4.
+        floors: further floors, which a look can choose from 1 on; 0 is the nominal vinyl.
 
     """
     spec = mujoco.MjSpec()
     spec.option.timestep = TIMESTEP_S
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     _set_visuals(spec, scene.light)
-    _add_floor(spec, scene.room)
+    _add_floor(spec, scene.room, [vinyl(), *floors])
     _add_walls(spec, scene.arena)
     _add_cube(spec, scene.cube)
+    _add_distractors(spec)
     _add_room(spec, scene.room, room_picture)
     add_robot(spec, robot)
     _add_light(spec, scene.light)
@@ -69,21 +102,28 @@ def _set_visuals(spec: MjSpec, light: Light) -> None:
     spec.visual.headlight.specular = [0, 0, 0]
 
 
-def _add_floor(spec: MjSpec, room: Room) -> None:
-    _add_texture(spec, "vinyl", vinyl(seed=0))
-    material = spec.add_material(
-        name="vinyl", specular=0, texuniform=True, texrepeat=[1 / TILE_SIDE_M] * 2, reflectance=0.04
-    )
-    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "vinyl"
+def _add_floor(spec: MjSpec, room: Room, floors: Sequence[FloorTexture]) -> None:
+    for index, floor in enumerate(floors):
+        name = floor_material(index)
+        _add_material(spec, name, floor.picture, reflectance=0.04)
+        spec.material(name).texuniform = True
+        spec.material(name).texrepeat = [1 / floor.side_m] * 2
     spec.worldbody.add_geom(
         name="floor",
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=[room.distance_m, room.distance_m, 1],
-        material="vinyl",
+        material=floor_material(0),
         contype=FLOOR_BIT,
         conaffinity=0,
         castshadow=False,  # nothing is below it, and it would shade itself in stripes
     )
+
+
+def _add_material(spec: MjSpec, name: str, picture: Picture, reflectance: float = 0.0) -> None:
+    """A matte material with a picture on it."""
+    _add_texture(spec, name, picture)
+    material = spec.add_material(name=name, specular=0, shininess=0, reflectance=reflectance)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
 
 
 def _add_texture(spec: MjSpec, name: str, picture: Picture) -> None:
@@ -99,26 +139,44 @@ def _add_texture(spec: MjSpec, name: str, picture: Picture) -> None:
 
 
 def _add_walls(spec: MjSpec, arena: Arena) -> None:
-    thickness = 0.02
-    middle, half = arena.wall_m + thickness / 2, arena.wall_height_m / 2
-    for name, x, y in (("+x", 1, 0), ("-x", -1, 0), ("+y", 0, 1), ("-y", 0, -1)):
-        long = arena.wall_m + thickness
-        spec.worldbody.add_geom(
-            name=f"wall {name}",
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=[thickness / 2 if x else long, thickness / 2 if y else long, half],
-            pos=[x * middle, y * middle, half],
-            rgba=[*arena.wall_rgb, 1],
-            contype=WALL_BIT,
-            conaffinity=0,
-            castshadow=False,  # a wall's shadow would come and go with the shadows' reach
-        )
+    for sign in ("+x", "-x", "+y", "-y"):
+        _add_board(spec, f"wall {sign}", sign, arena, arena.wall_height_m, arena.wall_rgb, 0.0)
+        _add_board(spec, f"foot {sign}", sign, arena, 0.002, (0.0, 0.0, 0.0), FOOT_DEPTH_M)
+
+
+def _add_board(
+    spec: MjSpec,
+    name: str,
+    side: str,
+    arena: Arena,
+    height_m: float,
+    rgb: tuple[float, float, float],
+    further_in_m: float,
+) -> None:
+    """A board along one side of the arena, its inner face so far further in than the wall."""
+    thickness = WALL_THICKNESS_M + further_in_m
+    middle, half = arena.wall_m + thickness / 2 - further_in_m, height_m / 2
+    long = arena.wall_m + WALL_THICKNESS_M
+    along_x = side[1] == "x"
+    x, y = (int(side[0] + "1"), 0) if along_x else (0, int(side[0] + "1"))
+    is_foot = further_in_m > 0
+    spec.worldbody.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[thickness / 2 if along_x else long, long if along_x else thickness / 2, half],
+        pos=[x * middle, y * middle, half],
+        rgba=[*rgb, 1],
+        group=HIDDEN_GROUP if is_foot else 0,
+        contype=0 if is_foot else WALL_BIT,
+        conaffinity=0,
+        castshadow=False,  # a wall's shadow would come and go with the shadows' reach
+    )
 
 
 def _add_cube(spec: MjSpec, cube: Cube) -> None:
-    spec.add_material(
-        name=CUBE, rgba=[*(c / 255 for c in cube.colour_srgb), 1], specular=0, shininess=0
-    )
+    for index in range(CUBE_TEXTURES):
+        _add_material(spec, cube_material(index), _worn(index))
+        spec.material(cube_material(index)).rgba = [*(c / 255 for c in cube.colour_srgb), 1]
     body = spec.worldbody.add_body(name=CUBE, mocap=True, pos=[1, 0, 0])
     half = cube.edge_m / 2
     body.add_geom(
@@ -126,18 +184,52 @@ def _add_cube(spec: MjSpec, cube: Cube) -> None:
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=[half, half, half],
         pos=[0, 0, half],
-        material=CUBE,
+        material=cube_material(0),
         mass=0,
         contype=0,  # the task decides about touching; the cube is taken away at once
         conaffinity=0,
     )
+    # For renderers without shadows; a body of its own, since a shadow does not turn with the cube.
+    shadow = spec.worldbody.add_body(name=CUBE_SHADOW, mocap=True, pos=[1, 0, 0])
+    _add_unseen(shadow, CUBE_SHADOW)
+
+
+def _worn(index: int) -> Picture:
+    """What a cube's colour is multiplied with: white, or scuffed and dirty."""
+    side = 64
+    if index == 0:
+        return np.full((4, 4, 3), 255, np.uint8)
+    rng = np.random.default_rng(index)
+    dirt = cv2.resize(rng.uniform(0, 1, (8, 8)), (side, side), interpolation=cv2.INTER_CUBIC)
+    level = 255 - 70 * np.clip(dirt, 0, 1)
+    edge = np.minimum.outer(*(2 * [np.minimum(np.arange(side), np.arange(side)[::-1])]))
+    level = np.where(edge < rng.integers(1, 4), level * 0.75, level)
+    return np.repeat(level[..., None], 3, axis=2).astype(np.uint8)
+
+
+def _add_distractors(spec: MjSpec) -> None:
+    for name in DISTRACTORS:
+        _add_unseen(spec.worldbody, name)
+
+
+def _add_unseen(body: Any, name: str) -> None:
+    """A shape that is seen once a `SceneLook` shows it, and touches nothing."""
+    body.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[0.01, 0.01, 0.01],
+        mass=0,
+        group=HIDDEN_GROUP,
+        contype=0,
+        conaffinity=0,
+        castshadow=False,
+    )
 
 
 def _add_room(spec: MjSpec, room: Room, picture: Picture) -> None:
-    _add_texture(spec, ROOM, picture)
+    _add_material(spec, ROOM, picture)
     # Emission alone saturates the light on it: the photo is shown as it was taken.
-    material = spec.add_material(name=ROOM, emission=1, specular=0)
-    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = ROOM
+    spec.material(ROOM).emission = 1
     dome = dome_mesh(room)
     spec.add_mesh(
         name=ROOM,

@@ -11,7 +11,7 @@ from mbot_workstation.simulation.engine import MjData, MjModel, mujoco, open_gl_
 from mbot_workstation.simulation.simulation import SceneState, Simulation
 
 MOST_GEOMS = 100
-"""A scene has 25; MuJoCo's usual 10,000 only cost memory."""
+"""A scene has 36; MuJoCo's usual 10,000 only cost memory."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
 """One simulated robot in its room: drive it, step it, move things, ask where it is."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,12 +9,13 @@ from numpy.typing import NDArray
 
 from mbot_protocol.picture import Picture
 from mbot_workstation.simulation.engine import MjData, MjModel, mujoco
+from mbot_workstation.simulation.floor_textures import FloorTexture
 from mbot_workstation.simulation.motor import motor_voltage
 from mbot_workstation.simulation.pose import ORIGIN, Pose
 from mbot_workstation.simulation.robot_mjcf import ROBOT, WHEELS
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.simulation.scene_mjcf import CUBE, ROOM, build_model
+from mbot_workstation.simulation.scene_mjcf import CUBE, CUBE_SHADOW, ROOM, build_model
 from mbot_workstation.simulation.scene_parameters import SceneParameters
 
 
@@ -23,7 +25,7 @@ class SceneState:
 
     Attributes:
         joints: MuJoCo's qpos, shape (nq,).
-        moved_pos, moved_quat: of the cube and the room, shapes (2, 3) and (2, 4).
+        moved_pos, moved_quat: of the cube, its shadow and the room, shapes (3, 3) and (3, 4).
 
     """
 
@@ -46,18 +48,20 @@ class Simulation:
         robot: RobotParameters | None = None,
         scene: SceneParameters | None = None,
         room_picture: Picture | None = None,
+        floors: Sequence[FloorTexture] = (),
     ) -> None:
         self.robot = robot or RobotParameters()
         self.scene = scene or SceneParameters()
         if room_picture is None:
             room_picture = generate_room(seed=0, room=self.scene.room)
-        self.model: MjModel = build_model(self.robot, self.scene, room_picture)
+        self.model: MjModel = build_model(self.robot, self.scene, room_picture, floors)
         self._data: MjData = mujoco.MjData(self.model)
         self._owed_s = 0.0
         wheels = [self.model.joint(name).dofadr[0] for name in WHEELS]
         self._wheel_dofs = np.array(wheels)
         self._base: int = self.model.body(ROBOT).id
         self._cube: int = self.model.body(CUBE).mocapid[0]
+        self._shadow: int = self.model.body(CUBE_SHADOW).mocapid[0]
         self._room: int = self.model.body(ROOM).mocapid[0]
         self.place_robot(ORIGIN)
 
@@ -116,6 +120,7 @@ class Simulation:
     def place_object(self, pose: Pose) -> None:
         """Put the cube somewhere else."""
         self._data.mocap_pos[self._cube] = (pose.x_m, pose.y_m, 0)
+        self._data.mocap_pos[self._shadow] = (pose.x_m, pose.y_m, 0)
         self._data.mocap_quat[self._cube] = _yaw_quaternion(pose.yaw_rad)
 
     def turn_room(self, yaw_rad: float) -> None:

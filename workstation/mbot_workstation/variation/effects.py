@@ -27,6 +27,10 @@ _POSITIVE = frozenset(
         "fov_scale",
         "cube_brightness",
         "floor_brightness",
+        "exposure_target",
+        "auto_exposure_lag_ms",
+        "auto_white_balance_lag_ms",
+        "saturation",
     }
 )
 """Of no meaning at 0 or below."""
@@ -44,6 +48,8 @@ _SIGNED = frozenset(
         "camera_pitch_deg",
         "camera_yaw_deg",
         "camera_roll_deg",
+        "contrast",
+        "black_level",
     }
 )
 
@@ -95,6 +101,20 @@ class RealWorldEffects:
         camera_pitch_deg, camera_yaw_deg, camera_roll_deg: further down, to the left, clockwise;
             +-1.5, +-1.5, +-1. Off 0.
         cube_brightness, floor_brightness: of their colours, as paint and light vary. Off 1.
+        auto_exposure: how much of the way to its target an automatic exposure goes, 0-1. Off 0.
+        exposure_target: mean display level it aims at, of 1. Off 0.45.
+        auto_exposure_lag_ms: its time constant; some frames to a second. Off 500.
+        auto_white_balance: how much of a picture's tint is taken for the light's, 0-1. Off 0.
+        auto_white_balance_lag_ms: its time constant. Off 1000.
+        vignetting: share of the light missing in the corners. Off 0.
+        filmic: how much of a filmic curve's shoulder, 0-1. Off 0.
+        contrast: how much of an S-curve; flat ones below 0. Off 0.
+        black_level: what black shows as; crushed below 0. Off 0.
+        saturation: of colours. Off 1.
+        sharpening: strength of the camera's unsharp mask. Off 0.
+        chroma_noise: blotches of colour, in levels of 255. Off 0.
+        scene_variety: how often an episode's arena looks like any (`scene_looks.py`) and not like
+            the nominal one, 0-1. Off 0.
 
     Raises:
         ValueError: a value is not finite or cannot be.
@@ -135,6 +155,19 @@ class RealWorldEffects:
     camera_roll_deg: float = 0.0
     cube_brightness: float = 1.0
     floor_brightness: float = 1.0
+    auto_exposure: float = 0.0
+    exposure_target: float = 0.45
+    auto_exposure_lag_ms: float = 500.0
+    auto_white_balance: float = 0.0
+    auto_white_balance_lag_ms: float = 1000.0
+    vignetting: float = 0.0
+    filmic: float = 0.0
+    contrast: float = 0.0
+    black_level: float = 0.0
+    saturation: float = 1.0
+    sharpening: float = 0.0
+    chroma_noise: float = 0.0
+    scene_variety: float = 0.0
 
     def __post_init__(self) -> None:
         for name in EFFECT_NAMES:

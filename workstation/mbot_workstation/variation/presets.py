@@ -66,7 +66,37 @@ RANDOMISED = NOMINAL.changed(
     camera_roll_deg=(-1.5, 1.5),
     cube_brightness=(0.8, 1.15),
     floor_brightness=(0.7, 1.1),
+    auto_exposure=(0.0, 1.0),
+    exposure_target=(0.3, 0.6),
+    auto_exposure_lag_ms=(100.0, 1500.0),
+    auto_white_balance=(0.0, 0.9),
+    auto_white_balance_lag_ms=(200.0, 4000.0),
+    vignetting=(0.0, 0.5),
+    filmic=(0.0, 1.0),
+    contrast=(-0.2, 0.8),
+    black_level=(-0.04, 0.06),
+    saturation=(0.7, 1.35),
+    sharpening=(0.0, 1.2),
+    chroma_noise=(0.0, 4.0),
+    scene_variety=0.85,
 )
+"""Ranges of a camera's processing are assumed: from a plain sensor to a phone's pictures."""
+
+PI_CAMERA = NOMINAL.changed(
+    auto_exposure=1.0,
+    exposure_target=0.42,
+    auto_exposure_lag_ms=400.0,
+    auto_white_balance=0.7,
+    auto_white_balance_lag_ms=800.0,
+    vignetting=0.25,
+    filmic=0.7,
+    contrast=0.35,
+    saturation=1.1,
+    sharpening=0.5,
+    chroma_noise=1.5,
+)
+"""A Raspberry Pi camera left to its automatics: contrasty curve, sharpening, exposure and white
+balance that follow the picture. Assumed, as far as that is public."""
 
 PERTURBATIONS: dict[str, EffectRanges] = {
     "uneven": NOMINAL.changed(left_gain=1.0, right_gain=0.85),
@@ -79,6 +109,8 @@ PERTURBATIONS: dict[str, EffectRanges] = {
     "dim": NOMINAL.changed(exposure_gain=0.55),
     "bright": NOMINAL.changed(exposure_gain=1.5),
     "late": NOMINAL.changed(camera_latency_ms=150.0),
+    "automatic": PI_CAMERA,
+    "any-room": PI_CAMERA.changed(scene_variety=1.0),
 }
 """For evaluation only: nothing is trained on these."""
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from mbot_protocol.picture import Picture
 from mbot_workstation.simulation.engine import MjModel, mujoco
+from mbot_workstation.simulation.floor_textures import FloorTexture
 from mbot_workstation.simulation.robot_mjcf import WALL_BIT
 
 TRAINING_TIMESTEP_S = 0.010
@@ -33,3 +34,8 @@ def hasten(model: MjModel) -> None:
 def hide(model: MjModel, geoms: Sequence[int]) -> None:
     """Leave shapes undrawn that the robot's camera can't see; the robot's own cost a third more."""
     model.geom_group[list(geoms)] = _UNDRAWN_GROUP
+
+
+def placeholders(floors: Sequence[FloorTexture]) -> list[FloorTexture]:
+    """As many floors, for simulations that are drawn with another one's textures."""
+    return [FloorTexture(PLACEHOLDER[:, :4], floor.side_m) for floor in floors]

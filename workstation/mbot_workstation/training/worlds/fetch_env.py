@@ -78,7 +78,7 @@ class FetchEnv(gymnasium.Env[Any, Any]):
         self.render_mode = render_mode
         self.lesson = settings.lesson
         self.world = FetchWorld(settings)
-        self._eye = RobotEye(settings.rooms, settings.robot, settings.scene)
+        self._eye = RobotEye(settings.rooms, settings.robot, settings.scene, settings.floors)
         self._observation: Picture | None = None
         self._is_seeded = False
 

@@ -94,7 +94,7 @@ def run_worker(
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # also if a thread has started it
     cv2.setNumThreads(1)  # small pictures: handing them to threads costs more than the work
     try:
-        with RobotEye(settings.rooms, settings.robot, settings.scene) as eye:
+        with RobotEye(settings.rooms, settings.robot, settings.scene, settings.floors) as eye:
             share = _Share(eye, memory.arrays(), robots, settings)
             pipe.send(Done())
             while share.serve(pipe.recv()):

@@ -20,11 +20,11 @@ from mbot_workstation.simulation.motor import duties
 from mbot_workstation.simulation.own_view import parts_in_view
 from mbot_workstation.simulation.pose import ORIGIN, Pose
 from mbot_workstation.simulation.robot_mjcf import part_name
+from mbot_workstation.simulation.scene_look import SceneDresser, SceneLook, nominal_look
 from mbot_workstation.simulation.simulation import Simulation
 from mbot_workstation.training.worlds.body_swap import robot_geoms, swap_body
-from mbot_workstation.training.worlds.fast_physics import PLACEHOLDER, hasten, hide
+from mbot_workstation.training.worlds.fast_physics import PLACEHOLDER, hasten, hide, placeholders
 from mbot_workstation.training.worlds.lessons import Lesson
-from mbot_workstation.training.worlds.paint import Paint
 from mbot_workstation.training.worlds.robot_camera import Glimpse, RobotCamera
 from mbot_workstation.training.worlds.world_settings import WorldSettings
 from mbot_workstation.variation.effects import IDEAL, RealWorldEffects
@@ -33,6 +33,7 @@ from mbot_workstation.variation.perturbed_robot import (
     perturbed_robot,
     perturbed_wheel_maps,
 )
+from mbot_workstation.variation.scene_looks import draw_look
 
 CONTACT_GRID_S = 0.020
 """Near the object or the border contacts are looked for this often: every 8 mm at full speed."""
@@ -83,12 +84,15 @@ class FetchWorld:
         # for the rim that the camera's frames do not reach.
         self._edges = FrameEdges(settings.robot.camera)
         self._nominal = replace(settings.robot, camera=observing_camera(IDEAL))
-        self.simulation = Simulation(self._nominal, settings.scene, room_picture=PLACEHOLDER)
+        self.simulation = Simulation(
+            self._nominal, settings.scene, PLACEHOLDER, placeholders(settings.floors)
+        )
         hasten(self.simulation.model)
         seen = parts_in_view(self._nominal, FULL_VIEW.horizontal_deg, FULL_VIEW.vertical_deg)
         model = self.simulation.model
         hide(model, [i for i in robot_geoms(model) if part_name(model, i) not in seen])
-        self._paint = Paint(self.simulation.model)
+        self._nominal_look = nominal_look(settings.scene)
+        self._dresser = SceneDresser(self.simulation.model, 1 + len(settings.floors))
 
     def seed(self, rng: np.random.Generator) -> None:
         """Take all random numbers from here on from this generator."""
@@ -101,13 +105,15 @@ class FetchWorld:
         effects = lesson.draw_robot(self._ranges, self._rng)
         if effects != self._effects:
             self._become(effects)
+        look = self._draw_look(effects.scene_variety)
+        self._dresser.wear(look, effects.cube_brightness, effects.floor_brightness)
         self.lesson = lesson
         self.room = int(self._rng.integers(self._rooms))
         self.camera.begin(self._rng.uniform(0, 2 * math.pi))
         rules = replace(
             lesson.rules,
             touch_radius_m=self._nominal.touch_radius_m,
-            cube_edge_m=self.simulation.scene.cube.edge_m,
+            cube_edge_m=look.cube_edge_m,
             border_m=self.simulation.scene.arena.border_m,
         )
         self._task = FetchTask(rules, self._rng)
@@ -168,12 +174,16 @@ class FetchWorld:
         robot = perturbed_robot(self._nominal, effects)
         self.camera.become(effects, robot.camera_mount.pitch_down_deg)
         swap_body(self.simulation, robot)
-        self._paint.apply(effects.cube_brightness, effects.floor_brightness)
         self._wheels = perturbed_wheel_maps(robot.wheel_maps, effects)
         gain = max(effects.left_gain, effects.right_gain)
         free_m_s = robot.free_speed_rad_s * robot.wheel_radius_m * gain
         self._fastest_m_s = max(FASTEST_M_S, free_m_s * OVERSHOOT)
         self._effects = effects
+
+    def _draw_look(self, variety: float) -> SceneLook:
+        if variety > 0 and self._rng.random() < variety:
+            return draw_look(self._rng)
+        return self._nominal_look
 
     def _command(self, left: float, right: float) -> None:
         effects = self._known_effects

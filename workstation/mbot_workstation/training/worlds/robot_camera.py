@@ -8,8 +8,9 @@ from mbot_protocol.picture import Picture
 from mbot_workstation.simulation.frame_edges import FrameEdges
 from mbot_workstation.simulation.rolling_shutter import RollingShutter
 from mbot_workstation.simulation.simulation import SceneState
-from mbot_workstation.training.worlds.sensor import Sensor
+from mbot_workstation.training.worlds.sensor import JPEG_SHARE, observation_processor
 from mbot_workstation.variation.effects import RealWorldEffects
+from mbot_workstation.variation.isp_settings import isp_settings
 from mbot_workstation.variation.perturbed_robot import observing_camera
 
 
@@ -41,7 +42,7 @@ class RobotCamera:
 
         """
         self._edges = edges
-        self._sensor = Sensor(noise_seed)
+        self._processor = observation_processor(noise_seed)
         self.become(RealWorldEffects(), pitch_down_deg=0.0)
 
     def become(self, effects: RealWorldEffects, pitch_down_deg: float) -> None:
@@ -52,11 +53,11 @@ class RobotCamera:
             readout_s=effects.readout_ms / 1000,
             pitch_down_rad=math.radians(pitch_down_deg),
         )
-        self._sensor.become(effects)
+        self._processor.become(isp_settings(effects, JPEG_SHARE))
 
     def begin(self, drift_phase_rad: float) -> None:
         """Start an episode somewhere in the swing of the exposure."""
-        self._sensor.drift_phase_rad = drift_phase_rad
+        self._processor.restart(drift_phase_rad)
 
     def view(self, glimpse: Glimpse) -> CameraModel:
         """The pinhole camera to draw the glimpse with."""
@@ -65,4 +66,4 @@ class RobotCamera:
     def picture(self, drawn: Picture, view: CameraModel, glimpse: Glimpse) -> Picture:
         """The observation, shape (64, 64, 3), from a picture of the glimpse drawn with the view."""
         light = self._shutter.expose(drawn, view, glimpse.turn_rate_rad_s)
-        return self._sensor.record(self._edges.apply(light), glimpse.time_s)
+        return self._processor.process(self._edges.apply(light), glimpse.time_s)

@@ -7,6 +7,7 @@ from typing import Any, Self
 from mbot_protocol.picture import Picture
 from mbot_protocol.policy_contract import OBSERVATION_SIDE_PX
 from mbot_workstation.simulation.engine import open_gl_context
+from mbot_workstation.simulation.floor_textures import FloorTexture
 from mbot_workstation.simulation.robot_mjcf import ROBOT_CAMERA
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_parameters import SceneParameters
@@ -29,6 +30,7 @@ class RobotEye:
         rooms: Sequence[Picture],
         robot: RobotParameters | None = None,
         scene: SceneParameters | None = None,
+        floors: Sequence[FloorTexture] = (),
     ) -> None:
         """Load the rooms.
 
@@ -36,13 +38,19 @@ class RobotEye:
             rooms: panoramas, shape (h, 2 h, 3), RGB.
             robot: of the worlds, so that this one has the same parts; the nominal one when None.
             scene: of the worlds; likewise.
+            floors: of the worlds, besides the nominal one.
 
         """
         side = OBSERVATION_SIDE_PX
         self._gl: Any = open_gl_context(side, side)
         self._rooms = [
             SceneRenderer(
-                Simulation(robot, scene, room), ROBOT_CAMERA, side, side, OBSERVATION, gl=self._gl
+                Simulation(robot, scene, room, floors),
+                ROBOT_CAMERA,
+                side,
+                side,
+                OBSERVATION,
+                gl=self._gl,
             )
             for room in rooms
         ]

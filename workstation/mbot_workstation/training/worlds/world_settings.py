@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from mbot_protocol.picture import Picture
+from mbot_workstation.simulation.floor_textures import FloorTexture
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.room import fit_room
 from mbot_workstation.simulation.room_generator import generate_room
@@ -11,6 +12,7 @@ from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.training.worlds.lessons import Lesson, lesson
 from mbot_workstation.variation.effects import EffectRanges
 from mbot_workstation.variation.presets import preset
+from mbot_workstation.variation.scene_looks import training_floors
 
 GENERATED_ROOMS = 8
 GENERATED_WIDTH_PX = 512
@@ -30,6 +32,7 @@ class WorldSettings:
         rooms: panoramas, shape (h, 2 h, 3) each, RGB; one is drawn for every episode.
         robot: what the effects start from.
         scene: what is around it.
+        floors: besides the nominal one, where arenas vary.
 
     """
 
@@ -38,6 +41,7 @@ class WorldSettings:
     rooms: tuple[Picture, ...]
     robot: RobotParameters = field(default_factory=RobotParameters)
     scene: SceneParameters = field(default_factory=SceneParameters)
+    floors: tuple[FloorTexture, ...] = ()
 
 
 def world_settings(
@@ -72,4 +76,5 @@ def world_settings(
         rooms=tuple(fit_room(room, min(room.shape[1], LARGEST_ROOM_WIDTH_PX)) for room in rooms),
         robot=robot or RobotParameters(),
         scene=scene or SceneParameters(),
+        floors=tuple(training_floors()) if ranges.high.scene_variety > 0 else (),
     )

@@ -1,0 +1,89 @@
+from dataclasses import replace
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mbot_workstation.simulation.floor_textures import made_up_floor, vinyl
+from mbot_workstation.simulation.pose import Pose
+from mbot_workstation.simulation.robot_mjcf import ROBOT_CAMERA
+from mbot_workstation.simulation.room_generator import generate_room
+from mbot_workstation.simulation.scene_look import SceneDresser, SceneLook, nominal_look
+from mbot_workstation.simulation.scene_parameters import SceneParameters
+from mbot_workstation.simulation.scene_renderer import Quality, SceneRenderer
+from mbot_workstation.simulation.simulation import Simulation
+from mbot_workstation.variation.scene_looks import MADE_UP_FLOORS, draw_look, training_floors
+
+QUALITY = Quality(shadow_map_px=0, samples=4, reflections=False)
+SIDE = 64
+
+
+class Stage:
+    """A robot 0.6 m before the cube, to be dressed and drawn."""
+
+    def __init__(self) -> None:
+        floors = training_floors()
+        self.simulation = Simulation(room_picture=generate_room(0, 64), floors=floors)
+        self.simulation.place_object(Pose(0.6, 0.0, 0.5))
+        self.dresser = SceneDresser(self.simulation.model, 1 + len(floors))
+        self.renderer = SceneRenderer(self.simulation, ROBOT_CAMERA, SIDE, SIDE, QUALITY)
+
+    def picture(self, look: SceneLook) -> np.ndarray:
+        self.dresser.wear(look)
+        return self.renderer.draw(self.simulation.snapshot()).astype(int)
+
+
+def test_looks_are_seen_and_the_nominal_one_comes_back_to_the_bit() -> None:
+    stage = Stage()
+    untouched = stage.renderer.draw(stage.simulation.snapshot()).astype(int)
+    nominal = nominal_look(SceneParameters())
+    assert (stage.picture(nominal) == untouched).all()
+    changes = {
+        "floor": replace(nominal, floor=3),
+        "tint": replace(nominal, floor_tint=(0.5, 0.6, 0.7)),
+        "walls": replace(nominal, wall_height_m=0.5, wall_rgb=(0.2, 0.4, 0.2)),
+        "no walls": replace(nominal, wall_height_m=0.0),
+        "foot": replace(nominal, foot_height_m=0.06),
+        "cube": replace(nominal, cube_edge_m=0.12),
+        "red": replace(nominal, cube_rgb=(0.9, 0.2, 0.0)),
+        "worn": replace(nominal, cube_wear=1),
+        "light": replace(nominal, light_direction=(-1.0, 0.0, -0.2)),
+        "ambient": replace(nominal, ambient_rgb=(0.4, 0.4, 0.5)),
+        "shadow": replace(nominal, shadow=0.5),
+    }
+    for name, look in changes.items():
+        assert (stage.picture(look) != untouched).any(), name
+        assert (stage.picture(nominal) == untouched).all(), f"after {name}"
+
+
+def test_distractors_come_and_go() -> None:
+    stage = Stage()
+    nominal = nominal_look(SceneParameters())
+    before = stage.picture(nominal)
+    for seed in range(20):
+        look = draw_look(np.random.default_rng(seed))
+        stage.picture(replace(nominal, distractors=look.distractors))
+    assert (stage.picture(nominal) == before).all()
+
+
+@given(st.integers(0, 2**32))
+def test_drawn_looks_stay_what_they_say(seed: int) -> None:
+    look = draw_look(np.random.default_rng(seed))
+    assert 0 <= look.floor <= MADE_UP_FLOORS
+    assert 0.08 <= look.cube_edge_m <= 0.12
+    red, green, blue = look.cube_rgb
+    assert red > 2 * max(green, blue), "the object is red, whichever red"
+    for thing in look.distractors:
+        x, y, z = thing.centre_m
+        stands_outside = max(abs(x), abs(y)) > 2.1 and np.hypot(x, y) > 3.0
+        lies_flat = z + thing.half_size_m[2] < 0.005
+        assert stands_outside or lies_flat, "nothing is in a robot's way"
+        assert stands_outside or thing.shape == "box"
+
+
+def test_the_same_seed_makes_the_same_floor_and_its_edges_meet() -> None:
+    for seed in range(12):
+        tile = made_up_floor(seed)
+        assert (tile.picture == made_up_floor(seed).picture).all()
+        assert 0.1 <= tile.side_m <= 4.0
+        assert tile.picture.shape == vinyl().picture.shape

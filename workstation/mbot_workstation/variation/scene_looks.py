@@ -1,0 +1,137 @@
+"""Arenas as they may look anywhere: floors, boards, light, other reds, and things that are not it.
+
+Ranges are assumptions about homes, schools and offices; none was set by looking at pictures that
+policies are judged by.
+"""
+
+import colorsys
+import math
+
+import numpy as np
+
+from mbot_workstation.simulation.floor_textures import FloorTexture, made_up_floor
+from mbot_workstation.simulation.scene_look import Distractor, Rgb, SceneLook
+from mbot_workstation.simulation.scene_mjcf import CUBE_TEXTURES, DISTRACTORS
+
+MADE_UP_FLOORS = 24
+"""Four of each kind, besides the vinyl; tints make more of them."""
+
+NO_WALL = 0.1
+"""Share of arenas without boards; few, since the border is not seen there."""
+
+FLAT_M = 0.004
+"""How high something flat lies; lower would not be told from the floor by the depth buffer."""
+
+ARENA_M = 3.0
+"""Where the boards stand."""
+
+
+def training_floors(first_seed: int = 1000) -> list[FloorTexture]:
+    """The made-up floors of `draw_look`, which take the indices from 1 on."""
+    return [made_up_floor(first_seed + number) for number in range(MADE_UP_FLOORS)]
+
+
+def draw_look(rng: np.random.Generator) -> SceneLook:
+    """An arena that looks like any."""
+    ambient = rng.uniform(0.35, 0.95)
+    direct = rng.uniform(0.1, 0.9) * (1.15 - ambient)
+    warmth = rng.uniform(-0.12, 0.12)
+    colour = np.array((1 + warmth, 1.0, 1 - warmth))
+    slant, azimuth = rng.uniform(0.1, 1.6), rng.uniform(-math.pi, math.pi)
+    return SceneLook(
+        floor=int(rng.integers(MADE_UP_FLOORS + 1)),
+        floor_tint=_rgb(rng.uniform(0.55, 1.1) * (1 + rng.uniform(-0.08, 0.08, 3))),
+        floor_gloss=float(rng.choice([0.0, 0.0, rng.uniform(0.1, 0.6)])),
+        wall_height_m=0.0 if rng.random() < NO_WALL else rng.uniform(0.08, rng.choice([0.3, 0.6])),
+        wall_rgb=_board_colour(rng),
+        foot_height_m=float(rng.choice([0.0, rng.uniform(0.01, 0.06)])),
+        foot_rgb=_rgb(rng.uniform(0.03, 0.4) * (1 + rng.uniform(-0.2, 0.2, 3))),
+        cube_edge_m=rng.uniform(0.08, 0.12),
+        cube_rgb=_red(rng),
+        cube_wear=int(rng.integers(CUBE_TEXTURES)),
+        light_direction=(slant * math.cos(azimuth), slant * math.sin(azimuth), -1.0),
+        light_rgb=_rgb(direct * colour),
+        ambient_rgb=_rgb(ambient * (2 - colour)),
+        shadow=float(rng.choice([0.0, rng.uniform(0.1, 0.6)])),
+        distractors=tuple(_distractor(rng) for _ in range(rng.integers(len(DISTRACTORS) + 1))),
+    )
+
+
+def _red(rng: np.random.Generator) -> Rgb:
+    """Of the object: from crimson to vermilion, dark to bright."""
+    hue = rng.uniform(-0.030, 0.025) % 1.0
+    return colorsys.hsv_to_rgb(hue, rng.uniform(0.72, 0.97), rng.uniform(0.5, 0.95))
+
+
+def _board_colour(rng: np.random.Generator) -> Rgb:
+    """Mostly light and greyish; now and then wood, black or a colour."""
+    if rng.random() < 0.7:
+        return _rgb(rng.uniform(0.4, 0.98) * (1 + rng.uniform(-0.1, 0.1, 3)))
+    return colorsys.hsv_to_rgb(rng.uniform(0.04, 0.92), rng.uniform(0, 0.7), rng.uniform(0.08, 0.9))
+
+
+def _distractor(rng: np.random.Generator) -> Distractor:
+    """Red but no cube's shape or place, or of any shape and not red."""
+    kind = rng.integers(4)
+    if kind == 0:
+        return _on_the_wall(rng)
+    if kind == 1:
+        return _on_the_floor(rng)
+    if kind == 2:
+        return _behind_the_wall(rng)
+    return _other_colour(rng)
+
+
+def _on_the_wall(rng: np.random.Generator) -> Distractor:
+    """A poster, a fire extinguisher's box, a coat: red, above the floor, outside the arena."""
+    angle, away = rng.uniform(-math.pi, math.pi), rng.uniform(ARENA_M * 1.45, ARENA_M * 1.6)
+    bottom, height = rng.uniform(0.35, 1.2), rng.uniform(0.15, 0.7)
+    size = (0.02, rng.uniform(0.08, 0.5), height / 2)
+    place = (away * math.cos(angle), away * math.sin(angle), bottom + height / 2)
+    return Distractor("box", size, place, angle, _any_red(rng))
+
+
+def _on_the_floor(rng: np.random.Generator) -> Distractor:
+    """Paper, tape, a mat: flat, so that a robot can drive over it."""
+    x, y = rng.uniform(-2.6, 2.6, 2)
+    size = (rng.uniform(0.03, 0.5), rng.uniform(0.01, 0.12), FLAT_M / 2)
+    colour = _any_red(rng) if rng.random() < 0.5 else _not_red(rng)
+    return Distractor(
+        "box", size, (float(x), float(y), FLAT_M / 2), rng.uniform(0, math.pi), colour
+    )
+
+
+def _behind_the_wall(rng: np.random.Generator) -> Distractor:
+    """Chairs' legs, bottles, balls, cupboards: standing where no robot gets to."""
+    angle, away = rng.uniform(-math.pi, math.pi), rng.uniform(ARENA_M * 1.45, ARENA_M * 1.6)
+    place = away * math.cos(angle), away * math.sin(angle)
+    colour = _any_red(rng) if rng.random() < 0.6 else _not_red(rng)
+    if rng.random() < 0.5:
+        radius, half = rng.uniform(0.015, 0.05), rng.uniform(0.3, 0.9)
+        return Distractor("post", (radius, radius, half), (*place, half), 0.0, colour)
+    half = rng.uniform(0.35, 0.9)
+    return Distractor("box", (0.05, rng.uniform(0.05, 0.5), half), (*place, half), angle, colour)
+
+
+def _other_colour(rng: np.random.Generator) -> Distractor:
+    """A cube or a ball just like the object, but blue, green, yellow, grey; outside the arena."""
+    angle, away = rng.uniform(-math.pi, math.pi), rng.uniform(ARENA_M * 1.02, ARENA_M * 1.3)
+    half = rng.uniform(0.04, 0.12)
+    shape = "box" if rng.random() < 0.6 else "ball"
+    place = (away * math.cos(angle), away * math.sin(angle), half)
+    return Distractor(shape, (half, half, half), place, rng.uniform(0, math.pi), _not_red(rng))
+
+
+def _any_red(rng: np.random.Generator) -> Rgb:
+    return colorsys.hsv_to_rgb(
+        rng.uniform(-0.05, 0.05) % 1.0, rng.uniform(0.5, 1.0), rng.uniform(0.3, 1.0)
+    )
+
+
+def _not_red(rng: np.random.Generator) -> Rgb:
+    return colorsys.hsv_to_rgb(rng.uniform(0.1, 0.88), rng.uniform(0, 1.0), rng.uniform(0.1, 0.95))
+
+
+def _rgb(values: np.ndarray) -> Rgb:
+    red, green, blue = np.clip(values, 0, 1).tolist()
+    return red, green, blue
