@@ -5,12 +5,18 @@ import logging
 import secrets
 import threading
 from contextlib import ExitStack
+from typing import TYPE_CHECKING
 
 from mbot_agent.arming import Mode
 from mbot_agent.board.motors import Motors
 from mbot_agent.configuration import Configuration
 from mbot_agent.process import service_manager, termination
 from mbot_agent.tick import Tick
+
+if TYPE_CHECKING:
+    from mbot_agent.models.model_keeper import ModelKeeper
+    from mbot_agent.models.model_service import ModelService
+    from mbot_agent.models.pilot import Pilot
 
 log = logging.getLogger(__name__)
 
@@ -48,18 +54,12 @@ def _drive(
     from mbot_agent.command_service import CommandService
     from mbot_agent.control_loop import ControlLoop
     from mbot_agent.helm import Helm
-    from mbot_agent.models.model_directory import ModelDirectory
-    from mbot_agent.models.model_keeper import ModelKeeper
-    from mbot_agent.models.model_service import ModelService
     from mbot_agent.models.pilot import Pilot
-    from mbot_agent.models.sequence_floors import SequenceFloors
-    from mbot_agent.models.trust import Trust
     from mbot_agent.network.presence import Presence
     from mbot_agent.network.telemetry_publisher import Telemetry
     from mbot_agent.network.wire_messages import wire_decision
     from mbot_agent.network.zenoh_link import Link
 
-    directory = ModelDirectory(configuration.models.path, configuration.models.keep)
     link = parts.enter_context(Link(configuration))
     presence = parts.enter_context(Presence(configuration.control, link.sees_workstations))
     mode = Mode.RUNNING if configuration.control.start == "running" else Mode.IDLE
@@ -67,19 +67,13 @@ def _drive(
     session_id = secrets.randbits(63) | 1
     pilot = Pilot()
     loop = ControlLoop(configuration, camera, motors, helm, pilot, lambda: presence.fault)
-    floors = SequenceFloors(configuration.models.path)
-    trust = Trust(configuration.trust, configuration.robot_id, floors)
-    keeper = parts.enter_context(
-        ModelKeeper(directory, trust, configuration.models.clean_decisions, pilot.use)
-    )
-    keeper.load_active()
+    keeper, models = _supply_models(configuration, pilot, parts)
     telemetry = parts.enter_context(
         Telemetry(
             link,
             lambda tick: wire_decision(tick, configuration.robot_id, session_id, keeper.notices),
         )
     )
-    models = ModelService(configuration, directory, keeper, trust)
     commands = CommandService(
         configuration,
         session_id,
@@ -103,6 +97,26 @@ def _drive(
     gc.freeze()
     log.info("robot %s is up, %s", configuration.robot_id, mode.value)
     loop.run(closing)
+
+
+def _supply_models(
+    configuration: Configuration, pilot: "Pilot", parts: ExitStack
+) -> "tuple[ModelKeeper, ModelService]":
+    """Give the pilot the active model; from now on pushes and verdicts change it."""
+    from mbot_agent.models.model_directory import ModelDirectory
+    from mbot_agent.models.model_keeper import ModelKeeper
+    from mbot_agent.models.model_service import ModelService
+    from mbot_agent.models.sequence_floors import SequenceFloors
+    from mbot_agent.models.trust import Trust
+
+    directory = ModelDirectory(configuration.models.path, configuration.models.keep)
+    floors = SequenceFloors(configuration.models.path)
+    trust = Trust(configuration.trust, configuration.robot_id, floors)
+    keeper = parts.enter_context(
+        ModelKeeper(directory, trust, configuration.models.clean_decisions, pilot.use)
+    )
+    keeper.load_active()
+    return keeper, ModelService(configuration, directory, keeper, trust)
 
 
 def _tell_service_manager(tick: Tick) -> None:

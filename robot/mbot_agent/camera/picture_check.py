@@ -20,12 +20,14 @@ picture must change. Two decisions and the motors' and the camera's delay."""
 
 
 def differs(one: Picture, other: Picture) -> bool:
-    """Whether two pictures of one shape differ anywhere; a few rows usually tell."""
+    """Whether two pictures, both of shape (height, width, 3), differ anywhere; a few rows usually
+    tell.
+    """
     return one[::16].tobytes() != other[::16].tobytes() or one.tobytes() != other.tobytes()
 
 
 def is_black(picture: Picture) -> bool:
-    """Whether a picture shows nothing; every eighth pixel tells."""
+    """Whether a picture, shape (height, width, 3), shows nothing; every eighth pixel tells."""
     return float(picture[::8, ::8].mean()) < BLACK_BELOW
 
 
@@ -78,7 +80,13 @@ class PictureCheck:
         return None
 
     def judge(self, picture: Picture, captured_ns: int) -> Fault | None:
-        """The fault of this frame; None if it may be driven on."""
+        """The fault of this frame; None if it may be driven on.
+
+        Args:
+            picture: shape (height, width, 3), uint8, RGB; anything else is a fault.
+            captured_ns: when it was taken, monotonic.
+
+        """
         if (fault := self.judge_shape(picture.shape, str(picture.dtype))) is not None:
             return fault
         changed = self._last is None or differs(picture, self._last)

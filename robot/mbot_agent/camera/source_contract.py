@@ -40,7 +40,7 @@ class Shot:
 
     @classmethod
     def decoded(cls, picture: Picture, captured_ns: int) -> "Shot":
-        """One whose picture is there already."""
+        """One whose picture is there already: shape (height, width, 3), uint8, RGB."""
         shot = cls(picture.shape, captured_ns, lambda: picture)
         shot.picture()
         return shot
