@@ -1,19 +1,21 @@
 """What the daemon costs and how fast it is, on the virtual robot, beside the loop one writes first.
 
-    python benchmarks/agent.py [--minutes 10] [--json]
+    python benchmarks/agent.py [--minutes 10] [--json] [--beside TREE]
 
-Prints medians and ratios. Use a quiet machine: the virtual robot draws its camera's pictures on
-the same processor.
+Prints medians and ratios; with `--beside` also those of another checkout's daemon, in the same run.
+Use a quiet machine: the virtual robot draws its camera's pictures on the same processor.
 """
 
 import argparse
 import json
+import os
 import platform
 import subprocess
 import sys
 import tempfile
 import time
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from mbot_protocol.policy_contract import PolicyMetadata
@@ -56,7 +58,7 @@ BARS = {
 }
 
 
-def measure(minutes: float) -> dict[str, float]:
+def measure(minutes: float, beside: Path | None = None) -> dict[str, float]:
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         places = _start_virtual_robot(stack, folder)
@@ -65,7 +67,27 @@ def measure(minutes: float) -> dict[str, float]:
         model.write_bytes(policy.SerializeToString(deterministic=True))
         plain = _run_plain_loop(places, model)
         figures = _run_daemon(folder, places, model, minutes)
+        if beside is not None:
+            other = folder / "beside"
+            other.mkdir()
+            with _code_of(beside):
+                found = _run_daemon(other, places, model, minutes)
+            figures |= {f"beside_{name}": value for name, value in found.items()}
     return figures | {f"plain_{name}": value for name, value in plain.items()}
+
+
+@contextmanager
+def _code_of(tree: Path) -> Iterator[None]:
+    """Programs started within run that checkout's code."""
+    ours = os.environ.get("PYTHONPATH")
+    rooms = (tree / name for name in ("shared/protocol", "robot", "workstation"))
+    os.environ["PYTHONPATH"] = os.pathsep.join(str(room.resolve()) for room in rooms)
+    try:
+        yield
+    finally:
+        del os.environ["PYTHONPATH"]
+        if ours is not None:
+            os.environ["PYTHONPATH"] = ours
 
 
 def _start_virtual_robot(stack: ExitStack, folder: Path) -> dict[str, str]:
@@ -178,20 +200,25 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--minutes", type=float, default=10.0, help="of driving (default: 10)")
     parser.add_argument("--json", action="store_true", help="one JSON object")
+    parser.add_argument("--beside", type=Path, help="a checkout whose daemon is measured too")
     arguments = parser.parse_args()
-    figures = measure(arguments.minutes)
+    figures = measure(arguments.minutes, arguments.beside)
     if arguments.json:
         print(json.dumps(figures))
         return
     print(f"{platform.machine()}, Python {platform.python_version()}, {arguments.minutes:g} min")
-    print(f"{'':28}{'daemon':>10}{'bar':>8}{'plain loop':>12}{'ratio':>8}")
+    others = ["plain_", *(["beside_"] if arguments.beside else [])]
+    heads = "".join(f"{name.strip('_'):>12}{'ratio':>8}" for name in others)
+    print(f"{'':28}{'daemon':>10}{'bar':>8}{heads}")
     for name, value in figures.items():
-        if name.startswith("plain_"):
+        if name.startswith(("plain_", "beside_")):
             continue
         bar = f"{BARS[name]:g}" if name in BARS else ""
-        other = figures.get(f"plain_{name}")
-        beside = f"{other:12.3f}{value / other:8.2f}" if other else ""
-        print(f"{name:28}{value:10.3f}{bar:>8}{beside}")
+        line = f"{name:28}{value:10.3f}{bar:>8}"
+        for prefix in others:
+            other = figures.get(f"{prefix}{name}")
+            line += f"{other:12.3f}{value / other:8.2f}" if other else " " * 20
+        print(line.rstrip())
 
 
 if __name__ == "__main__":

@@ -3,12 +3,17 @@
 import time
 from collections.abc import Callable
 
+from mbot_agent import installed_version
+from mbot_agent.arming import state_of
 from mbot_agent.configuration import Configuration
-from mbot_agent.control_loop import WIRE_STATES, ControlLoop
-from mbot_agent.helm import Helm, state_of
-from mbot_agent.motors import Motors
-from mbot_agent.version import VERSION
-from mbot_protocol.actions import MotorMap, to_steps
+from mbot_agent.control_loop import ControlLoop
+from mbot_agent.faults import Notice
+from mbot_agent.hardware import Board, Camera
+from mbot_agent.helm import Helm
+from mbot_agent.network.wire_messages import WIRE_STATES, wire_faults, wire_motor, wire_notices
+from mbot_agent.network.zenoh_link import Link
+from mbot_protocol import keys
+from mbot_protocol.actions import to_steps
 from mbot_protocol.errors import MbotError, RefusedError
 from mbot_protocol.schema import SCHEMA_VERSION, decode
 from mbot_protocol.v1 import messages_pb2 as messages
@@ -25,13 +30,15 @@ class CommandService:
         configuration: Configuration,
         session_id: int,
         helm: Helm,
-        motors: Motors,
+        board: Board,
+        camera: Camera,
         loop: ControlLoop,
-        forgive_camera: Callable[[], None],
         active_model: Callable[[], messages.Model | None],
+        notices: Callable[[], tuple[Notice, ...]],
         heard: Callable[[], None],
     ) -> None:
         """`heard` learns of every command that is obeyed."""
+        self._version = installed_version()
         self._robot_id = configuration.robot_id
         self._camera_source = configuration.camera.source
         self._trust = configuration.trust
@@ -39,15 +46,22 @@ class CommandService:
         self._wheels = configuration.motors.to_maps()
         self._session_id = session_id
         self._helm = helm
-        self._motors = motors
+        self._board = board
+        self._camera = camera
         self._loop = loop
-        self._forgive_camera = forgive_camera
         self._active_model = active_model
+        self._notices = notices
         self._heard = heard
+
+    def serve(self, link: Link) -> None:
+        """Answer from now on: a STOP waits behind nothing, a status behind no command."""
+        link.serve(keys.STOP.name, {keys.STOP.name: self.stop})
+        link.serve(keys.STATUS.name, {keys.STATUS.name: self.status})
+        link.serve(keys.COMMAND.name, {keys.COMMAND.name: self.command})
 
     def status(self, _: bytes) -> bytes:
         """Reply to a query on `status`."""
-        situation = self._loop.situation
+        latest = self._loop.latest
         mode = self._helm.orders.mode
         faults = self._loop.faults(mode)
         return messages.Status(
@@ -56,20 +70,20 @@ class CommandService:
             session_id=self._session_id,
             now_monotonic_ns=time.monotonic_ns(),
             state=WIRE_STATES[state_of(mode, faults)],
-            faults=[messages.Fault(kind=f.kind, detail=f.detail) for f in faults],
-            software_version=VERSION,
-            board_version=self._motors.version,
-            board_has_deadman=self._motors.has_deadman,
+            faults=wire_faults(faults),
+            software_version=self._version,
+            board_version=self._board.version,
+            board_has_deadman=self._board.has_deadman,
             decision_rate_hz=self._rate_hz,
             active_model=self._active_model(),
-            missed_ticks=situation.missed_ticks,
-            decisions=situation.ticks,
+            missed_ticks=latest.missed_ticks if latest is not None else 0,
+            decisions=latest.sequence + 1 if latest is not None else 0,
             camera=self._camera_source,
-            notices=[messages.Notice(kind=n.kind, detail=n.detail) for n in self._loop.notices],
+            notices=wire_notices(self._notices()),
             trusted_keys=[key.line for key in self._trust.public_keys],
             accepts_unsigned_models=self._trust.allow_unsigned,
-            left_motor=_to_message(self._wheels.left),
-            right_motor=_to_message(self._wheels.right),
+            left_motor=wire_motor(self._wheels.left),
+            right_motor=wire_motor(self._wheels.right),
         ).SerializeToString()
 
     def stop(self, _: bytes) -> bytes:
@@ -107,7 +121,7 @@ class CommandService:
         self._check_current(command)
         self._heard()
         if action == "run":
-            self._forgive_camera()
+            self._camera.forgive()
             self._helm.run()
         elif action == "drive":
             self._drive(command.drive)
@@ -131,10 +145,6 @@ class CommandService:
             steps = to_steps(drive.wheels.left, drive.wheels.right)
         except ValueError as error:
             raise RefusedError(str(error)) from None
-        if (fault := self._motors.fault) is not None:
+        if (fault := self._board.fault) is not None:
             raise RefusedError(fault.detail)
         self._helm.steer_by_hand(self._wheels.to_board(steps), drive.hold_ms * 1_000_000)
-
-
-def _to_message(motor: MotorMap) -> messages.MotorMap:
-    return messages.MotorMap(reversed=motor.reversed, trim=motor.trim, dead_band=motor.dead_band)

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from mbot_agent.camera.frame_sources import frame_source
+from mbot_agent.camera.picture_check import PictureCheck
 from mbot_agent.configuration import Configuration
-from mbot_agent.frame_check import FrameCheck
-from mbot_agent.frame_sources import frame_source
 from mbot_protocol.errors import MbotError
 from mbot_protocol.mcore import has_deadman
 
@@ -57,7 +57,7 @@ def examine(configuration: Configuration) -> list[Finding]:
 
 
 def _camera(configuration: Configuration) -> Finding:
-    check = FrameCheck(configuration.camera)
+    check = PictureCheck(configuration.camera)
     with frame_source(configuration.camera) as source:
         started_s = time.monotonic()
         height_px = width_px = 0
@@ -91,7 +91,7 @@ def examine_lens(configuration: Configuration) -> Finding:
 
 
 def _board(configuration: Configuration) -> Finding:
-    from mbot_agent.board_session import BoardSession
+    from mbot_agent.board.board_session import BoardSession
 
     board = configuration.board
     never, keep_open = os.pipe()
@@ -130,12 +130,12 @@ def _trust(configuration: Configuration) -> Finding:
 
 
 def _model(configuration: Configuration) -> Finding:
-    from mbot_agent.model_store import ModelStore
-    from mbot_agent.policy import Policy
-    from mbot_agent.sequence_floors import SequenceFloors
-    from mbot_agent.trust import Trust
+    from mbot_agent.models.model_directory import ModelDirectory
+    from mbot_agent.models.policy import Policy
+    from mbot_agent.models.sequence_floors import SequenceFloors
+    from mbot_agent.models.trust import Trust
 
-    store = ModelStore(configuration.models.path, configuration.models.keep)
+    store = ModelDirectory(configuration.models.path, configuration.models.keep)
     active = store.activation.active
     if not active:
         return Finding("model", "warning", "none yet: `workstation push-model` sends one")
@@ -165,7 +165,7 @@ def _network(configuration: Configuration) -> Finding:
     found = f"listens on {', '.join(network.listen)}"
     if network.tls is None:
         return Finding("network", "ok", found)
-    from mbot_agent.certificates import check_certificates
+    from mbot_agent.network.tls_files import check_certificates
 
     validity = check_certificates(network.tls, configuration.robot_id)
     if validity.advice:

@@ -8,7 +8,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mbot_agent import termination
+from mbot_agent import installed_version
+from mbot_agent.process import termination
 from mbot_protocol.errors import ConfigurationError, MbotError
 
 if TYPE_CHECKING:
@@ -78,18 +79,15 @@ class _PrintVersion(argparse.Action):
     """Looks the version up only when asked: that takes longer than the rest of the start."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from mbot_agent.version import VERSION
-
-        parser.exit(message=f"mbot-agent {VERSION}\n")
+        parser.exit(message=f"mbot-agent {installed_version()}\n")
 
 
 def _dispatch(arguments: argparse.Namespace) -> int:
     _log_to_stderr(verbose=arguments.verbose)
     if arguments.action == "stop-motors":
         return _stop_motors(arguments.config)
-    from mbot_agent.calibration import calibrated
     from mbot_agent.configuration import load
-    from mbot_agent.enrolment import enrolled
+    from mbot_agent.configuration_files import calibrated, enrolled
 
     configuration = calibrated(load(arguments.config), arguments.config)
     configuration = enrolled(configuration, arguments.config)
@@ -103,8 +101,8 @@ def _dispatch(arguments: argparse.Namespace) -> int:
 
 def _stop_motors(path: Path) -> int:
     """Even a broken configuration must not keep the motors turning."""
+    from mbot_agent.board.motor_stop import stop_motors
     from mbot_agent.configuration import Board, load
-    from mbot_agent.motor_stop import stop_motors
 
     try:
         board = load(path).board

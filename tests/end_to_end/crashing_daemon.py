@@ -6,7 +6,8 @@ bug that depends on the daemon's other threads.
 
 import os
 
-from mbot_agent import main, policy
+from mbot_agent import main
+from mbot_agent.models import policy
 from mbot_protocol.picture import Picture
 
 _act = policy.Policy.act

@@ -10,7 +10,7 @@ from typing import Self
 import msgspec
 
 from mbot_agent.configuration import Access, Configuration, Network
-from mbot_agent.link import Link
+from mbot_agent.network.zenoh_link import Link
 from mbot_protocol.access_rules import Kind
 from mbot_protocol.keys import DECISION, TOPICS, Flow, Right
 from mbot_workstation.enrolment.bundles import enrolment_toml, zenohd_json5

@@ -16,8 +16,8 @@ import pytest
 import zenoh
 
 from mbot_agent.configuration import Configuration, Network
-from mbot_agent.link import Link
-from mbot_agent.link_settings import MOST_SESSIONS
+from mbot_agent.network.zenoh_link import Link
+from mbot_agent.network.zenoh_settings import MOST_SESSIONS
 from mbot_protocol.errors import UnreachableError
 from mbot_protocol.keys import COMMAND, OBSERVATION, PUSH_CHUNK, TOPICS, Flow, Topic
 from mbot_protocol.v1.messages_pb2 import Command, PushBegin, PushChunk

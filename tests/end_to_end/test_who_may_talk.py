@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from mbot_agent.link_settings import zenoh_configuration
+from mbot_agent.network.zenoh_settings import zenoh_configuration
 from mbot_protocol.access_rules import Kind
 from mbot_protocol.errors import MbotError, RefusedError, UnreachableError
 from mbot_protocol.keys import (

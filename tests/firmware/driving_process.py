@@ -6,8 +6,9 @@ Usage: driving_process.py PORT. Drives for ever, with a new command five times a
 import sys
 import time
 
+from mbot_agent.board.motors import Motors
 from mbot_agent.configuration import Board
-from mbot_agent.motors import DriveCommand, Motors
+from mbot_agent.hardware import DriveCommand
 from mbot_protocol.mcore import Joystick
 
 

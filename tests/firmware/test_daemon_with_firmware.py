@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from mbot_agent.board.motor_stop import stop_motors
+from mbot_agent.board.motors import Motors
 from mbot_agent.configuration import Board
-from mbot_agent.motor_stop import stop_motors
-from mbot_agent.motors import DriveCommand, Motors
+from mbot_agent.hardware import DriveCommand
 from mbot_protocol.mcore import Joystick, stop_burst
 
 from .frames import DRIVE, DRIVING, OFF

@@ -8,7 +8,8 @@ import sys
 import time
 from pathlib import Path
 
-from mbot_agent import main, policy
+from mbot_agent import main
+from mbot_agent.models import policy
 from mbot_protocol.picture import Picture
 
 SLOW_S = 2.0

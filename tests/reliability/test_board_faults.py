@@ -12,9 +12,10 @@ from pathlib import Path
 import pytest
 import serial
 
-from mbot_agent import board_session
+from mbot_agent.board import board_session
+from mbot_agent.board.motors import Motors
 from mbot_agent.configuration import Board
-from mbot_agent.motors import DriveCommand, Motors
+from mbot_agent.hardware import DriveCommand
 from mbot_protocol.mcore import STOP, VERSION_REQUEST, Joystick
 
 from ..end_to_end.processes import Daemon, until

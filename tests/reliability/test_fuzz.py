@@ -17,10 +17,10 @@ import pytest
 import tomli_w
 
 from mbot_agent import configuration
-from mbot_agent.activation import Activation
-from mbot_agent.enrolment import Enrolment
-from mbot_agent.jpeg_picture import JpegError, decode_jpeg
-from mbot_agent.multipart import MultipartError, MultipartParser
+from mbot_agent.camera.jpeg_picture import JpegError, decode_jpeg
+from mbot_agent.camera.multipart import MultipartError, MultipartParser
+from mbot_agent.configuration_files import Enrolment
+from mbot_agent.models.activation import Activation
 from mbot_protocol.access_rules import split_common_name
 from mbot_protocol.actions import to_steps
 from mbot_protocol.calibration import CameraCalibration, MotionCalibration

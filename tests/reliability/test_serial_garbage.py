@@ -10,8 +10,9 @@ from collections.abc import Callable
 
 import pytest
 
+from mbot_agent.board.motors import Motors
 from mbot_agent.configuration import Board
-from mbot_agent.motors import DriveCommand, Motors
+from mbot_agent.hardware import DriveCommand
 from mbot_protocol.mcore import Joystick
 
 from ..end_to_end.processes import until

@@ -15,8 +15,8 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from mbot_agent.model_store import Label, ModelStore
-from mbot_agent.sequence_floors import SequenceFloors
+from mbot_agent.models.model_directory import Label, ModelDirectory
+from mbot_agent.models.sequence_floors import SequenceFloors
 from mbot_protocol.errors import RefusedError
 
 OLDER, OLD, NEW = b"older model", b"old model", b"new model"
@@ -37,7 +37,7 @@ def digest(data: bytes) -> str:
 
 def prepare(directory: Path) -> None:
     """A store with a proven model."""
-    store = ModelStore(directory, keep=2)
+    store = ModelDirectory(directory, keep=2)
     for data in (OLDER, OLD):
         store.add(digest(data), data, Label(data.decode()))
         store.activate(digest(data), store.activation.active)
@@ -47,7 +47,7 @@ def prepare(directory: Path) -> None:
 
 def push_and_go_back(directory: Path) -> None:
     """What a push, a start and a roll-back do to the disk; the oldest model is deleted."""
-    store = ModelStore(directory, keep=2)
+    store = ModelDirectory(directory, keep=2)
     floors = SequenceFloors(directory)
     store.sweep()
     store.add(digest(NEW), NEW, Label("new", signed="a manifest"))

@@ -6,15 +6,15 @@ import time
 from pathlib import Path
 
 from mbot_agent.configuration import Configuration, Models, Trust
-from mbot_agent.dry_run import Report
 from mbot_agent.faults import Notice
-from mbot_agent.model_keeper import ModelKeeper
-from mbot_agent.model_service import ModelService, TryModel
-from mbot_agent.model_store import ModelStore
-from mbot_agent.policy import Policy
-from mbot_agent.sequence_floors import SequenceFloors
-from mbot_agent.trial import Trial
-from mbot_agent.trust import Trust as TrustChecks
+from mbot_agent.models.dry_run import Report
+from mbot_agent.models.model_directory import ModelDirectory
+from mbot_agent.models.model_keeper import ModelKeeper
+from mbot_agent.models.model_service import ModelService, TryModel
+from mbot_agent.models.policy import Policy
+from mbot_agent.models.sequence_floors import SequenceFloors
+from mbot_agent.models.trial import Trial
+from mbot_agent.models.trust import Trust as TrustChecks
 from mbot_protocol.keys import CHUNK_BYTES
 from mbot_protocol.model_manifest import ModelManifest, SignedManifest
 from mbot_protocol.schema import SCHEMA_VERSION
@@ -73,12 +73,11 @@ class Robot:
         self.directory = directory
         self.robot_id = robot_id
         self.used: list[tuple[Policy, Trial]] = []
-        self.notices: tuple[Notice, ...] = ()
         settings = Trust((KEY.public.line,)) if trust is None else trust
         configuration = Configuration(
             robot_id=robot_id, models=Models(str(directory), keep=keep), trust=settings
         )
-        self.store = ModelStore(directory, keep)
+        self.store = ModelDirectory(directory, keep)
         self.floors = SequenceFloors(directory)
         self.trust = TrustChecks(settings, robot_id, self.floors)
         self.keeper = ModelKeeper(
@@ -86,13 +85,13 @@ class Robot:
             self.trust,
             CLEAN_DECISIONS,
             lambda policy, trial: self.used.append((policy, trial)),
-            self._hear,
         )
         self.keeper.load_active()
         self.service = ModelService(configuration, self.store, self.keeper, self.trust, try_model)
 
-    def _hear(self, notices: tuple[Notice, ...]) -> None:
-        self.notices = notices
+    @property
+    def notices(self) -> tuple[Notice, ...]:
+        return self.keeper.notices
 
     @property
     def active(self) -> str:

@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_agent.activation import MOST_STARTS, Activation
+from mbot_agent.models.activation import MOST_STARTS, Activation
 
 A, B, C = "a" * 64, "b" * 64, "c" * 64
 

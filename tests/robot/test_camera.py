@@ -7,13 +7,13 @@ import cv2
 import numpy as np
 import pytest
 
-from mbot_agent import camera as camera_module
-from mbot_agent.camera import CaptureThread
+from mbot_agent.camera import capture as camera_module
+from mbot_agent.camera.capture import CaptureThread
+from mbot_agent.camera.frame_sources import OpenCvSource, frame_source, is_real_camera
+from mbot_agent.camera.jpeg_picture import JpegError
+from mbot_agent.camera.picture_check import PictureCheck
+from mbot_agent.camera.source_contract import CameraError, FrameSource, Shot
 from mbot_agent.configuration import Camera
-from mbot_agent.frame_check import FrameCheck
-from mbot_agent.frame_sources import OpenCvSource, frame_source, is_real_camera
-from mbot_agent.jpeg_picture import JpegError
-from mbot_agent.source_contract import CameraError, FrameSource, Shot
 
 MILLISECOND = 1_000_000
 
@@ -32,18 +32,18 @@ def video(path: Path, frames: int = 40, colour: tuple[int, int, int] | None = No
     return path
 
 
-def kind(check: FrameCheck, picture: np.ndarray, at_ms: float) -> str | None:
+def kind(check: PictureCheck, picture: np.ndarray, at_ms: float) -> str | None:
     fault = check.judge(picture, int(at_ms * MILLISECOND))
     return None if fault is None else fault.kind
 
 
 def test_a_picture_that_changes_is_good() -> None:
-    check = FrameCheck(Camera())
+    check = PictureCheck(Camera())
     assert [kind(check, noise(k), k * 33) for k in range(20)] == [None] * 20
 
 
 def test_black_and_nearly_black_pictures_are_refused() -> None:
-    check = FrameCheck(Camera())
+    check = PictureCheck(Camera())
     assert kind(check, noise(0) // 64, 0) == "camera-black"
     assert kind(check, np.zeros((48, 64, 3), np.uint8), 33) == "camera-black"
     assert kind(check, noise(1) // 8, 66) is None
@@ -54,21 +54,21 @@ def test_black_and_nearly_black_pictures_are_refused() -> None:
     [noise(0, 50, 64), noise(0)[..., 0], noise(0).astype(np.float32), noise(0)[..., :2]],
 )
 def test_another_shape_than_before_is_refused(picture: np.ndarray) -> None:
-    check = FrameCheck(Camera())
+    check = PictureCheck(Camera())
     assert kind(check, noise(1), 0) is None
     assert kind(check, picture, 33) == "camera-wrong-shape"
     assert kind(check, noise(2), 66) is None
 
 
 def test_a_configured_shape_is_held_from_the_first_frame() -> None:
-    check = FrameCheck(Camera(width_px=320, height_px=240))
+    check = PictureCheck(Camera(width_px=320, height_px=240))
     fault = check.judge(noise(0), 0)
     assert fault is not None
     assert "expected uint8 (240, 320, 3)" in fault.detail
 
 
 def test_a_sensor_that_repeats_itself_is_frozen_after_300_ms() -> None:
-    check = FrameCheck(Camera(source="/dev/video0"))
+    check = PictureCheck(Camera(source="/dev/video0"))
     same = noise(0)
     kinds = [kind(check, same, k * 50) for k in range(8)]
     assert kinds == [None] * 6 + ["camera-frozen"] * 2
@@ -76,7 +76,7 @@ def test_a_sensor_that_repeats_itself_is_frozen_after_300_ms() -> None:
 
 
 def test_a_still_stream_is_believed_until_the_robot_drives(monkeypatch: pytest.MonkeyPatch) -> None:
-    check = FrameCheck(Camera(source="http://127.0.0.1/stream"))
+    check = PictureCheck(Camera(source="http://127.0.0.1/stream"))
     same = noise(0)
     assert kind(check, same, 0) is None
     assert kind(check, same, 60_000) is None

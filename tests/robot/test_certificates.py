@@ -3,9 +3,9 @@ from pathlib import Path
 
 import pytest
 
-from mbot_agent.certificates import check_certificates
 from mbot_agent.configuration import Access, Configuration, Network, Tls
 from mbot_agent.doctor import _network as network_finding  # pyright: ignore[reportPrivateUsage]
+from mbot_agent.network.tls_files import check_certificates
 from mbot_protocol.access_rules import Kind
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.keys import Right

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mbot_agent.calibration import calibrated
+from mbot_agent.camera.picture_check import PictureCheck
 from mbot_agent.configuration import Camera, Configuration, Intrinsics, decode, load
+from mbot_agent.configuration_files import calibrated
 from mbot_agent.doctor import examine_lens
-from mbot_agent.frame_check import FrameCheck
 from mbot_protocol.actions import MotorMap, Steps
 from mbot_protocol.errors import ConfigurationError
 
@@ -243,11 +243,11 @@ def test_motors_can_be_stopped_whatever_the_calibration_says(robot_toml: Path) -
 
 
 def test_frames_of_another_shape_than_the_calibration_are_no_frames(robot_toml: Path) -> None:
-    check = FrameCheck(calibrated(load(robot_toml), robot_toml).camera)
+    check = PictureCheck(calibrated(load(robot_toml), robot_toml).camera)
     rng = np.random.default_rng(0)
     good = rng.integers(100, 200, (240, 320, 3), np.uint8)
     assert check.judge(good, 0) is None
-    check = FrameCheck(calibrated(load(robot_toml), robot_toml).camera)
+    check = PictureCheck(calibrated(load(robot_toml), robot_toml).camera)
     fault = check.judge(rng.integers(100, 200, (180, 320, 3), np.uint8), 0)
     assert fault is not None
     assert fault.kind == "camera-wrong-shape"

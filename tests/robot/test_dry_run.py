@@ -16,8 +16,8 @@ import onnx
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 
-from mbot_agent import dry_run as module
-from mbot_agent.dry_run import dry_run
+from mbot_agent.models import dry_run as module
+from mbot_agent.models.dry_run import dry_run
 from mbot_protocol.errors import ContractError, NewerSchemaError, RefusedError
 from mbot_protocol.golden_frames import PROPERTY
 from mbot_protocol.policy_contract import PolicyMetadata
@@ -140,7 +140,8 @@ def test_a_model_that_never_answers_is_killed_within_10_s(
 
 def test_a_slow_start_leaves_a_model_its_time_and_the_bar_its_room() -> None:
     attempt = (
-        "import resource, mbot_agent.dry_run as d; d.time.process_time = lambda: 4.7; d._limit();"
+        "import resource, mbot_agent.models.dry_run as d;"
+        "d.time.process_time = lambda: 4.7; d._limit();"
         "print(*resource.getrlimit(resource.RLIMIT_CPU))"
     )
     done = subprocess.run([sys.executable, "-c", attempt], capture_output=True, check=True)
@@ -172,7 +173,7 @@ def test_the_child_leaves_no_file_and_can_write_none(
     dry_run(constant_model(), RATE_HZ)
     assert list(tmp_path.iterdir()) == []
     attempt = (
-        "import sys; sys.stdin.buffer.read(); import mbot_agent.dry_run as d; d._limit();"
+        "import sys; sys.stdin.buffer.read(); import mbot_agent.models.dry_run as d; d._limit();"
         f"open({str(tmp_path / 'x')!r}, 'wb', buffering=0).write(b'x')"
     )
     assert os.system(f'{sys.executable} -c "{attempt}" </dev/null 2>/dev/null') != 0

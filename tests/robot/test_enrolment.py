@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from mbot_agent.configuration import Configuration, Network, decode
-from mbot_agent.enrolment import ENROLMENT_FILE, enrolled
+from mbot_agent.configuration_files import ENROLMENT_FILE, enrolled
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.keys import Right
 

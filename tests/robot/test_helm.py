@@ -2,36 +2,25 @@ import time
 
 import pytest
 
+from mbot_agent.arming import Mode, State, state_of
 from mbot_agent.faults import Fault
-from mbot_agent.helm import Helm, Mode, State, state_of
-from mbot_agent.motors import DriveCommand
+from mbot_agent.hardware import DriveCommand
+from mbot_agent.helm import Helm
 from mbot_protocol.mcore import Joystick
+
+from .loop_bench import ObedientBoard
 
 FORWARD = Joystick(-100, 100)
 WRONG = (Fault("camera-stalled", "no frame"),)
 
 
-class RecordingMotors:
-    """Keeps what the helm asks of the motors."""
-
-    def __init__(self) -> None:
-        self.asked: list[object] = []
-
-    def drive(self, command: DriveCommand) -> int:
-        self.asked.append(command.joystick)
-        return len(self.asked)
-
-    def stop(self) -> None:
-        self.asked.append("stop")
-
-
 @pytest.fixture
-def motors() -> RecordingMotors:
-    return RecordingMotors()
+def motors() -> ObedientBoard:
+    return ObedientBoard()
 
 
-def helm_of(motors: RecordingMotors, mode: Mode = Mode.IDLE) -> Helm:
-    return Helm(motors, mode)  # pyright: ignore[reportArgumentType]
+def helm_of(motors: ObedientBoard, mode: Mode = Mode.IDLE) -> Helm:
+    return Helm(motors, mode)
 
 
 @pytest.mark.parametrize(
@@ -51,7 +40,7 @@ def test_a_fault_shows_only_where_the_robot_should_drive(
     assert state_of(mode, faults) is state
 
 
-def test_a_decision_begun_before_a_stop_never_reaches_the_motors(motors: RecordingMotors) -> None:
+def test_a_decision_begun_before_a_stop_never_reaches_the_motors(motors: ObedientBoard) -> None:
     helm = helm_of(motors)
     helm.run()
     orders = helm.orders
@@ -61,7 +50,7 @@ def test_a_decision_begun_before_a_stop_never_reaches_the_motors(motors: Recordi
 
 
 def test_a_decision_begun_before_stop_and_run_again_is_outdated_too(
-    motors: RecordingMotors,
+    motors: ObedientBoard,
 ) -> None:
     helm = helm_of(motors, Mode.RUNNING)
     orders = helm.orders
@@ -71,7 +60,7 @@ def test_a_decision_begun_before_stop_and_run_again_is_outdated_too(
     assert helm.steer_by_policy(helm.orders, DriveCommand(FORWARD, 0)) is not None
 
 
-def test_resting_for_old_orders_does_not_stop_a_hand(motors: RecordingMotors) -> None:
+def test_resting_for_old_orders_does_not_stop_a_hand(motors: ObedientBoard) -> None:
     helm = helm_of(motors, Mode.RUNNING)
     orders = helm.orders
     helm.steer_by_hand(FORWARD, 10**9)
@@ -80,7 +69,7 @@ def test_resting_for_old_orders_does_not_stop_a_hand(motors: RecordingMotors) ->
 
 
 def test_a_hand_that_lets_go_has_stopped(
-    motors: RecordingMotors, monkeypatch: pytest.MonkeyPatch
+    motors: ObedientBoard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     helm = helm_of(motors, Mode.RUNNING)
     helm.steer_by_hand(FORWARD, 200_000_000)
@@ -93,7 +82,7 @@ def test_a_hand_that_lets_go_has_stopped(
     assert motors.asked == [FORWARD, "stop"]
 
 
-def test_run_takes_over_from_a_hand_standing(motors: RecordingMotors) -> None:
+def test_run_takes_over_from_a_hand_standing(motors: ObedientBoard) -> None:
     helm = helm_of(motors)
     helm.steer_by_hand(FORWARD, 10**9)
     helm.run()

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_agent.jpeg_picture import JpegError, decode_jpeg, jpeg_size
+from mbot_agent.camera.jpeg_picture import JpegError, decode_jpeg, jpeg_size
 
 PICTURE = np.random.default_rng(0).integers(0, 256, (48, 64, 3), np.uint8)
 

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from mbot_agent.model_store import ModelStore
-from mbot_agent.sequence_floors import SequenceFloors
+from mbot_agent.models.model_directory import ModelDirectory
+from mbot_agent.models.sequence_floors import SequenceFloors
 
 from . import crash_process
 from .crash_process import KEY, NEW, OLD, digest, prepare
@@ -48,7 +48,7 @@ def run(root: Path, call: str, injection: str) -> list[str]:
 
 def active(directory: Path) -> bytes:
     """The model a start would load, whole and none but it, with the right floor."""
-    store = ModelStore(directory, keep=2)
+    store = ModelDirectory(directory, keep=2)
     store.sweep()
     data = store.read(store.activation.active)
     floor = SequenceFloors(directory).of(KEY)
@@ -79,7 +79,7 @@ def test_a_disk_that_refuses_at_any_call_keeps_the_old_model(
     assert ends == ["refused"] * hit + ["done"] * (len(ends) - hit)
     assert hit > 0
     for point, end in enumerate(ends, 1):
-        store = ModelStore(tmp_path / str(point), keep=2)
+        store = ModelDirectory(tmp_path / str(point), keep=2)
         # Up to the activation the old one stays. What fails later is the note of a start or of the
         # roll-back: then it is the new one, which the push has reported as active.
         pushed = digest(NEW) in {model.sha256 for model in store.models()}

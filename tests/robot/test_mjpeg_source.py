@@ -12,11 +12,11 @@ import cv2
 import numpy as np
 import pytest
 
-from mbot_agent import mjpeg_source
+from mbot_agent.camera import mjpeg_source
+from mbot_agent.camera.frame_sources import frame_source
+from mbot_agent.camera.mjpeg_source import MjpegSource, NotMjpegError
+from mbot_agent.camera.source_contract import CameraError, Shot
 from mbot_agent.configuration import Camera
-from mbot_agent.frame_sources import frame_source
-from mbot_agent.mjpeg_source import MjpegSource, NotMjpegError
-from mbot_agent.source_contract import CameraError, Shot
 
 GREETING = b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=frame\r\n\r\n"
 

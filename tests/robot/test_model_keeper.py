@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from mbot_agent import model_keeper, model_store
-from mbot_agent.policy import Policy
-from mbot_agent.trial import Finding, Verdict
+from mbot_agent.models import model_directory as model_store
+from mbot_agent.models import model_keeper
+from mbot_agent.models.policy import Policy
+from mbot_agent.models.trial import Finding, Verdict
 from mbot_protocol.errors import RefusedError
 
 from .model_bench import Robot, digest
@@ -178,7 +179,7 @@ def test_a_full_disk_does_not_keep_a_robot_from_starting_or_from_going_back(
     def full(*_: object) -> None:
         raise RefusedError("cannot note which model is active: No space left on device")
 
-    monkeypatch.setattr(model_store.ModelStore, "change", full)
+    monkeypatch.setattr(model_store.ModelDirectory, "change", full)
     life = Robot(robot.directory)
     assert life.active == "second"
     life.fail()

@@ -16,8 +16,8 @@ from hypothesis.stateful import (
     rule,
 )
 
-from mbot_agent import atomic_file
-from mbot_agent.dry_run import Report
+from mbot_agent.models.dry_run import Report
+from mbot_protocol import atomic_file
 from mbot_protocol.errors import ContractError
 from mbot_protocol.model_manifest import SignedManifest
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from mbot_agent import model_service, staging
-from mbot_agent.dry_run import Report, dry_run
+from mbot_agent.models import model_service, staging
+from mbot_agent.models.dry_run import Report, dry_run
 from mbot_protocol.v1.messages_pb2 import ModelList, PushReply
 
 from .model_bench import Robot, digest

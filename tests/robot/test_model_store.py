@@ -5,33 +5,33 @@ from pathlib import Path
 
 import pytest
 
-from mbot_agent import atomic_file
-from mbot_agent.activation import Activation
-from mbot_agent.model_store import Label, ModelStore
+from mbot_agent.models.activation import Activation
+from mbot_agent.models.model_directory import Label, ModelDirectory
+from mbot_protocol import atomic_file
 from mbot_protocol.errors import ContractError, RefusedError
 
 
-def put(store: ModelStore, data: bytes) -> str:
+def put(store: ModelDirectory, data: bytes) -> str:
     sha256 = hashlib.sha256(data).hexdigest()
     store.add(sha256, data, Label(data.decode(), 2.5))
     return sha256
 
 
-def activate(store: ModelStore, sha256: str) -> None:
+def activate(store: ModelDirectory, sha256: str) -> None:
     store.activate(sha256, store.activation.active)
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> ModelStore:
-    return ModelStore(tmp_path / "models", keep=3)
+def store(tmp_path: Path) -> ModelDirectory:
+    return ModelDirectory(tmp_path / "models", keep=3)
 
 
-def test_an_empty_store_has_no_active_model(store: ModelStore) -> None:
+def test_an_empty_store_has_no_active_model(store: ModelDirectory) -> None:
     assert store.activation == Activation()
     assert store.models() == []
 
 
-def test_activation_remembers_what_was_before(store: ModelStore) -> None:
+def test_activation_remembers_what_was_before(store: ModelDirectory) -> None:
     first, second = put(store, b"first"), put(store, b"second")
     activate(store, first)
     activate(store, second)
@@ -41,7 +41,7 @@ def test_activation_remembers_what_was_before(store: ModelStore) -> None:
     assert store.read(first) == b"first"
 
 
-def test_a_damaged_model_is_never_handed_out(store: ModelStore, tmp_path: Path) -> None:
+def test_a_damaged_model_is_never_handed_out(store: ModelDirectory, tmp_path: Path) -> None:
     sha256 = put(store, b"whole")
     (tmp_path / "models" / f"{sha256}.onnx").write_bytes(b"whale")
     with pytest.raises(ContractError, match="damaged"):
@@ -50,7 +50,7 @@ def test_a_damaged_model_is_never_handed_out(store: ModelStore, tmp_path: Path) 
 
 @pytest.mark.parametrize("content", [b"", b"\x00\xff{", b"[]", b'{"starts": {"a": "b"}}'])
 def test_a_damaged_activation_means_no_model_not_a_crash(
-    store: ModelStore, tmp_path: Path, content: bytes
+    store: ModelDirectory, tmp_path: Path, content: bytes
 ) -> None:
     path = tmp_path / "models" / "active.json"
     path.write_bytes(content)
@@ -59,7 +59,7 @@ def test_a_damaged_activation_means_no_model_not_a_crash(
     assert store.activation.active
 
 
-def test_an_activation_of_an_older_version_is_read(store: ModelStore, tmp_path: Path) -> None:
+def test_an_activation_of_an_older_version_is_read(store: ModelDirectory, tmp_path: Path) -> None:
     first, second = put(store, b"first"), put(store, b"second")
     text = f'{{"active":"{second}","previous":"{first}"}}'
     (tmp_path / "models" / "active.json").write_text(text)
@@ -67,7 +67,7 @@ def test_an_activation_of_an_older_version_is_read(store: ModelStore, tmp_path: 
 
 
 def test_an_activation_that_cannot_be_read_now_is_not_overwritten(
-    store: ModelStore, tmp_path: Path
+    store: ModelDirectory, tmp_path: Path
 ) -> None:
     sha256 = put(store, b"one")
     (tmp_path / "models" / "active.json").mkdir()
@@ -77,7 +77,7 @@ def test_an_activation_that_cannot_be_read_now_is_not_overwritten(
 
 
 def test_old_models_go_but_never_the_active_or_previous_one(
-    store: ModelStore, tmp_path: Path
+    store: ModelDirectory, tmp_path: Path
 ) -> None:
     digests: list[str] = []
     for age in range(6):
@@ -90,12 +90,12 @@ def test_old_models_go_but_never_the_active_or_previous_one(
     assert len(list((tmp_path / "models").iterdir())) == 2 * 3 + 1
 
 
-def test_a_model_that_is_not_stored_cannot_become_active(store: ModelStore) -> None:
+def test_a_model_that_is_not_stored_cannot_become_active(store: ModelDirectory) -> None:
     with pytest.raises(RefusedError, match="no stored model"):
         activate(store, "0" * 64)
 
 
-def test_prefixes_must_be_long_and_fit_one(store: ModelStore) -> None:
+def test_prefixes_must_be_long_and_fit_one(store: ModelDirectory) -> None:
     sha256 = put(store, b"one")
     assert store.find(sha256[:8]) == sha256
     for prefix in (sha256[:7], "0" * 8, ""):
@@ -105,7 +105,7 @@ def test_prefixes_must_be_long_and_fit_one(store: ModelStore) -> None:
 
 @pytest.mark.parametrize("step", ["fsync", "rename"])
 def test_a_full_disk_leaves_the_old_model_and_no_litter(
-    store: ModelStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
+    store: ModelDirectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
 ) -> None:
     old, new = put(store, b"old"), put(store, b"new")
     activate(store, old)
@@ -125,7 +125,7 @@ def test_a_full_disk_leaves_the_old_model_and_no_litter(
 
 
 def test_leftovers_of_a_power_cut_are_swept_at_start(tmp_path: Path) -> None:
-    store = ModelStore(tmp_path, keep=2)
+    store = ModelDirectory(tmp_path, keep=2)
     sha256 = put(store, b"whole")
     (tmp_path / f"{'a' * 64}.onnx.1.2.tmp").write_bytes(b"half")
     (tmp_path / f"{'b' * 64}.json").write_text("the label of a model that never came")
@@ -136,7 +136,7 @@ def test_leftovers_of_a_power_cut_are_swept_at_start(tmp_path: Path) -> None:
 
 
 def test_a_model_stored_again_keeps_its_bytes_and_gets_the_new_label(
-    store: ModelStore, tmp_path: Path
+    store: ModelDirectory, tmp_path: Path
 ) -> None:
     sha256 = put(store, b"one")
     path = tmp_path / "models" / f"{sha256}.onnx"
@@ -152,4 +152,4 @@ def test_a_model_stored_again_keeps_its_bytes_and_gets_the_new_label(
 def test_a_directory_that_cannot_be_made_is_explained(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(RefusedError, match=r"set models\.directory"):
-        ModelStore(tmp_path / "file" / "models", keep=2)
+        ModelDirectory(tmp_path / "file" / "models", keep=2)

@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mbot_agent import board_session
+from mbot_agent.board import board_session
+from mbot_agent.board.motors import Motors
 from mbot_agent.configuration import Board
-from mbot_agent.motors import DriveCommand, Motors
+from mbot_agent.hardware import DriveCommand
 from mbot_protocol.errors import UnreachableError
 from mbot_protocol.mcore import FLUSH_PADDING, STOP, Joystick
 
@@ -209,7 +210,7 @@ def test_garbage_from_the_board_ends_stopped(garbage: bytes) -> None:
 
 
 def test_find_port_explains_an_empty_bus(monkeypatch: pytest.MonkeyPatch) -> None:
-    from mbot_agent import board_port
+    from mbot_agent.board import board_port
 
     monkeypatch.setattr(board_port.list_ports, "comports", lambda: [])
     with pytest.raises(UnreachableError, match="brltty"):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_agent.multipart import (
+from mbot_agent.camera.multipart import (
     LARGEST_HEAD_BYTES,
     LARGEST_PART_BYTES,
     MultipartError,

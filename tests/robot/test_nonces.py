@@ -2,7 +2,7 @@ import time
 
 import pytest
 
-from mbot_agent.nonces import LIFETIME_S, MOST_OUTSTANDING, Nonces
+from mbot_agent.models.nonces import LIFETIME_S, MOST_OUTSTANDING, Nonces
 
 
 def test_a_nonce_is_good_once() -> None:

@@ -7,9 +7,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from mbot_agent.camera.pi_camera_source import SENSOR_MODE, PiCameraSource
+from mbot_agent.camera.source_contract import CameraError
 from mbot_agent.configuration import Camera
-from mbot_agent.pi_camera_source import SENSOR_MODE, PiCameraSource
-from mbot_agent.source_contract import CameraError
 
 
 class StandInRequest:

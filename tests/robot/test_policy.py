@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from onnx import TensorProto
 
-from mbot_agent.policy import Policy, PolicyError
+from mbot_agent.models.policy import Policy, PolicyError
 from mbot_protocol.errors import ContractError, NewerSchemaError
 from mbot_protocol.policy_contract import FULL_VIEW, PolicyMetadata
 
@@ -74,7 +74,8 @@ import socket, sys
 def refuse(*_):
     raise AssertionError("a socket was opened")
 socket.getaddrinfo = refuse
-import mbot_agent.daemon, mbot_agent.control_loop, mbot_agent.link, mbot_agent.model_service
+import mbot_agent.daemon, mbot_agent.control_loop
+import mbot_agent.network.zenoh_link, mbot_agent.models.model_service
 import os
 assert os.environ["ORT_DISABLE_TELEMETRY"] == "1"
 assert os.environ["OPENBLAS_NUM_THREADS"] == "1"
@@ -94,7 +95,7 @@ def test_the_daemon_imports_nothing_of_the_workstation() -> None:
 QUIET_CHECK = """
 import os
 from pathlib import Path
-from mbot_agent.policy import Policy
+from mbot_agent.models.policy import Policy
 import numpy as np
 policy = Policy.load(Path(%r))
 policy.act(np.zeros((64, 64, 3), np.uint8))

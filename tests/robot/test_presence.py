@@ -3,7 +3,7 @@ import threading
 import pytest
 
 from mbot_agent.configuration import Control
-from mbot_agent.presence import Presence
+from mbot_agent.network.presence import Presence
 
 STOPS = Control(on_lost_link="stop", lost_link_after_s=3)
 

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from mbot_agent.sequence_floors import SequenceFloors
+from mbot_agent.models.sequence_floors import SequenceFloors
 
 ANNA, BERT = bytes(32), bytes(range(32))
 

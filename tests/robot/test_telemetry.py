@@ -5,7 +5,11 @@ import cv2
 import numpy as np
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 
-from mbot_agent.telemetry import BACKLOG, Record, Telemetry
+from mbot_agent.arming import Mode, Orders
+from mbot_agent.faults import Notice
+from mbot_agent.network.telemetry_publisher import BACKLOG, Telemetry
+from mbot_agent.network.wire_messages import wire_decision
+from mbot_agent.tick import Tick
 from mbot_protocol.keys import DECISION, OBSERVATION, Topic
 from mbot_protocol.v1.messages_pb2 import Decision
 
@@ -23,21 +27,35 @@ class Wire:
         self.sent.append((topic, payload))
 
 
-def record(sequence: int, observation: np.ndarray | None = None) -> Record:
+NOTICE = Notice("model-rolled-back", "new was rolled back to old: nonsense")
+
+
+def tick(sequence: int, observation: np.ndarray | None = None) -> Tick:
     now_ns = time.monotonic_ns()
-    return Record(Decision(sequence=sequence, started_monotonic_ns=now_ns), observation)
+    return Tick(sequence, now_ns, now_ns, 0, Orders(Mode.IDLE, 0), observation=observation)
+
+
+def to_message(tick: Tick) -> Decision:
+    return wire_decision(tick, "mbot-1", 42, (NOTICE,))
+
+
+def telemetry_to(wire: Wire) -> Telemetry:
+    return Telemetry(wire, to_message)
 
 
 def test_a_record_and_its_picture_are_published() -> None:
     wire = Wire()
     red = np.zeros((64, 64, 3), np.uint8)
     red[..., 0] = 250
-    with Telemetry(wire) as telemetry:
-        telemetry.offer(record(7, red))
+    with telemetry_to(wire) as telemetry:
+        telemetry.offer(tick(7, red))
     (first, decision_bytes), (second, picture_bytes) = wire.sent
     assert (first, second) == (DECISION, OBSERVATION)
     decision = Decision.FromString(decision_bytes)
     assert decision.sequence == 7
+    assert (decision.robot_id, decision.session_id) == ("mbot-1", 42)
+    (notice,) = decision.notices
+    assert (notice.kind, notice.detail) == (NOTICE.kind, NOTICE.detail)
     assert abs(decision.unix_time_ns - time.time_ns()) < 5e9
     assert decision.resident_memory_bytes > 1e6
     picture = CompressedImage.FromString(picture_bytes)
@@ -51,9 +69,9 @@ def test_a_record_and_its_picture_are_published() -> None:
 def test_a_slow_link_never_holds_up_the_loop_and_losses_are_counted() -> None:
     wire = Wire()
     wire.open.clear()
-    with Telemetry(wire) as telemetry:
+    with telemetry_to(wire) as telemetry:
         for sequence in range(50):
-            telemetry.offer(record(sequence))  # returns although nothing can be sent
+            telemetry.offer(tick(sequence))  # returns although nothing can be sent
         wire.open.set()
     decisions = [Decision.FromString(data) for _, data in wire.sent]
     assert decisions[-1].sequence == 49
@@ -63,7 +81,7 @@ def test_a_slow_link_never_holds_up_the_loop_and_losses_are_counted() -> None:
 
 def test_one_bad_record_does_not_end_telemetry() -> None:
     wire = Wire()
-    with Telemetry(wire) as telemetry:
-        telemetry.offer(record(1, np.zeros((0, 0, 3), np.uint8)))
-        telemetry.offer(record(2))
+    with telemetry_to(wire) as telemetry:
+        telemetry.offer(tick(1, np.zeros((0, 0, 3), np.uint8)))
+        telemetry.offer(tick(2))
     assert Decision.FromString(wire.sent[-1][1]).sequence == 2

@@ -1,6 +1,6 @@
 import pytest
 
-from mbot_agent.trial import Finding, Trial, Verdict
+from mbot_agent.models.trial import Finding, Trial, Verdict
 
 
 class Bench:

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from mbot_agent import trust
 from mbot_agent.configuration import Trust
-from mbot_agent.nonces import LIFETIME_S
+from mbot_agent.models import trust
+from mbot_agent.models.nonces import LIFETIME_S
 from mbot_protocol.errors import MbotError
 from mbot_protocol.model_manifest import ModelManifest, SignedManifest, Tensor
 from mbot_protocol.policy_contract import INPUT_NAME, INPUT_TYPE

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import Struct
 
-from mbot_agent.calibration import calibrated
 from mbot_agent.configuration import Configuration
+from mbot_agent.configuration_files import calibrated
 from mbot_protocol.actions import MotorMap
 from mbot_protocol.calibration import (
     CameraCalibration,

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mbot_agent.configuration import Configuration, decode
-from mbot_agent.enrolment import ENROLMENT_FILE, enrolled
+from mbot_agent.configuration_files import ENROLMENT_FILE, enrolled
 from mbot_protocol.access_rules import Kind
 from mbot_protocol.errors import ConfigurationError, RefusedError
 from mbot_protocol.keys import Right

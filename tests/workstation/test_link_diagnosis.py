@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from mbot_agent.link_settings import zenoh_configuration
+from mbot_agent.network.zenoh_settings import zenoh_configuration
 from mbot_protocol.errors import UnreachableError
 from mbot_protocol.keys import ALIVE
 from mbot_workstation.link import robot_session

@@ -13,7 +13,6 @@ import msgspec
 from msgspec import Meta, Struct
 
 from mbot_protocol.actions import STEP_LIMIT
-from mbot_protocol.ed25519 import SIGNATURE_BYTES, is_genuine
 from mbot_protocol.errors import NewerSchemaError, RefusedError
 from mbot_protocol.policy_contract import (
     ACTION_SHAPE,
@@ -24,7 +23,7 @@ from mbot_protocol.policy_contract import (
     OUTPUT_NAME,
     OUTPUT_TYPE,
 )
-from mbot_protocol.public_key import PublicKey
+from mbot_protocol.public_key import SIGNATURE_BYTES, PublicKey
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -186,7 +185,7 @@ def verify(signed: SignedManifest, trusted: Sequence[PublicKey]) -> PublicKey:
         raise RefusedError(
             f"the model is signed by ed25519:{shown}, which is not among this robot's [trust] keys"
         )
-    if not is_genuine(key.raw, signed.signature, _DOMAIN + signed.manifest):
+    if not key.has_signed(_DOMAIN + signed.manifest, signed.signature):
         raise RefusedError(
             f"the signature is not {key.name}'s: the manifest was changed, or the key is another"
         )

@@ -1,7 +1,7 @@
 """The picture pipeline: a camera frame -> the policy's 64 x 64 RGB observation.
 
-Simulation, export and robot all call `Observer`, so what the policy was trained on and what it
-sees on the robot are the same rays.
+The robot and the virtual robot's daemon call `Observer`. Training renders the policy's field of
+view directly; a test holds the two to the same rays.
 """
 
 import math

@@ -1,6 +1,6 @@
-"""A signing key's public half as one line of text: `ed25519:BASE64 name`.
+"""A signing key's public half: one line of text, `ed25519:BASE64 name`, and what it can check.
 
-`workstation keys` prints it, the robot's `[trust] keys` takes it.
+`workstation keys` prints the line, the robot's `[trust] keys` takes it.
 """
 
 import base64
@@ -8,8 +8,10 @@ import binascii
 import re
 from dataclasses import dataclass
 
-from mbot_protocol.ed25519 import PUBLIC_KEY_BYTES
 from mbot_protocol.errors import ConfigurationError
+
+PUBLIC_KEY_BYTES = 32
+SIGNATURE_BYTES = 64
 
 _KIND = "ed25519:"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.@-]{0,47}")
@@ -47,6 +49,20 @@ class PublicKey:
     def line(self) -> str:
         """The text form, which `parse` reads."""
         return f"{_KIND}{base64.b64encode(self.raw).decode()} {self.name}"
+
+    def has_signed(self, message: bytes, signature: bytes) -> bool:
+        """Whether this is the key's Ed25519 signature (RFC 8032) of the message; whatever is wrong
+        with the key or the signature, the answer is no.
+        """
+        # 8 MB of memory, which a robot that has no signed model yet does not need.
+        from cryptography.exceptions import InvalidSignature
+        from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+
+        try:
+            Ed25519PublicKey.from_public_bytes(self.raw).verify(signature, message)
+        except (InvalidSignature, ValueError):
+            return False
+        return True
 
     @classmethod
     def parse(cls, line: str) -> "PublicKey":

@@ -1,0 +1,45 @@
+"""`mbot-agent stop-motors`: what systemd runs after the daemon has ended, however it ended."""
+
+import logging
+import os
+import time
+
+from mbot_agent.board.board_session import BoardSession
+from mbot_agent.configuration import Board
+from mbot_protocol.errors import UnreachableError
+
+log = logging.getLogger(__name__)
+
+TIME_LIMIT_S = 8.0
+"""All attempts together; systemd's TimeoutStopSec leaves 10 s, a board that boots needs 3.5 s."""
+
+PAUSE_S = 0.3
+
+
+def stop_motors(board: Board) -> None:
+    """Open the port, stop the motors and wait for the board's word that they stand.
+
+    Opening the port resets a real board, which already turns its motors off; the handshake then
+    waits for its firmware and says stop once more.
+
+    Raises:
+        UnreachableError: the board could not be told in 8 s.
+
+    """
+    end_s = time.monotonic() + TIME_LIMIT_S
+    never, keep_open = os.pipe()
+    try:
+        while True:
+            try:
+                with BoardSession.open(board.port, board.baud_rate, never) as session:
+                    if session.handshake(lambda: time.monotonic() > end_s):
+                        log.info("motors stopped (%s, %s)", session.path, session.version)
+                        return
+                    raise UnreachableError(f"{session.path} does not confirm that the motors stand")
+            except UnreachableError:
+                if time.monotonic() + PAUSE_S > end_s:
+                    raise
+                time.sleep(PAUSE_S)
+    finally:
+        os.close(never)
+        os.close(keep_open)

@@ -1,0 +1,259 @@
+"""The motor thread: the only place that talks to the board, and the last word on safety.
+
+A drive command holds only until its deadline and only while its guard says so; it is refreshed
+at 10 Hz, and when either fails the motors are stopped here, whatever the rest of the daemon does.
+"""
+
+import contextlib
+import logging
+import os
+import threading
+import time
+from types import TracebackType
+from typing import Self
+
+from mbot_agent.board.board_session import (
+    BoardLostError,
+    BoardResetError,
+    BoardSession,
+    UnacknowledgedError,
+)
+from mbot_agent.configuration import Board
+from mbot_agent.faults import Fault
+from mbot_agent.hardware import Delivery, DriveCommand
+from mbot_protocol.back_off import BackOff
+from mbot_protocol.errors import UnreachableError
+from mbot_protocol.mcore import STOP, has_deadman
+
+log = logging.getLogger(__name__)
+
+REFRESH_S = 0.1
+"""Drive commands are repeated at 10 Hz: three times within the firmware's 300 ms time-out, far
+below the 400 Hz at which the board's parser starts to fail (measured)."""
+
+IDLE_HEARTBEAT_S = 0.5
+"""While standing, STOP is repeated this often: it keeps the last word a stop and finds a dead
+board before it is needed."""
+
+LOST_AFTER_FAILURES = 2
+"""Unacknowledged commands in a row (50 ms each) until the port is closed and opened anew."""
+
+
+class Motors:
+    """Owns the serial port in a thread of its own. Use as a context manager."""
+
+    def __init__(self, board: Board) -> None:
+        self._board = board
+        self._news = threading.Condition()
+        self._command: DriveCommand | None = None
+        self._fresh = False  # the command has not been written yet
+        self._deliveries: dict[int, Delivery] = {}
+        self._ticket = 0
+        self._halted = False
+        self._closing = False
+        self._stopped = threading.Event()
+        self._fault: Fault | None = Fault("board-starting", "the board has not answered yet")
+        self._version = ""
+        self._wake_reader, self._wake_writer = os.pipe()
+        os.set_blocking(self._wake_reader, False)
+        os.set_blocking(self._wake_writer, False)
+        self._thread = threading.Thread(target=self._run, name="motors", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.halt()
+        self._closing = True
+        self._wake()
+        self._thread.join(timeout=2.0)
+
+    @property
+    def version(self) -> str:
+        """The firmware's name of itself; empty while not connected."""
+        return self._version
+
+    @property
+    def has_deadman(self) -> bool:
+        """Whether the firmware stops by itself when commands cease."""
+        return has_deadman(self._version)
+
+    @property
+    def fault(self) -> Fault | None:
+        """Why the wheels cannot be driven now, if they cannot."""
+        fault = self._fault
+        if fault is None and not (self.has_deadman or self._board.accept_no_deadman):
+            return Fault(
+                "board-no-deadman",
+                f"the board's firmware ({self._version}) keeps driving if this computer dies; "
+                "flash one with a time-out, or accept it by board.accept_no_deadman = true",
+            )
+        return fault
+
+    def drive(self, command: DriveCommand) -> int:
+        """Make this the command in force. Returns a ticket for `delivery`.
+
+        A command given while the motors cannot be driven is dropped, never kept for later.
+        """
+        with self._news:
+            self._ticket += 1
+            if self._halted or self.fault is not None:
+                self._command = None
+            else:
+                self._command, self._fresh = command, True
+            ticket = self._ticket
+        self._wake()
+        return ticket
+
+    def delivery(self, ticket: int, timeout_s: float) -> Delivery | None:
+        """Wait for a command's acknowledgement; None if it does not come in time."""
+        with self._news:
+            self._news.wait_for(lambda: ticket in self._deliveries, timeout_s)
+            delivery = self._deliveries.get(ticket)
+            self._deliveries.clear()
+            return delivery
+
+    def stop(self) -> None:
+        """End any command; the thread stops the motors at once if they were driven."""
+        with self._news:
+            if self._command is None:
+                return
+            self._command = None
+        self._wake()
+
+    def halt(self) -> None:
+        """Stop now and accept no command ever after: the daemon is going down."""
+        with self._news:
+            self._halted = True
+            self._command = None
+        self._wake()
+
+    def wait_stopped(self, timeout_s: float) -> bool:
+        """Whether the board has confirmed a stop (or is not connected) within the time."""
+        return self._stopped.wait(timeout_s)
+
+    def _wake(self) -> None:
+        with contextlib.suppress(BlockingIOError):  # the pipe is full of wake-ups already
+            os.write(self._wake_writer, b"x")
+
+    def _sleep(self, seconds: float) -> None:
+        """Wait without a board, unless the daemon closes."""
+        end = time.monotonic() + seconds
+        while not self._closing and (left := end - time.monotonic()) > 0:
+            time.sleep(min(left, 0.05))
+
+    def _run(self) -> None:
+        back_off = BackOff()
+        while not self._closing:
+            try:
+                with BoardSession.open(
+                    self._board.port, self._board.baud_rate, self._wake_reader
+                ) as session:
+                    while not self._closing and session.handshake(lambda: self._closing):
+                        back_off.succeeded()
+                        self._connected(session)
+                        try:
+                            self._serve(session)
+                        except BoardResetError as error:
+                            self._lost(error)  # the port still stands: shake hands again
+            except UnreachableError as error:
+                self._lost(error)
+                self._stopped.set()  # there is nothing left that could be waited for
+                self._sleep(back_off.next_s())
+            except Exception as error:
+                log.exception("the motor thread stumbled; opening the board anew")
+                self._lost(UnreachableError(f"internal error: {error}"))
+                self._stopped.set()
+                self._sleep(back_off.next_s())
+
+    def _connected(self, session: BoardSession) -> None:
+        with self._news:
+            self._version, self._command, self._fault = session.version, None, None
+        self._stopped.set()
+        log.info("board ready on %s, firmware %s", session.path, session.version)
+        if (fault := self.fault) is not None:
+            log.warning("%s", fault.detail)
+
+    def _lost(self, error: Exception) -> None:
+        fault = Fault("board-lost", str(error))
+        with self._news:
+            if self._fault != fault:
+                log.warning("%s", error)
+            self._fault, self._version, self._command = fault, "", None
+            self._news.notify_all()
+
+    def _serve(self, session: BoardSession) -> None:
+        """Keep the board doing what is in force until the daemon closes or the board is lost."""
+        driving = False
+        next_write = 0.0
+        failures = 0
+        while not self._closing:
+            command, ticket, fresh = self._in_force()
+            now = time.monotonic()
+            try:
+                if command is None:
+                    if driving:
+                        session.stop()
+                        driving = False
+                        next_write = now + IDLE_HEARTBEAT_S
+                    elif now >= next_write:
+                        session.send(STOP)
+                        next_write = now + IDLE_HEARTBEAT_S
+                    self._stopped.set()
+                elif fresh or now >= next_write:
+                    driving = driving or not command.joystick.is_stop
+                    written_ns, acknowledged_ns = session.send(command.joystick)
+                    next_write = now + REFRESH_S
+                    if fresh:
+                        self._delivered(ticket, Delivery(written_ns, acknowledged_ns))
+                failures = 0
+            except UnacknowledgedError as error:
+                failures += 1
+                if failures >= LOST_AFTER_FAILURES:
+                    raise BoardLostError(str(error)) from None
+                self._drop(ticket)
+                # It may or may not have obeyed. Stop it for certain before anything newer is
+                # sent; that also arms a board again whose dead man's switch has latched.
+                session.stop()
+                driving = False
+                continue
+            self._wait(session, command, next_write)
+
+    def _in_force(self) -> tuple[DriveCommand | None, int, bool]:
+        """The command that holds now, its ticket, and whether it still has to be written."""
+        with self._news:
+            command, fresh = self._command, self._fresh
+            self._fresh = False
+            if command is not None and (
+                time.monotonic_ns() >= command.deadline_ns or not command.guard()
+            ):
+                self._command = command = None
+            if command is not None:
+                self._stopped.clear()
+            return command, self._ticket, fresh
+
+    def _drop(self, ticket: int) -> None:
+        """Forget a command, unless a newer one has come meanwhile."""
+        with self._news:
+            if self._ticket == ticket:
+                self._command = None
+
+    def _delivered(self, ticket: int, delivery: Delivery) -> None:
+        with self._news:
+            self._deliveries[ticket] = delivery
+            self._news.notify_all()
+
+    def _wait(self, session: BoardSession, command: DriveCommand | None, next_write: float) -> None:
+        until = next_write
+        if command is not None:
+            until = min(until, command.deadline_ns / 1e9)
+        session.wait(until - time.monotonic())
+        with contextlib.suppress(BlockingIOError):
+            while os.read(self._wake_reader, 64):
+                pass

@@ -1,0 +1,93 @@
+"""The Raspberry Pi camera."""
+
+import time
+from types import TracebackType
+from typing import Any, Self, cast
+
+from mbot_agent.camera.source_contract import READ_TIMEOUT_S, CameraError, Shot
+from mbot_agent.configuration import Camera
+from mbot_protocol.picture import Picture
+
+PICAMERA_DEFAULT_SIZE = (320, 240)
+"""Five samples a side for each observation pixel; the ISP scales, so it costs the CPU nothing."""
+
+SENSOR_MODE = (2028, 1520)
+"""The IMX477's full-view mode, binned 2 x 2; others crop (1332 x 990 sees 38 x 28.7 degrees)."""
+
+
+class PiCameraSource:
+    """The Raspberry Pi camera by picamera2, scaled on the ISP.
+
+    picamera2 names its formats backwards: "BGR888" arrives as RGB in memory.
+    """
+
+    def __init__(self, camera: Camera) -> None:
+        self._camera = camera
+        self._picamera: Any = None
+
+    def __enter__(self) -> Self:
+        try:
+            # From Raspberry Pi OS's apt only; heavy, so imported where used.
+            import picamera2  # pyright: ignore[reportMissingImports]
+        except ImportError as error:
+            raise CameraError(
+                f"picamera2 cannot be imported ({error}): apt install python3-picamera2, and use "
+                "a virtual environment with --system-site-packages (deploy/install.sh makes one)"
+            ) from None
+        library = cast(Any, picamera2)
+        if not library.Picamera2.global_camera_info():
+            raise CameraError(
+                "libcamera finds no camera: check the cable and `rpicam-hello --list-cameras`"
+            )
+        width_px, height_px = PICAMERA_DEFAULT_SIZE
+        if self._camera.width_px is not None and self._camera.height_px is not None:
+            width_px, height_px = self._camera.width_px, self._camera.height_px
+        try:
+            picamera = library.Picamera2()
+            picamera.configure(
+                picamera.create_video_configuration(
+                    main={"size": (width_px, height_px), "format": "BGR888"},
+                    sensor={"output_size": SENSOR_MODE, "bit_depth": 12},
+                    controls={"FrameRate": self._camera.frame_rate_hz},
+                    buffer_count=4,
+                    queue=False,
+                )
+            )
+            picamera.start()
+        except Exception as error:
+            raise CameraError(
+                f"the Pi camera does not start: {error}; is another program using it?"
+            ) from None
+        self._picamera = picamera
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._picamera is not None:
+            self._picamera.close()
+            self._picamera = None
+
+    def read(self) -> Shot:
+        """See FrameSource. The capture time is the sensor's own."""
+        try:
+            request = self._picamera.capture_request(wait=READ_TIMEOUT_S)
+        except Exception as error:
+            raise CameraError(
+                f"the Pi camera delivers no frames ({type(error).__name__} {error})"
+            ) from None
+        try:
+            frame = cast(Picture, request.make_array("main"))
+            captured_boottime_ns = int(request.get_metadata()["SensorTimestamp"])
+        finally:
+            request.release()
+        return Shot.decoded(frame, _boottime_to_monotonic(captured_boottime_ns))
+
+
+def _boottime_to_monotonic(boottime_ns: int) -> int:
+    """libcamera stamps frames on CLOCK_BOOTTIME, which differs by the time spent suspended."""
+    suspended_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()
+    return min(boottime_ns - suspended_ns, time.monotonic_ns())

@@ -1,0 +1,145 @@
+"""The files that complete config.toml: a calibration folder, and what `workstation enroll` wrote.
+
+Each is a file of its own, so that a new calibration, person or certificate is copied, not edited
+in. A value that stands in two files is refused: neither could win without somebody looking for the
+fault in the wrong place.
+"""
+
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+from msgspec import Struct
+
+from mbot_agent.configuration import Access, Configuration, Intrinsics, Motor, Network
+from mbot_protocol.calibration import (
+    CAMERA_FILE,
+    MOTION_FILE,
+    CameraCalibration,
+    MotionCalibration,
+    MotorCalibration,
+    read_camera,
+    read_motion,
+)
+from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.toml_file import read_toml
+
+ENROLMENT_FILE = "enrolment.toml"
+
+M = TypeVar("M", bound=Motor)
+
+
+def calibrated(configuration: Configuration, origin: Path) -> Configuration:
+    """The configuration with the values of the folder it names, if it names one.
+
+    Args:
+        configuration: as read.
+        origin: its file; a relative folder counts from there, and errors name it.
+
+    Raises:
+        ConfigurationError: the folder or a file in it is unusable, or a value stands twice.
+
+    """
+    if not configuration.calibration:
+        return configuration
+    folder = origin.parent / configuration.calibration
+    camera, motion = read_camera(folder), read_motion(folder)
+    if camera is None and motion is None:
+        raise ConfigurationError(
+            f"{folder} holds neither {CAMERA_FILE} nor {MOTION_FILE}: copy this robot's "
+            f"calibration there, or leave calibration empty in {origin}"
+        )
+    if camera is not None:
+        configuration = _with_camera(configuration, camera, origin, folder)
+    if motion is not None:
+        configuration = _with_motion(configuration, motion, origin, folder)
+    return configuration
+
+
+def _with_camera(
+    configuration: Configuration, camera: CameraCalibration, origin: Path, folder: Path
+) -> Configuration:
+    if configuration.camera.intrinsics is not None:
+        raise ConfigurationError(
+            f"{origin}: [camera.intrinsics] is set, and {folder / CAMERA_FILE} gives the camera "
+            "too: delete one of the two"
+        )
+    names = Intrinsics.__struct_fields__
+    intrinsics = Intrinsics(**{name: getattr(camera, name) for name in names})
+    changed = msgspec.structs.replace(configuration.camera, intrinsics=intrinsics)
+    size_px = changed.width_px, changed.height_px
+    if size_px[0] and size_px[1] and not changed.is_calibrated_for(size_px[0], size_px[1]):
+        raise ConfigurationError(
+            f"{origin}: camera.width_px and height_px are {size_px[0]} x {size_px[1]}, another "
+            f"shape than the {camera.width_px} x {camera.height_px} of {folder / CAMERA_FILE}: "
+            "frames must show the whole view that was calibrated"
+        )
+    return msgspec.structs.replace(configuration, camera=changed)
+
+
+def _with_motion(
+    configuration: Configuration, motion: MotionCalibration, origin: Path, folder: Path
+) -> Configuration:
+    motors = configuration.motors
+    for side, motor in (("left", motors.left), ("right", motors.right)):
+        for name in ("trim", "dead_band"):
+            if getattr(motor, name) is not None:
+                raise ConfigurationError(
+                    f"{origin}: motors.{side}.{name} is set, and {folder / MOTION_FILE} gives it "
+                    "too: delete one of the two"
+                )
+    changed = msgspec.structs.replace(
+        motors,
+        left=_mapped(motors.left, motion.left_motor),
+        right=_mapped(motors.right, motion.right_motor),
+    )
+    return msgspec.structs.replace(configuration, motors=changed)
+
+
+def _mapped(motor: M, calibration: MotorCalibration) -> M:
+    return msgspec.structs.replace(
+        motor, trim=calibration.trim, dead_band=calibration.dead_band_compensation
+    )
+
+
+class Enrolment(Struct, frozen=True, forbid_unknown_fields=True):
+    """The file's content."""
+
+    robot_id: str
+    network: Network
+    access: Access
+
+
+def enrolled(configuration: Configuration, origin: Path) -> Configuration:
+    """The configuration with the network and people of the enrolment, if there is one.
+
+    Args:
+        configuration: as read.
+        origin: its file; the enrolment is looked for beside it, and errors name it.
+
+    Raises:
+        ConfigurationError: the enrolment is unusable or another robot's, or certificates or
+            people stand in both files: neither could win without somebody being let in by the
+            other.
+
+    """
+    path = origin.parent / ENROLMENT_FILE
+    if not path.exists():
+        return configuration
+    enrolment = read_toml(path, Enrolment)
+    if enrolment.robot_id != configuration.robot_id:
+        raise ConfigurationError(
+            f"{path} is for robot {enrolment.robot_id!r}, but robot_id in {origin} is "
+            f"{configuration.robot_id!r}: copy this robot's, or change robot_id"
+        )
+    if configuration.network.tls is not None or configuration.access != Access():
+        raise ConfigurationError(
+            f"{origin} has [network.tls] or [access], and {path} has them too: delete one of the "
+            "two"
+        )
+    try:
+        return msgspec.structs.replace(
+            configuration, network=enrolment.network, access=enrolment.access
+        )
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{path}: {error}") from None

@@ -1,0 +1,116 @@
+"""The seam between the loop and the hardware: what it sees of a camera and of a board.
+
+The rooms `camera` and `board` fill these in; the tests put fakes in their place.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from mbot_agent.faults import Fault
+from mbot_protocol.mcore import Joystick
+from mbot_protocol.picture import Picture
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A frame to decide on.
+
+    Attributes:
+        picture: shape (height, width, 3), uint8, RGB.
+        captured_ns: monotonic.
+
+    """
+
+    picture: Picture
+    captured_ns: int
+
+
+def always() -> bool:
+    """The guard of a command that needs none."""
+    return True
+
+
+@dataclass(frozen=True, slots=True)
+class DriveCommand:
+    """What the wheels should do, and for how long at most.
+
+    Attributes:
+        joystick: the board's speeds.
+        deadline_ns: monotonic; the motors stop then at the latest.
+        guard: asked before every repetition; false stops the motors.
+
+    """
+
+    joystick: Joystick
+    deadline_ns: int
+    guard: Callable[[], bool] = always
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """When a command was written and acknowledged, monotonic."""
+
+    written_ns: int
+    acknowledged_ns: int
+
+
+class Camera(Protocol):
+    """Something that delivers frames."""
+
+    @property
+    def fault(self) -> Fault | None:
+        """Why the newest picture must not be driven on, if so."""
+        ...
+
+    @property
+    def interval_ns(self) -> int:
+        """Time between two frames, as a running mean; 0 before there are two."""
+        ...
+
+    def latest(self) -> Frame | None:
+        """The newest good frame, however old."""
+        ...
+
+    def is_fresh(self) -> bool:
+        """Whether the newest good frame is recent enough to drive on; any thread may ask."""
+        ...
+
+    def drives(self, driving: bool) -> None:
+        """Learn whether the wheels are being turned now."""
+        ...
+
+    def forgive(self) -> None:
+        """Believe a picture that stood still once more: a person wants to drive again."""
+        ...
+
+
+class Board(Protocol):
+    """Something that turns two wheels."""
+
+    @property
+    def fault(self) -> Fault | None:
+        """Why the wheels cannot be driven now, if they cannot."""
+        ...
+
+    @property
+    def version(self) -> str:
+        """The firmware's name of itself; empty while not connected."""
+        ...
+
+    @property
+    def has_deadman(self) -> bool:
+        """Whether the firmware stops by itself when commands cease."""
+        ...
+
+    def drive(self, command: DriveCommand) -> int:
+        """Make this the command in force. Returns a ticket for `delivery`."""
+        ...
+
+    def delivery(self, ticket: int, timeout_s: float) -> Delivery | None:
+        """Wait for a command's acknowledgement; None if it does not come in time."""
+        ...
+
+    def stop(self) -> None:
+        """End any command; the motors stop at once if they were driven."""
+        ...

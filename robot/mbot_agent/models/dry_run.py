@@ -1,0 +1,145 @@
+"""Try a model in a process of its own before it may come near the motors.
+
+A model that hangs, eats memory or crashes takes that process down, not the daemon. It gets the
+model through a pipe and can write no file.
+"""
+
+import contextlib
+import math
+import os
+import resource
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import msgspec
+
+from mbot_protocol.errors import ContractError, MbotError, NewerSchemaError, RefusedError
+
+TIMEOUT_S = 7.0
+"""Then the child is killed, so a model that hangs is refused within 10 s also where the computer is
+too busy to start or end a process at once. Importing onnxruntime takes 3 to 5 s on a Pi Zero 2 and
+about half of that on a Pi 4 (estimates); a good model then needs ms."""
+
+CPU_S = 4
+"""A bound on the model's work, beyond what the imports took. The slowest model allowed at the
+robot's usual rate works 2.8 s on the pictures. On a PC whose processors were all busy the time-out
+came first, and the child was gone after 7.1 s (measured)."""
+
+MEMORY_BYTES = 128 << 20
+"""Address space on top of what Python and onnxruntime map. The largest model allowed (16 MiB) needs
+less than 48 MiB, the paper's network less than 8 (measured). With the daemon's 115 MB and the 65
+of Python and onnxruntime the unit's MemoryMax of 320 MB is not reached."""
+
+SHARE_OF_PERIOD = 0.5
+"""The most processor time a decision may take; the rest is the camera's and everybody else's."""
+
+_PICTURES = 8
+
+
+class Report(msgspec.Struct, frozen=True):
+    """What a dry run has found.
+
+    Attributes:
+        inference_ms: processor time of a decision, mean.
+        golden_frames: how many the model brings; all were right.
+
+    """
+
+    inference_ms: float
+    golden_frames: int
+
+
+def dry_run(data: bytes, rate_hz: float) -> Report:
+    """Load a model in a child process and let it decide on a few pictures.
+
+    Args:
+        data: the model file.
+        rate_hz: decisions a second that this robot makes.
+
+    Raises:
+        ContractError: it does not load, breaks the contract, takes too long, answers nonsense, or
+            otherwise than when it was exported.
+        NewerSchemaError: it follows a newer contract.
+        RefusedError: no process could be started.
+
+    """
+    command = [sys.executable, "-B", "-m", "mbot_agent.models.dry_run", repr(rate_hz)]
+    try:
+        child = subprocess.run(
+            command, input=data, capture_output=True, timeout=TIMEOUT_S, check=False
+        )
+    except subprocess.TimeoutExpired:
+        raise ContractError(f"the model's dry run took more than {TIMEOUT_S:.0f} s") from None
+    except OSError as error:
+        raise RefusedError(f"cannot try the model: {error.strerror}") from None
+    if child.returncode == 0:
+        return msgspec.json.decode(child.stdout, type=Report)
+    if child.returncode < 0:
+        raise ContractError(f"the model's dry run was ended by signal {-child.returncode}")
+    lines = child.stderr.decode(errors="replace").strip().splitlines() or ["no reason given"]
+    if child.returncode == NewerSchemaError.exit_code:
+        raise NewerSchemaError(lines[-1])
+    raise ContractError(lines[-1])
+
+
+def _try(rate_hz: float) -> Report:
+    data = sys.stdin.buffer.read()
+    import numpy as np
+
+    from mbot_agent.models.policy import Policy
+    from mbot_protocol.golden_frames import check_deviation
+    from mbot_protocol.policy_contract import OBSERVATION_SHAPE
+
+    random = np.random.default_rng(0)
+    _limit()
+    policy = Policy(data)
+    golden = policy.golden_frames()
+    for frame in golden:
+        answer = policy.act(frame.picture)
+        check_deviation(max(abs(a - b) for a, b in zip(answer, frame.action, strict=True)))
+    shape = OBSERVATION_SHAPE[1:]
+    pictures = [np.full(shape, level, np.uint8) for level in (0, 128, 255)]
+    pictures += [random.integers(0, 256, shape, np.uint8) for _ in range(_PICTURES)]
+    # Not process_time: with RLIMIT_CPU set the kernel advances that by whole ticks only.
+    began_s = time.thread_time()
+    for picture in pictures:
+        policy.act(picture)
+    inference_s = (time.thread_time() - began_s) / len(pictures)
+    if inference_s > SHARE_OF_PERIOD / rate_hz:
+        raise ContractError(
+            f"the model takes {inference_s * 1000:.0f} ms for a decision, expected at most "
+            f"{SHARE_OF_PERIOD * 1000 / rate_hz:.0f} ms at {rate_hz:g} decisions/s"
+        )
+    return Report(inference_s * 1000, len(golden))
+
+
+def _limit() -> None:
+    """Set the limits, once everything that a good model needs is loaded."""
+    started_s = math.ceil(time.process_time())
+    mapped_bytes = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    for what, limit in (
+        (resource.RLIMIT_AS, mapped_bytes + MEMORY_BYTES),
+        (resource.RLIMIT_CPU, started_s + CPU_S),
+        (resource.RLIMIT_FSIZE, 0),
+        (resource.RLIMIT_CORE, 0),
+    ):
+        resource.setrlimit(what, (limit, limit))
+    # Politeness, which a hardened unit may forbid: decisions first, and if memory runs out all the
+    # same, this process goes.
+    with contextlib.suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text("1000")
+    with contextlib.suppress(OSError):
+        os.nice(10)
+
+
+if __name__ == "__main__":
+    try:
+        sys.stdout.buffer.write(msgspec.json.encode(_try(float(sys.argv[1]))))
+    except MbotError as reason:
+        print(reason, file=sys.stderr)
+        sys.exit(reason.exit_code)
+    except MemoryError:
+        print("the model needs too much memory", file=sys.stderr)
+        sys.exit(ContractError.exit_code)

@@ -1,0 +1,254 @@
+"""Answers `models/...`: takes a pushed model in, tries it, and has it stored and made active.
+
+The old model drives on until the new one has passed everything. One push is staged at a time, in
+memory; nothing of it touches the disk before it is whole. The order is always the same: sizes,
+signature, what the manifest says, digest, and only then does anything parse the model, first of
+all in a process of its own.
+"""
+
+import hashlib
+import hmac
+import logging
+import re
+import shutil
+import threading
+from collections.abc import Callable
+
+from mbot_agent.configuration import Configuration
+from mbot_agent.models.dry_run import Report, dry_run
+from mbot_agent.models.model_directory import ModelDirectory, StoredModel
+from mbot_agent.models.model_keeper import ModelKeeper
+from mbot_agent.models.policy import Policy
+from mbot_agent.models.staging import STAGING_EXPIRES_S, Staging
+from mbot_agent.models.trust import Trust
+from mbot_protocol import keys
+from mbot_protocol.errors import MbotError, RefusedError
+from mbot_protocol.policy_contract import LARGEST_MODEL_BYTES
+from mbot_protocol.schema import SCHEMA_VERSION, decode
+from mbot_protocol.v1 import messages_pb2 as messages
+
+log = logging.getLogger(__name__)
+
+DISK_RESERVE_BYTES = 4 << 20
+
+_SENDER = "the workstation"
+
+TryModel = Callable[[bytes, float], Report]
+"""As `dry_run`."""
+
+
+class ModelService:
+    """The replies. Used by one thread but for `expire_staging` and `active_model`."""
+
+    def __init__(
+        self,
+        configuration: Configuration,
+        store: ModelDirectory,
+        keeper: ModelKeeper,
+        trust: Trust,
+        try_model: TryModel = dry_run,
+    ) -> None:
+        self._robot_id = configuration.robot_id
+        self._rate_hz = configuration.control.decision_rate_hz
+        self._directory = configuration.models.path
+        self._store = store
+        self._keeper = keeper
+        self._trust = trust
+        self._try = try_model
+        self._staging: Staging | None = None
+        self._staging_lock = threading.Lock()
+
+    @property
+    def answers(self) -> dict[str, Callable[[bytes], bytes]]:
+        """What answers which key below `models/`."""
+        return {
+            keys.PUSH_NONCE.name: self.nonce,
+            keys.PUSH_BEGIN.name: self.begin,
+            keys.PUSH_CHUNK.name: self.chunk,
+            keys.PUSH_COMMIT.name: self.commit,
+            keys.MODELS.name: self.models,
+            keys.ACTIVATE.name: self.activate,
+        }
+
+    @property
+    def active_model(self) -> messages.Model | None:
+        """The model the robot decides with."""
+        in_use = self._keeper.in_use
+        if in_use is None:
+            return None
+        policy = in_use.policy
+        return messages.Model(
+            sha256=policy.sha256,
+            name=policy.metadata.name,
+            size_bytes=policy.size_bytes,
+            stored_unix_time_ns=in_use.stored_unix_time_ns,
+            active=True,
+            decision_rate_hz=policy.metadata.decision_rate_hz,
+            signed_by=in_use.signer,
+            proven=in_use.proven,
+        )
+
+    def expire_staging(self) -> None:
+        """Free the memory of a push whose sender has fallen silent. Any thread may call it."""
+        with self._staging_lock:
+            if self._staging is not None and self._staging.has_expired:
+                log.warning("a push of %s was never finished", self._staging.sha256[:12])
+                self._staging = None
+
+    def nonce(self, payload: bytes) -> bytes:
+        """Reply to `models/push/nonce`."""
+        reply = messages.PushNonceReply(schema_version=SCHEMA_VERSION)
+        try:
+            self._check_robot(decode(messages.PushNonce, payload, _SENDER).robot_id)
+            reply.nonce = self._trust.new_nonce()
+            reply.accepted = True
+        except MbotError as error:
+            reply.reason = str(error)
+        return reply.SerializeToString()
+
+    def begin(self, payload: bytes) -> bytes:
+        """Reply to `models/push/begin`."""
+        return self._push_reply(lambda reply: self._begin(payload, reply))
+
+    def chunk(self, payload: bytes) -> bytes:
+        """Reply to `models/push/chunk`."""
+        return self._push_reply(lambda reply: self._chunk(payload, reply))
+
+    def commit(self, payload: bytes) -> bytes:
+        """Reply to `models/push/commit`."""
+        return self._push_reply(lambda reply: self._commit(payload, reply))
+
+    def models(self, _: bytes) -> bytes:
+        """Reply to `models/list`."""
+        return self._list_reply(lambda: None)
+
+    def activate(self, payload: bytes) -> bytes:
+        """Reply to `models/activate`: a stored model, or the previous one, becomes active."""
+        return self._list_reply(lambda: self._activate(payload))
+
+    def _push_reply(self, act: Callable[[messages.PushReply], None]) -> bytes:
+        reply = messages.PushReply(schema_version=SCHEMA_VERSION)
+        try:
+            act(reply)
+            reply.accepted = True
+        except MbotError as error:
+            log.warning("push refused: %s", error)
+            reply.reason = str(error)
+        return reply.SerializeToString()
+
+    def _list_reply(self, act: Callable[[], None]) -> bytes:
+        reply = messages.ModelList(schema_version=SCHEMA_VERSION)
+        try:
+            act()
+            reply.models.extend(self._describe(model) for model in self._store.models())
+            reply.accepted = True
+        except MbotError as error:
+            log.warning("activation refused: %s", error)
+            reply.reason = str(error)
+        return reply.SerializeToString()
+
+    def _begin(self, payload: bytes, reply: messages.PushReply) -> None:
+        request = decode(messages.PushBegin, payload, _SENDER)
+        self._check_robot(request.robot_id)
+        if not re.fullmatch(r"[0-9a-f]{64}", request.sha256):
+            raise RefusedError(f"sha256 is {request.sha256[:80]!r}, expected 64 hexadecimal digits")
+        if not 0 < request.size_bytes <= LARGEST_MODEL_BYTES:
+            raise RefusedError(
+                f"the model has {request.size_bytes} bytes, expected 1 to {LARGEST_MODEL_BYTES}"
+            )
+        admission = self._trust.admit(request)
+        self._keeper.check_active(request.expected_active_sha256)
+        try:
+            free_bytes = shutil.disk_usage(self._directory).free
+        except OSError as error:
+            raise RefusedError(f"cannot use {self._directory}: {error.strerror}") from None
+        if free_bytes < request.size_bytes + DISK_RESERVE_BYTES:
+            raise RefusedError(f"only {free_bytes} bytes are free in {self._directory}")
+        self.expire_staging()
+        staging = Staging(
+            request.sha256, request.size_bytes, request.expected_active_sha256, admission
+        )
+        with self._staging_lock:
+            if self._staging is not None and self._staging.sha256 != request.sha256:
+                raise RefusedError(
+                    f"another push is under way; try again in {STAGING_EXPIRES_S:.0f} s"
+                )
+            self._staging = staging
+        reply.push_id = staging.push_id
+
+    def _chunk(self, payload: bytes, reply: messages.PushReply) -> None:
+        request = decode(messages.PushChunk, payload, _SENDER)
+        staging = self._staged(request.push_id)
+        staging.add(request.offset_bytes, request.data)
+        reply.push_id = staging.push_id
+        reply.received_bytes = staging.received_bytes
+
+    def _commit(self, payload: bytes, reply: messages.PushReply) -> None:
+        request = decode(messages.PushCommit, payload, _SENDER)
+        staging = self._staged(request.push_id)
+        with self._staging_lock:
+            self._staging = None
+        data = staging.whole()
+        if not hmac.compare_digest(hashlib.sha256(data).hexdigest(), staging.sha256):
+            raise RefusedError("the bytes do not match their digest: push again")
+        self._keeper.check_active(staging.expected_active)
+        report = self._try(data, self._rate_hz)
+        log.info(
+            "model %s tried: %.1f ms a decision, %d golden frames right",
+            staging.sha256[:12],
+            report.inference_ms,
+            report.golden_frames,
+        )
+        policy = self._keeper.install(data, staging.expected_active, staging.admission)
+        reply.push_id = staging.push_id
+        reply.received_bytes = len(data)
+        reply.reason = self._advice(policy)
+        reply.active_model.CopyFrom(self.active_model or messages.Model())
+
+    def _activate(self, payload: bytes) -> None:
+        request = decode(messages.Activate, payload, _SENDER)
+        self._check_robot(request.robot_id)
+        self._keeper.activate(request.sha256)
+
+    def _advice(self, policy: Policy) -> str:
+        """A word on what is allowed but doubtful; empty if all is well."""
+        trained_hz = policy.metadata.decision_rate_hz
+        if abs(trained_hz - self._rate_hz) < 1e-6:
+            return ""
+        return (
+            f"the model was made for {trained_hz:g} decisions/s, this robot makes "
+            f"{self._rate_hz:g} (control.decision_rate_hz)"
+        )
+
+    def _describe(self, stored: StoredModel) -> messages.Model:
+        activation = self._store.activation
+        active = stored.sha256 == self._keeper.active_sha256
+        try:
+            signer = self._trust.signer_of(stored.sha256, stored.label)
+        except MbotError:
+            signer = ""
+        return messages.Model(
+            sha256=stored.sha256,
+            name=stored.label.name,
+            size_bytes=stored.size_bytes,
+            stored_unix_time_ns=stored.stored_unix_time_ns,
+            active=active,
+            previous=stored.sha256 == activation.previous and not active,
+            decision_rate_hz=stored.label.decision_rate_hz,
+            signed_by=signer,
+            proven=stored.sha256 in activation.proven,
+            rejected=stored.sha256 in activation.rejected,
+        )
+
+    def _staged(self, push_id: str) -> Staging:
+        self.expire_staging()
+        staging = self._staging
+        if staging is None or staging.push_id != push_id:
+            raise RefusedError("this push is not under way (any more): push again")
+        return staging
+
+    def _check_robot(self, robot_id: str) -> None:
+        if robot_id != self._robot_id:
+            raise RefusedError(
+                f"the model is for robot {robot_id!r}, this one is {self._robot_id!r}"
+            )

@@ -1,0 +1,115 @@
+"""Telemetry off the control path: it hears of every tick, and a thread encodes and publishes them.
+
+What the thread cannot keep up with is dropped, oldest first, and counted.
+"""
+
+import logging
+import queue
+import threading
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Protocol, Self
+
+import cv2
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+
+from mbot_agent.network.health import read_health
+from mbot_agent.tick import Tick
+from mbot_protocol.keys import DECISION, OBSERVATION, Topic
+from mbot_protocol.picture import Picture
+from mbot_protocol.v1.messages_pb2 import Decision
+
+log = logging.getLogger(__name__)
+
+BACKLOG = 4
+"""Ticks waiting to be sent; at 2.5 Hz the oldest is then 1.6 s late and worth nothing."""
+
+JPEG_QUALITY = 90
+
+
+class Publisher(Protocol):
+    """Where encoded messages go."""
+
+    def publish(self, topic: Topic, payload: bytes) -> None:
+        """Send one message, or drop it when the link is slow."""
+        ...
+
+
+class Telemetry:
+    """The publishing thread. A context manager."""
+
+    def __init__(self, publisher: Publisher, to_message: Callable[[Tick], Decision]) -> None:
+        self._publisher = publisher
+        self._to_message = to_message
+        self._backlog: queue.Queue[Tick | None] = queue.Queue(BACKLOG)
+        self._dropped = 0
+        self._thread = threading.Thread(target=self._run, name="telemetry", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._put(None)
+        self._thread.join(timeout=1.0)
+
+    def offer(self, tick: Tick) -> None:
+        """Hand over a tick; returns at once."""
+        self._put(tick)
+
+    def _put(self, tick: Tick | None) -> None:
+        while True:
+            try:
+                self._backlog.put_nowait(tick)
+                return
+            except queue.Full:
+                self._drop_oldest()
+
+    def _drop_oldest(self) -> None:
+        try:
+            self._backlog.get_nowait()
+        except queue.Empty:
+            return
+        self._dropped += 1
+
+    def _run(self) -> None:
+        while (tick := self._backlog.get()) is not None:
+            try:
+                self._send(tick)
+            except Exception:
+                log.exception("a telemetry record was lost")
+
+    def _send(self, tick: Tick) -> None:
+        decision = self._to_message(tick)
+        health = read_health()
+        if health.cpu_temperature_c is not None:
+            decision.cpu_temperature_c = health.cpu_temperature_c
+        if health.load_1min is not None:
+            decision.load_1min = health.load_1min
+        if health.resident_memory_bytes is not None:
+            decision.resident_memory_bytes = health.resident_memory_bytes
+        decision.dropped_records = self._dropped
+        decision.unix_time_ns = _unix_time_ns(decision.started_monotonic_ns)
+        self._publisher.publish(DECISION, decision.SerializeToString())
+        if tick.observation is not None:
+            picture = _compressed(tick.observation, decision)
+            self._publisher.publish(OBSERVATION, picture.SerializeToString())
+
+
+def _unix_time_ns(monotonic_ns: int) -> int:
+    return time.time_ns() - (time.monotonic_ns() - monotonic_ns)
+
+
+def _compressed(observation: Picture, decision: Decision) -> CompressedImage:
+    """The policy's picture, shape (64, 64, 3), uint8, RGB, as a JPEG."""
+    bgr = cv2.cvtColor(observation, cv2.COLOR_RGB2BGR)
+    _, jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    message = CompressedImage(frame_id=decision.robot_id, format="jpeg", data=jpeg.tobytes())
+    message.timestamp.FromNanoseconds(decision.unix_time_ns)
+    return message

@@ -1,0 +1,65 @@
+"""The daemon's own values as the messages of the contract: the one place where they meet."""
+
+from collections.abc import Iterable
+
+from mbot_agent.arming import State
+from mbot_agent.faults import Fault, Notice
+from mbot_agent.tick import Tick
+from mbot_protocol.actions import MotorMap
+from mbot_protocol.schema import SCHEMA_VERSION
+from mbot_protocol.v1 import messages_pb2 as messages
+
+WIRE_STATES = {
+    State.IDLE: messages.STATE_IDLE,
+    State.RUNNING: messages.STATE_RUNNING,
+    State.STOPPED: messages.STATE_STOPPED,
+    State.MANUAL: messages.STATE_MANUAL,
+    State.FAULT: messages.STATE_FAULT,
+}
+
+
+def wire_faults(faults: Iterable[Fault]) -> list[messages.Fault]:
+    """What is wrong."""
+    return [messages.Fault(kind=fault.kind, detail=fault.detail) for fault in faults]
+
+
+def wire_notices(notices: Iterable[Notice]) -> list[messages.Notice]:
+    """What is worth knowing."""
+    return [messages.Notice(kind=notice.kind, detail=notice.detail) for notice in notices]
+
+
+def wire_motor(motor: MotorMap) -> messages.MotorMap:
+    """One wheel's mapping."""
+    return messages.MotorMap(reversed=motor.reversed, trim=motor.trim, dead_band=motor.dead_band)
+
+
+def wire_decision(
+    tick: Tick, robot_id: str, session_id: int, notices: Iterable[Notice]
+) -> messages.Decision:
+    """One tick, whether or not the policy drove."""
+    decision = messages.Decision(
+        schema_version=SCHEMA_VERSION,
+        robot_id=robot_id,
+        session_id=session_id,
+        sequence=tick.sequence,
+        state=WIRE_STATES[tick.state],
+        faults=wire_faults(tick.faults),
+        notices=wire_notices(notices),
+        due_monotonic_ns=tick.due_ns,
+        started_monotonic_ns=tick.started_ns,
+        captured_monotonic_ns=tick.captured_ns,
+        observed_monotonic_ns=tick.observed_ns,
+        decided_monotonic_ns=tick.decided_ns,
+        board_m1=tick.joystick.m1,
+        board_m2=tick.joystick.m2,
+        missed_ticks=tick.missed_ticks,
+        model_sha256=tick.model_sha256,
+    )
+    if tick.action is not None:
+        decision.action.left, decision.action.right = tick.action.left, tick.action.right
+    if tick.steps is not None:
+        decision.steps.left, decision.steps.right = tick.steps.left, tick.steps.right
+    if tick.delivery is not None:
+        decision.written_monotonic_ns = tick.delivery.written_ns
+        decision.acknowledged_monotonic_ns = tick.delivery.acknowledged_ns
+    return decision

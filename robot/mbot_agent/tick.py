@@ -1,0 +1,65 @@
+"""One beat of the control loop as a value: what was seen, decided and done.
+
+Each step of the loop makes a new one that knows more; who listens gets the last.
+"""
+
+from dataclasses import dataclass
+
+from mbot_agent.arming import Orders, State, state_of
+from mbot_agent.faults import Fault
+from mbot_agent.hardware import Delivery
+from mbot_protocol.actions import Steps
+from mbot_protocol.mcore import STOP, Joystick
+from mbot_protocol.picture import Picture
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """The policy's answer: left and right wheel, 1 is full speed forward; not yet clipped."""
+
+    left: float
+    right: float
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """One beat. Times are monotonic; 0 or None where a stage did not happen.
+
+    Attributes:
+        sequence: counts from 0 since the daemon's start.
+        due_ns, started_ns: when it should have begun, and when it did.
+        missed_ticks: beats skipped so far since the start.
+        orders: what was wanted when it began.
+        faults: what is in the way.
+        model_sha256: the model in use; empty: none.
+        captured_ns: when the frame was taken.
+        observation: what the policy sees, shape (64, 64, 3), uint8, RGB.
+        observed_ns: when that was ready.
+        action: what the policy answered, if it was asked to drive.
+        decided_ns: when it had.
+        steps: the same in motor steps.
+        joystick: what the board was given; STOP if nothing.
+        delivery: the board's acknowledgement.
+
+    """
+
+    sequence: int
+    due_ns: int
+    started_ns: int
+    missed_ticks: int
+    orders: Orders
+    faults: tuple[Fault, ...] = ()
+    model_sha256: str = ""
+    captured_ns: int = 0
+    observation: Picture | None = None
+    observed_ns: int = 0
+    action: Action | None = None
+    decided_ns: int = 0
+    steps: Steps | None = None
+    joystick: Joystick = STOP
+    delivery: Delivery | None = None
+
+    @property
+    def state(self) -> State:
+        """What the robot does."""
+        return state_of(self.orders.mode, self.faults)

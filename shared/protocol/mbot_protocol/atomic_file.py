@@ -1,0 +1,96 @@
+"""Files that are replaced whole or not at all, whatever the disk or the power does.
+
+Temporary file, fsync, rename, fsync of the directory. Every file that must not be found half
+written goes through here, so that the tests can make each of its system calls fail, or the last one
+ever.
+"""
+
+# ruff: noqa: PTH104, PTH108 (through `os` alone, which the tests replace here)
+
+import contextlib
+import os
+import time
+from pathlib import Path
+
+TEMPORARY = ".tmp"
+
+
+def replace(path: Path, data: bytes, *, mode: int = 0o666) -> None:
+    """Give `path` this content. On return it has reached the disk.
+
+    Args:
+        path: the file; its folder must exist.
+        data: the content.
+        mode: permissions of the new file, less the umask; 0o600 for what is secret.
+
+    Raises:
+        OSError: it has not; the file is what it was before.
+
+    """
+    temporary = _written(path, data, mode, durable=True)
+    before = _content(path)
+    try:
+        os.rename(temporary, path)
+    except OSError:
+        _discard(temporary)
+        raise
+    try:
+        _sync_directory(path.parent)
+    except OSError:
+        # The rename has happened, but who knows whether it will be there tomorrow. Refusing means
+        # that the old content has to be back now.
+        _put_back(path, before, mode)
+        raise
+
+
+def remove(path: Path) -> None:
+    """Delete a file if it is there; that this reaches the disk is not waited for."""
+    with contextlib.suppress(OSError):
+        os.unlink(path)
+
+
+def _written(path: Path, data: bytes, mode: int, *, durable: bool) -> Path:
+    """A new temporary file beside `path` with this content."""
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.{time.monotonic_ns()}{TEMPORARY}")
+    try:
+        file = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
+        try:
+            rest = memoryview(data)
+            while rest:
+                rest = rest[os.write(file, rest) :]
+            if durable:
+                os.fsync(file)
+        finally:
+            os.close(file)
+    except OSError:
+        _discard(temporary)
+        raise
+    return temporary
+
+
+def _content(path: Path) -> bytes | None:
+    try:
+        return path.read_bytes()
+    except OSError:
+        return None
+
+
+def _put_back(path: Path, content: bytes | None, mode: int) -> None:
+    with contextlib.suppress(OSError):
+        if content is None:
+            os.unlink(path)
+        else:
+            os.rename(_written(path, content, mode, durable=False), path)
+
+
+def _discard(temporary: Path) -> None:
+    with contextlib.suppress(OSError):
+        os.unlink(temporary)
+
+
+def _sync_directory(path: Path) -> None:
+    directory = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(directory)
+    finally:
+        os.close(directory)

@@ -1,0 +1,89 @@
+"""The control loop among fakes: a camera with one picture, a board that obeys at once."""
+
+import time
+
+import numpy as np
+
+from mbot_agent.arming import Mode
+from mbot_agent.configuration import Configuration
+from mbot_agent.control_loop import ControlLoop
+from mbot_agent.faults import Fault
+from mbot_agent.hardware import Delivery, DriveCommand, Frame
+from mbot_agent.helm import Helm
+from mbot_agent.models.pilot import Pilot
+from mbot_agent.tick import Tick
+from mbot_protocol.mcore import Joystick
+from mbot_protocol.picture import Picture
+
+
+class ObedientBoard:
+    """Obeys at once and remembers.
+
+    Attributes:
+        fault: what the test says is wrong with it.
+        commands: all that it was given.
+        asked: their speeds and the stops, in order.
+
+    """
+
+    version = "mbot-deadman 1"
+    has_deadman = True
+
+    def __init__(self) -> None:
+        self.fault: Fault | None = None
+        self.commands: list[DriveCommand] = []
+        self.asked: list[Joystick | str] = []
+
+    @property
+    def stops(self) -> int:
+        return self.asked.count("stop")
+
+    def drive(self, command: DriveCommand) -> int:
+        self.commands.append(command)
+        self.asked.append(command.joystick)
+        return len(self.commands)
+
+    def delivery(self, ticket: int, timeout_s: float) -> Delivery | None:
+        assert ticket == len(self.commands)
+        assert timeout_s > 0
+        return Delivery(time.monotonic_ns(), time.monotonic_ns())
+
+    def stop(self) -> None:
+        self.asked.append("stop")
+
+
+class StillCamera:
+    """One picture, as fresh as the test says."""
+
+    def __init__(self) -> None:
+        self.fault: Fault | None = None
+        self.fresh = True
+        self.interval_ns = 33_333_333
+        self.picture: Picture = np.full((240, 320, 3), 90, np.uint8)
+        self.driving: list[bool] = []
+
+    def latest(self) -> Frame | None:
+        return Frame(self.picture, time.monotonic_ns() - 10_000_000)
+
+    def is_fresh(self) -> bool:
+        return self.fresh
+
+    def drives(self, driving: bool) -> None:
+        self.driving.append(driving)
+
+    def forgive(self) -> None: ...
+
+
+class Bench:
+    """A control loop among fakes; `tick` is one beat."""
+
+    def __init__(self) -> None:
+        self.board = ObedientBoard()
+        self.camera = StillCamera()
+        self.helm = Helm(self.board, Mode.IDLE)
+        self.pilot = Pilot()
+        configuration = Configuration(robot_id="mbot-1")
+        self.loop = ControlLoop(configuration, self.camera, self.board, self.helm, self.pilot)
+
+    def tick(self) -> Tick:
+        return self.loop.tick(time.monotonic_ns())
