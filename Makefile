@@ -7,7 +7,7 @@ FIRMWARE := out/firmware
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 .DEFAULT_GOAL := help
-.PHONY: help demo calibrate-demo demo-firmware test check protocol firmware benchmark reliability fuzz lock clean
+.PHONY: help demo calibrate-demo demo-firmware test test-all check protocol firmware benchmark reliability fuzz lock clean
 
 help: ## Show this help
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -23,8 +23,12 @@ demo-firmware: $(VENV)/.demo $(FIRMWARE)/mbot-deadman.elf ## The demo with the b
 	@PYTHON=$(PYTHON) sh deploy/workstation-libraries.sh emulator
 	$(BIN)/workstation demo --model models/red-cube.onnx --firmware $(FIRMWARE)/mbot-deadman.elf $(DEMO)
 
-test: $(VENV)/.all ## Run all tests
-	$(BIN)/pytest $(TEST)
+test: $(VENV)/.all ## Run the tests that a change needs, 5 minutes
+	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile $(TEST)
+
+test-all: $(VENV)/.all ## Run all tests: those too that run real programs in real time, 20 minutes
+	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile
+	$(BIN)/pytest -m slow
 
 check: $(VENV)/.all ## Lint, format, types, imports
 	$(BIN)/ruff check .

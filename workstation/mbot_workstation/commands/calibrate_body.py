@@ -1,49 +1,44 @@
 """`workstation calibrate body`: from a scale and a ruler to masses, inertias and a drawing."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands.calibration_option import (
-    DEFAULT_CALIBRATION,
-    CalibrationOutputOption,
-)
-from mbot_workstation.commands.link_options import JsonOption
+from mbot_workstation.commands.calibration_option import calibration_output_option
+from mbot_workstation.commands.link_options import json_option
+from mbot_workstation.commands.options import argument, option, with_options
 
 if TYPE_CHECKING:
     from mbot_workstation.calibration.body.body_check import Finding
     from mbot_workstation.calibration.body.mass_properties import MassProperties
 
 
-def body(
-    components: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="COMPONENTS.toml", help="What the robot is made of; start from --example."
-        ),
-    ] = None,
-    *,
-    example: Annotated[
-        bool,
-        typer.Option("--example", help="Print the nominal robot's components, with explanations."),
-    ] = False,
-    calibration: CalibrationOutputOption = DEFAULT_CALIBRATION,
-    drawing: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Where to put the drawing, PNG, PDF or SVG; body.png in the calibration folder "
-            "if not given.",
-        ),
-    ] = None,
-    mjcf: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.xml", help="Write the robot as MJCF too, for other programs."),
-    ] = None,
-    as_json: JsonOption = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BodyOptions:
+    """What `body` takes."""
+
+    components: Path | None = argument(
+        "What the robot is made of; start from --example.", default=None, metavar="COMPONENTS.toml"
+    )
+    example: bool = option(
+        False, "Print the nominal robot's components, with explanations.", "--example"
+    )
+    calibration: Path = calibration_output_option()
+    drawing: Path | None = option(
+        None,
+        "Where to put the drawing, PNG, PDF or SVG; body.png in the calibration folder "
+        "if not given.",
+        metavar="FILE",
+    )
+    mjcf: Path | None = option(
+        None, "Write the robot as MJCF too, for other programs.", metavar="FILE.xml"
+    )
+    as_json: bool = json_option()
+
+
+@with_options
+def body(options: BodyOptions) -> None:
     """Check the robot's components, draw them to scale and write body.toml.
 
     Hold the drawing against the robot: every component is on it, to scale, on a grid of 10 mm.
@@ -61,10 +56,10 @@ def body(
     from mbot_workstation.calibration.body.body_example import example_file
     from mbot_workstation.calibration_files.body_calibration import BodyCalibration
 
-    if example:
+    if options.example:
         print(example_file(), end="")
         return
-    if components is None:
+    if options.components is None:
         raise ConfigurationError(
             "no COMPONENTS.toml given: `workstation calibrate body --example > components.toml` "
             "writes one to fill in"
@@ -80,17 +75,21 @@ def body(
         write_body,
     )
 
-    measured = read_toml(components, BodyCalibration)
-    files = read_files(calibration) if calibration.exists() else CalibrationFiles()
+    measured = read_toml(options.components, BodyCalibration)
+    files = read_files(options.calibration) if options.calibration.exists() else CalibrationFiles()
     robot = msgspec.structs.replace(files, body=measured).robot
     whole = mass_properties(measured, robot)
-    findings = examine(components, measured, robot, whole)
-    picture = drawing or made_folder(calibration) / "body.png"
+    findings = examine(options.components, measured, robot, whole)
+    picture = options.drawing or made_folder(options.calibration) / "body.png"
     draw_body(measured, robot, whole, picture)
-    if mjcf is not None:
-        write_mjcf(robot, mjcf)
-    written = [write_body(calibration, measured), picture, *([mjcf] if mjcf else [])]
-    if as_json:
+    if options.mjcf is not None:
+        write_mjcf(robot, options.mjcf)
+    written = [
+        write_body(options.calibration, measured),
+        picture,
+        *([options.mjcf] if options.mjcf else []),
+    ]
+    if options.as_json:
         _print_json(whole, findings, written)
     else:
         _print(whole, findings, written)

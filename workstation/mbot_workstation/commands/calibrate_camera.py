@@ -1,15 +1,12 @@
 """`workstation calibrate camera`: focal length, optical axis and distortion from photographs."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from mbot_workstation.commands.calibration_option import (
-    DEFAULT_CALIBRATION,
-    CalibrationOutputOption,
-)
-from mbot_workstation.commands.link_options import JsonOption
+from mbot_workstation.commands.calibration_option import calibration_output_option
+from mbot_workstation.commands.link_options import json_option
+from mbot_workstation.commands.options import argument, option, with_options
 from mbot_workstation.targets.specifications import (
     BOARD_DICTIONARY,
     BOARD_MARKER_SHARE,
@@ -25,60 +22,47 @@ if TYPE_CHECKING:
 _BOARD, _LIVE = "Board", "Live"
 
 
-def camera(
-    *,
-    photos: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="[PHOTO]...", help="Pictures of the board, or a folder of them."),
-    ] = None,
-    calibration: CalibrationOutputOption = DEFAULT_CALIBRATION,
-    live: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SOURCE",
-            help="Take the pictures now: a device (0, /dev/video0), a stream's URL or a film. Ends "
-            "by itself or with Ctrl-C.",
-            rich_help_panel=_LIVE,
-        ),
-    ] = None,
-    count: Annotated[
-        int, typer.Option(min=3, max=200, help="Pictures to take.", rich_help_panel=_LIVE)
-    ] = 25,
-    inner_corners: Annotated[
-        str | None,
-        typer.Option(
-            metavar="COLUMNSxROWS",
-            help="Corners inside the board where four squares meet; found by itself if not given.",
-            rich_help_panel=_BOARD,
-        ),
-    ] = None,
-    charuco: Annotated[
-        bool, typer.Option("--charuco", help="The board has markers.", rich_help_panel=_BOARD)
-    ] = False,
-    square_mm: Annotated[
-        float, typer.Option(min=1, max=500, help="Edge of a square.", rich_help_panel=_BOARD)
-    ] = BOARD_SQUARE_MM,
-    marker_mm: Annotated[
-        float | None,
-        typer.Option(
-            min=0.5,
-            max=475,
-            help=f"Edge of a marker; {BOARD_MARKER_SHARE:g} of a square's if not given.",
-            rich_help_panel=_BOARD,
-        ),
-    ] = None,
-    dictionary: Annotated[
-        str, typer.Option(metavar="NAME", help="Of the markers.", rich_help_panel=_BOARD)
-    ] = BOARD_DICTIONARY,
-    keep_outliers: Annotated[
-        bool,
-        typer.Option("--keep-outliers", help="Fit to every picture, also those that don't fit."),
-    ] = False,
-    force: Annotated[
-        bool, typer.Option("--force", help="Write the result even if it is too poor.")
-    ] = False,
-    as_json: JsonOption = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraOptions:
+    """What `camera` takes."""
+
+    photos: list[Path] | None = argument(
+        "Pictures of the board, or a folder of them.", default=None, metavar="[PHOTO]..."
+    )
+    calibration: Path = calibration_output_option()
+    live: str | None = option(
+        None,
+        "Take the pictures now: a device (0, /dev/video0), a stream's URL or a film. Ends "
+        "by itself or with Ctrl-C.",
+        panel=_LIVE,
+        metavar="SOURCE",
+    )
+    count: int = option(25, "Pictures to take.", panel=_LIVE, min=3, max=200)
+    inner_corners: str | None = option(
+        None,
+        "Corners inside the board where four squares meet; found by itself if not given.",
+        panel=_BOARD,
+        metavar="COLUMNSxROWS",
+    )
+    charuco: bool = option(False, "The board has markers.", "--charuco", panel=_BOARD)
+    square_mm: float = option(BOARD_SQUARE_MM, "Edge of a square.", panel=_BOARD, min=1, max=500)
+    marker_mm: float | None = option(
+        None,
+        f"Edge of a marker; {BOARD_MARKER_SHARE:g} of a square's if not given.",
+        panel=_BOARD,
+        min=0.5,
+        max=475,
+    )
+    dictionary: str = option(BOARD_DICTIONARY, "Of the markers.", panel=_BOARD, metavar="NAME")
+    keep_outliers: bool = option(
+        False, "Fit to every picture, also those that don't fit.", "--keep-outliers"
+    )
+    force: bool = option(False, "Write the result even if it is too poor.", "--force")
+    as_json: bool = json_option()
+
+
+@with_options
+def camera(options: CameraOptions) -> None:
     """Calibrate the camera with photographs of a board, and write camera.toml and camera.png.
 
     Print a board by `workstation print board`. Take 20 pictures or more with the robot's own
@@ -97,19 +81,32 @@ def camera(
     """
     from mbot_protocol.errors import ConfigurationError
 
-    boards = _boards(inner_corners, charuco, square_mm, marker_mm, dictionary)
-    if (live is None) == (not photos):
+    photos = options.photos
+    boards = _boards(
+        options.inner_corners,
+        options.charuco,
+        options.square_mm,
+        options.marker_mm,
+        options.dictionary,
+    )
+    if (options.live is None) == (not photos):
         raise ConfigurationError("give either photographs or --live SOURCE")
-    if live is not None:
-        photos = _collect(live, boards, calibration / "camera-pictures", count)
-    seen, fit, quality = _calibrate(photos or [], boards, keep_outliers=keep_outliers)
-    refused = bool(quality.objections) and not force
-    if not as_json:
+    if options.live is not None:
+        photos = _collect(
+            options.live, boards, options.calibration / "camera-pictures", options.count
+        )
+    seen, fit, quality = _calibrate(photos or [], boards, keep_outliers=options.keep_outliers)
+    refused = bool(quality.objections) and not options.force
+    if not options.as_json:
         _print_table(fit)
         _print_words(seen, fit, quality)
-    written = None if refused else _write(fit, calibration)
-    _draw(fit, calibration / ("camera-refused.png" if refused else "camera.png"), as_json=as_json)
-    if as_json:
+    written = None if refused else _write(fit, options.calibration)
+    _draw(
+        fit,
+        options.calibration / ("camera-refused.png" if refused else "camera.png"),
+        as_json=options.as_json,
+    )
+    if options.as_json:
         import json
 
         print(json.dumps(_fields(seen, fit, quality, written), indent=2))

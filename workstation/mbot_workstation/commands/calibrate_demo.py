@@ -1,49 +1,43 @@
 """`workstation calibrate demo`: the whole afternoon of measuring, on a virtual robot."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands.link_options import JsonOption
+from mbot_workstation.commands.link_options import json_option
+from mbot_workstation.commands.options import option, with_options
 
 
-def calibrate_demo(
-    *,
-    output: Annotated[
-        Path,
-        typer.Option("--output", "-o", metavar="FOLDER", help="For all that is made; made anew."),
-    ] = Path("out/calibrate-demo"),
-    seconds: Annotated[
-        float, typer.Option(min=1.5, max=60, help="Of each manoeuvre; the paper has 10.")
-    ] = 5.0,
-    repetitions: Annotated[
-        int, typer.Option(min=2, max=20, help="Of each manoeuvre; the paper has 10.")
-    ] = 2,
-    photos: Annotated[int, typer.Option(min=6, max=100, help="Of the checkerboard.")] = 20,
-    full: Annotated[
-        bool, typer.Option("--full", help="As in the paper: 10 times 10 s, which takes 22 min.")
-    ] = False,
-    maneuver: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="Only this one; may be given several times."),
-    ] = None,
-    worn: Annotated[
-        bool,
-        typer.Option(
-            "--worn", help="A robot with one motor at half force, both slow and weaker backward."
-        ),
-    ] = False,
-    tolerance: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.json", help="Tolerance map for the gap report's verdicts; see `study`."
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of photographs.")] = 1,
-    as_json: JsonOption = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrateDemoOptions:
+    """What `calibrate_demo` takes."""
+
+    output: Path = option(
+        Path("out/calibrate-demo"),
+        "For all that is made; made anew.",
+        "--output",
+        "-o",
+        metavar="FOLDER",
+    )
+    seconds: float = option(5.0, "Of each manoeuvre; the paper has 10.", min=1.5, max=60)
+    repetitions: int = option(2, "Of each manoeuvre; the paper has 10.", min=2, max=20)
+    photos: int = option(20, "Of the checkerboard.", min=6, max=100)
+    full: bool = option(False, "As in the paper: 10 times 10 s, which takes 22 min.", "--full")
+    maneuver: list[str] | None = option(
+        None, "Only this one; may be given several times.", metavar="NAME"
+    )
+    worn: bool = option(
+        False, "A robot with one motor at half force, both slow and weaker backward.", "--worn"
+    )
+    tolerance: Path | None = option(
+        None, "Tolerance map for the gap report's verdicts; see `study`.", metavar="FILE.json"
+    )
+    seed: int = option(1, "Of photographs.", min=0)
+    as_json: bool = json_option()
+
+
+@with_options
+def calibrate_demo(options: CalibrateDemoOptions) -> None:
     """Rehearse the afternoon of measuring on a virtual robot that nobody has measured yet.
 
     The robot differs from the nominal one in motors, wheels, delay, lens and light. Every step is
@@ -62,25 +56,27 @@ def calibrate_demo(
     from mbot_workstation.rehearsal.afternoon import REPORT, Afternoon, rehearse
     from mbot_workstation.rehearsal.outcome import as_fields, as_table
 
-    if tolerance is not None and not tolerance.is_file():
-        raise ConfigurationError(f"can't read {tolerance}: there is no such file")
+    if options.tolerance is not None and not options.tolerance.is_file():
+        raise ConfigurationError(f"can't read {options.tolerance}: there is no such file")
     afternoon = Afternoon(
-        folder=output,
-        seconds=10.0 if full else seconds,
-        repetitions=10 if full else repetitions,
-        maneuvers=tuple(maneuver_named(name).name for name in maneuver or ()),
-        photos=photos,
-        worn=worn,
-        tolerance=tolerance.absolute() if tolerance is not None else None,
-        seed=seed,
+        folder=options.output,
+        seconds=10.0 if options.full else options.seconds,
+        repetitions=10 if options.full else options.repetitions,
+        maneuvers=tuple(maneuver_named(name).name for name in options.maneuver or ()),
+        photos=options.photos,
+        worn=options.worn,
+        tolerance=options.tolerance.absolute() if options.tolerance is not None else None,
+        seed=options.seed,
     )
-    console = Console(stderr=as_json)
+    console = Console(stderr=options.as_json)
     rows = rehearse(afternoon, console)
-    if as_json:
+    if options.as_json:
         import json
 
         print(json.dumps(as_fields(rows), indent=2))
         return
     console.print("\n[bold]The truth[/]")
     console.print(as_table(rows))
-    console.print(f"\n{output / REPORT}  how far robot and simulation are apart", highlight=False)
+    console.print(
+        f"\n{options.output / REPORT}  how far robot and simulation are apart", highlight=False
+    )

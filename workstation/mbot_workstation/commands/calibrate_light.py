@@ -1,65 +1,56 @@
 """`workstation calibrate light`: exposure, white balance and light from a gray card."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from mbot_workstation.commands.calibration_option import (
-    DEFAULT_CALIBRATION,
-    CalibrationOutputOption,
-)
-from mbot_workstation.commands.link_options import JsonOption
+from mbot_workstation.commands.calibration_option import calibration_output_option
+from mbot_workstation.commands.link_options import json_option
+from mbot_workstation.commands.options import argument, option, with_options
 
 if TYPE_CHECKING:
     from mbot_workstation.calibration.light.light_measurement import LightMeasurement
     from mbot_workstation.simulation.robot_parameters import RobotParameters
 
 
-def light(
-    *,
-    photos: Annotated[
-        list[Path],
-        typer.Argument(metavar="PHOTO...", help="Photographs of the card, or a folder of them."),
-    ],
-    calibration: CalibrationOutputOption = DEFAULT_CALIBRATION,
-    card: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X,Y,WIDTH,HEIGHT",
-            help="Where the card is in the photographs, in pixels; found by itself if not given.",
-        ),
-    ] = None,
-    card_mm: Annotated[
-        tuple[float, float],
-        typer.Option(metavar="WIDTH HEIGHT", help="Of the card in its printed frame."),
-    ] = (127.0, 102.0),
-    reflectance: Annotated[
-        float, typer.Option(metavar="PERCENT", min=3, max=95, help="Of the gray card.")
-    ] = 18.0,
-    three_patches: Annotated[
-        bool,
-        typer.Option("--three-patches", help="The card is white, gray and black side by side."),
-    ] = False,
-    facing: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="LEFT:UP",
-            help="Without the frame: how far the card is turned to the robot's left from facing "
-            "the robot, and tilted up, in degrees; once a photograph, in their order.",
-        ),
-    ] = None,
-    heading: Annotated[
-        float,
-        typer.Option(
-            metavar="DEGREES",
-            min=-360,
-            max=360,
-            help="Where the robot looked, to the left of the middle of its room's panorama.",
-        ),
-    ] = 0.0,
-    as_json: JsonOption = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LightOptions:
+    """What `light` takes."""
+
+    photos: list[Path] = argument(
+        "Photographs of the card, or a folder of them.", metavar="PHOTO..."
+    )
+    calibration: Path = calibration_output_option()
+    card: str | None = option(
+        None,
+        "Where the card is in the photographs, in pixels; found by itself if not given.",
+        metavar="X,Y,WIDTH,HEIGHT",
+    )
+    card_mm: tuple[float, float] = option(
+        (127.0, 102.0), "Of the card in its printed frame.", metavar="WIDTH HEIGHT"
+    )
+    reflectance: float = option(18.0, "Of the gray card.", metavar="PERCENT", min=3, max=95)
+    three_patches: bool = option(
+        False, "The card is white, gray and black side by side.", "--three-patches"
+    )
+    facing: list[str] | None = option(
+        None,
+        "Without the frame: how far the card is turned to the robot's left from facing "
+        "the robot, and tilted up, in degrees; once a photograph, in their order.",
+        metavar="LEFT:UP",
+    )
+    heading: float = option(
+        0.0,
+        "Where the robot looked, to the left of the middle of its room's panorama.",
+        metavar="DEGREES",
+        min=-360,
+        max=360,
+    )
+    as_json: bool = json_option()
+
+
+@with_options
+def light(options: LightOptions) -> None:
     """Match the simulation's light to photographs of a gray card, and write light.toml.
 
     Put the card into the frame of `workstation print gray-card`. Let the robot stand at its start
@@ -80,25 +71,25 @@ def light(
     from mbot_workstation.calibration.light.light_measurement import CardSettings, measure_light
 
     settings = CardSettings(
-        card_mm,
-        reflectance / 100,
-        three_patches,
-        _rectangle(card),
-        tuple(_facing(text) for text in facing or ()),
+        options.card_mm,
+        options.reflectance / 100,
+        options.three_patches,
+        _rectangle(options.card),
+        tuple(_facing(text) for text in options.facing or ()),
     )
-    files = picture_files(photos)
-    robot = _robot(calibration)
+    files = picture_files(options.photos)
+    robot = _robot(options.calibration)
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("looking for the gray card", total=len(files))
         measured = measure_light(
             files, robot, settings, lambda done: progress.update(task, completed=done)
         )
-    path = _write(measured, calibration, heading)
-    if as_json:
+    path = _write(measured, options.calibration, options.heading)
+    if options.as_json:
         import json
 
-        print(json.dumps(_fields(measured, path, heading), indent=2))
+        print(json.dumps(_fields(measured, path, options.heading), indent=2))
         return
     _print(measured)
     print(f"wrote {path} and {path.with_name('light.png').name}")

@@ -1,12 +1,12 @@
 """`workstation demo`: everything at once, without hardware."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from mbot_workstation.commands.calibration_option import CalibrationOption
-from mbot_workstation.commands.link_options import JsonOption
+from mbot_workstation.commands.calibration_option import calibration_option
+from mbot_workstation.commands.link_options import json_option
+from mbot_workstation.commands.options import option, with_options
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -14,45 +14,38 @@ if TYPE_CHECKING:
     from mbot_workstation.demo.demo_run import DemoResult
 
 
-def demo(
-    *,
-    model: Annotated[
-        Path | None,
-        typer.Option(metavar="MODEL.onnx", help="The policy to push; the servo if not given."),
-    ] = None,
-    panorama: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="360-degree photo of a room; a made-up one otherwise."),
-    ] = None,
-    calibration: CalibrationOption = None,
-    firmware: Annotated[
-        str | None,
-        typer.Option(
-            metavar="deadman|FILE",
-            help="Emulate the board's processor with this firmware on it (.elf, .hex); `deadman` "
-            "is ours, compiled if need be.",
-        ),
-    ] = None,
-    accept_no_deadman: Annotated[
-        bool,
-        typer.Option(
-            "--accept-no-deadman",
-            help="With --firmware: drive even if it goes on for ever when the daemon dies, as the "
-            "stock one does.",
-        ),
-    ] = False,
-    seconds: Annotated[
-        float, typer.Option(min=5, max=3600, help="Of driving, at most; ten objects end it early.")
-    ] = 90.0,
-    radius: Annotated[
-        float, typer.Option(metavar="METRES", help="How far from the middle objects appear.")
-    ] = 1.2,
-    seed: Annotated[int, typer.Option(help="Of the room and the objects.")] = 0,
-    output: Annotated[
-        Path, typer.Option(metavar="FOLDER", help="For recording, pictures and logs.")
-    ] = Path("out/demo"),
-    as_json: JsonOption = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DemoOptions:
+    """What `demo` takes."""
+
+    model: Path | None = option(
+        None, "The policy to push; the servo if not given.", metavar="MODEL.onnx"
+    )
+    panorama: Path | None = option(
+        None, "360-degree photo of a room; a made-up one otherwise.", metavar="FILE"
+    )
+    calibration: Path | None = calibration_option()
+    firmware: str | None = option(
+        None,
+        "Emulate the board's processor with this firmware on it (.elf, .hex); `deadman` "
+        "is ours, compiled if need be.",
+        metavar="deadman|FILE",
+    )
+    accept_no_deadman: bool = option(
+        False,
+        "With --firmware: drive even if it goes on for ever when the daemon dies, as the "
+        "stock one does.",
+        "--accept-no-deadman",
+    )
+    seconds: float = option(90.0, "Of driving, at most; ten objects end it early.", min=5, max=3600)
+    radius: float = option(1.2, "How far from the middle objects appear.", metavar="METRES")
+    seed: int = option(0, "Of the room and the objects.")
+    output: Path = option(Path("out/demo"), "For recording, pictures and logs.", metavar="FOLDER")
+    as_json: bool = json_option()
+
+
+@with_options
+def demo(options: DemoOptions) -> None:
     """Drive a virtual robot with the real daemon: push a policy, watch it, draw what happened.
 
     Exit code 0 means that at least three objects were touched; 1 that not.
@@ -79,15 +72,16 @@ def demo(
     from mbot_workstation.telemetry.output import JsonLines, LiveView, PlainLines
     from mbot_workstation.virtual.emulated.board_simulator import simulator_program
 
-    options = ["--radius", str(radius), "--seed", str(seed)]
-    if panorama is not None:
-        options += ["--panorama", str(panorama.absolute())]
-    if calibration is not None:
-        read_files(calibration)  # a mistake in it is better said before anything starts
-        options += ["--calibration", str(calibration.absolute())]
-    if firmware is not None:
+    model = options.model
+    robot = ["--radius", str(options.radius), "--seed", str(options.seed)]
+    if options.panorama is not None:
+        robot += ["--panorama", str(options.panorama.absolute())]
+    if options.calibration is not None:
+        read_files(options.calibration)  # a mistake in it is better said before anything starts
+        robot += ["--calibration", str(options.calibration.absolute())]
+    if options.firmware is not None:
         simulator_program()  # a missing compiler, likewise
-        options += ["--firmware", str(find_firmware(firmware))]
+        robot += ["--firmware", str(find_firmware(options.firmware))]
     console = Console()
     view = LiveView(ROBOT_ID, console) if console.is_terminal else PlainLines(ROBOT_ID, sys.stdout)
     with tempfile.TemporaryDirectory() as made:
@@ -95,13 +89,16 @@ def demo(
             model = Path(made) / "servo.onnx"
             policy = servo_model(ServoGains(), PolicyMetadata("servo"))
             model.write_bytes(policy.SerializeToString(deterministic=True))
-        accepted = firmware is None or accept_no_deadman  # the modelled board harms nobody
-        settings = DemoSettings(model, output, seconds, tuple(options), calibration, accepted)
-        result = run_demo(settings, JsonLines(sys.stdout, sys.stderr) if as_json else view)
-    if as_json:
+        # The modelled board harms nobody.
+        accepted = options.firmware is None or options.accept_no_deadman
+        settings = DemoSettings(
+            model, options.output, options.seconds, tuple(robot), options.calibration, accepted
+        )
+        result = run_demo(settings, JsonLines(sys.stdout, sys.stderr) if options.as_json else view)
+    if options.as_json:
         print(json.dumps(asdict(result)))
     else:
-        _print(result, output, console)
+        _print(result, options.output, console)
     if not result.success:
         sys.exit(1)
 

@@ -1,31 +1,17 @@
 """`workstation run`, `stop` and `drive`: command a robot."""
 
-from typing import Annotated
+from dataclasses import dataclass
 
-import typer
-
-from mbot_workstation.commands.link_options import (
-    CaOption,
-    CertificateOption,
-    IdOption,
-    KeyOption,
-    RobotOption,
-    robot_link,
-)
+from mbot_workstation.commands.link_options import LinkOptions
+from mbot_workstation.commands.options import argument, option, with_options
 
 RESEND_S = 0.2
 HOLD_MS = 500
 """Two commands in a row may be lost before the robot stops between them."""
 
 
-def run(
-    *,
-    robot: RobotOption = "",
-    robot_id: IdOption = None,
-    ca: CaOption = None,
-    certificate: CertificateOption = None,
-    key: KeyOption = None,
-) -> None:
+@with_options
+def run(options: LinkOptions) -> None:
     """Let the robot's active model drive; it begins as soon as there is no fault.
 
     Example: `workstation run --robot mbot-1.local`
@@ -35,7 +21,7 @@ def run(
     from mbot_workstation.link.remote_control import RemoteControl
     from mbot_workstation.wording import fault_lines
 
-    with robot_link(robot, robot_id, ca, certificate, key) as link:
+    with options.link() as link:
         state = RemoteControl(link).run()
         print(f"{link.robot_id}: {state}")
         if state == "fault":
@@ -43,37 +29,29 @@ def run(
                 print(f"workstation: {line}", file=sys.stderr)
 
 
-def stop(
-    *,
-    robot: RobotOption = "",
-    robot_id: IdOption = None,
-    ca: CaOption = None,
-    certificate: CertificateOption = None,
-    key: KeyOption = None,
-) -> None:
+@with_options
+def stop(options: LinkOptions) -> None:
     """Stop the robot. Exit code 0 means that it has confirmed.
 
     Example: `workstation stop --robot mbot-1.local`
     """
     from mbot_workstation.link.remote_control import RemoteControl
 
-    with robot_link(robot, robot_id, ca, certificate, key) as link:
+    with options.link() as link:
         print(f"{link.robot_id}: {RemoteControl(link).stop()}")
 
 
-def drive(
-    *,
-    left: Annotated[float, typer.Argument(min=-1, max=1, help="Left wheel; 1 is full forward.")],
-    right: Annotated[float, typer.Argument(min=-1, max=1, help="Right wheel, likewise.")],
-    seconds: Annotated[
-        float, typer.Option("--for", metavar="SECONDS", min=0.1, max=600, help="How long.")
-    ] = 1.0,
-    robot: RobotOption = "",
-    robot_id: IdOption = None,
-    ca: CaOption = None,
-    certificate: CertificateOption = None,
-    key: KeyOption = None,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveOptions(LinkOptions):
+    """What `drive` takes."""
+
+    left: float = argument("Left wheel; 1 is full forward.", min=-1, max=1)
+    right: float = argument("Right wheel, likewise.", min=-1, max=1)
+    seconds: float = option(1.0, "How long.", "--for", metavar="SECONDS", min=0.1, max=600)
+
+
+@with_options
+def drive(options: DriveOptions) -> None:
     """Drive by hand for some seconds, then stop; Ctrl-C stops at once.
 
     The command is sent again five times a second and holds for half a second, so the robot also
@@ -87,21 +65,23 @@ def drive(
     from mbot_protocol.errors import ConfigurationError
     from mbot_workstation.link.remote_control import RemoteControl
 
-    if not (math.isfinite(left) and math.isfinite(right)):
-        raise ConfigurationError(f"wheels are {left}, {right}, expected numbers in [-1, 1]")
-    with robot_link(robot, robot_id, ca, certificate, key) as link:
+    if not (math.isfinite(options.left) and math.isfinite(options.right)):
+        raise ConfigurationError(
+            f"wheels are {options.left}, {options.right}, expected numbers in [-1, 1]"
+        )
+    with options.link() as link:
         control = RemoteControl(link)
         control.synchronise()  # before anything moves: the first command must not come late
         began_s = time.monotonic()
         try:
-            while (driven_s := time.monotonic() - began_s) < seconds:
+            while (driven_s := time.monotonic() - began_s) < options.seconds:
                 # The last command holds no longer than asked for.
-                left_ms = max(1, round((seconds - driven_s) * 1000))
-                control.drive(left, right, min(HOLD_MS, left_ms))
+                left_ms = max(1, round((options.seconds - driven_s) * 1000))
+                control.drive(options.left, options.right, min(HOLD_MS, left_ms))
                 # On the grid of RESEND_S, however long the reply took.
                 now_s = time.monotonic() - began_s
                 due_s = (now_s // RESEND_S + 1) * RESEND_S
-                time.sleep(max(0.0, min(due_s, seconds) - now_s))
+                time.sleep(max(0.0, min(due_s, options.seconds) - now_s))
         finally:
             state = control.stop()
         print(f"{link.robot_id}: {state}")

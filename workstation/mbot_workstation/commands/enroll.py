@@ -1,12 +1,12 @@
 """`workstation enroll`: certificates and rights for robots, people and routers."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from mbot_protocol.keys import Right
-from mbot_workstation.commands.link_options import JsonOption
+from mbot_workstation.commands.link_options import json_option
+from mbot_workstation.commands.options import argument, option, with_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,66 +17,46 @@ if TYPE_CHECKING:
 _OTHER = "Instead of enrolling"
 
 
-def enroll(
-    *,
-    name: Annotated[
-        str, typer.Argument(metavar="[ROBOT]", help="Its robot_id; a router's name with --router.")
-    ] = "",
-    hosts: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--host",
-            metavar="NAME",
-            help="Name or address it is reached by, the best one first; may be repeated. "
-            "ROBOT.local if never given.",
-        ),
-    ] = None,
-    port: Annotated[
-        int | None, typer.Option(min=1, max=65535, help="Where it listens; 7447 if never given.")
-    ] = None,
-    people: Annotated[
-        list[str] | None,
-        typer.Option("--person", metavar="NAME", help="Whom to give --right; may be repeated."),
-    ] = None,
-    rights: Annotated[
-        list[Right] | None,
-        typer.Option("--right", help="view, push or drive; may be repeated. view if not given."),
-    ] = None,
-    via: Annotated[
-        str | None,
-        typer.Option(metavar="ROUTER", help="The router the robot is behind; none: no longer."),
-    ] = None,
-    router: Annotated[
-        bool, typer.Option("--router", help="It is a router (zenohd), not a robot.")
-    ] = False,
-    listing: Annotated[
-        bool,
-        typer.Option(
-            "--list",
-            help="Show everybody, their rights, and when certificates expire.",
-            rich_help_panel=_OTHER,
-        ),
-    ] = False,
-    revoke: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME", help="Take a person, robot or router off.", rich_help_panel=_OTHER
-        ),
-    ] = None,
-    renew: Annotated[
-        bool,
-        typer.Option(
-            "--renew", help="Renew all that expires within 60 days.", rich_help_panel=_OTHER
-        ),
-    ] = False,
-    join: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="Join a fleet by the file made for you.", rich_help_panel=_OTHER
-        ),
-    ] = None,
-    as_json: JsonOption = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EnrollOptions:
+    """What `enroll` takes."""
+
+    name: str = argument(
+        "Its robot_id; a router's name with --router.", default="", metavar="[ROBOT]"
+    )
+    hosts: list[str] | None = option(
+        None,
+        "Name or address it is reached by, the best one first; may be repeated. "
+        "ROBOT.local if never given.",
+        "--host",
+        metavar="NAME",
+    )
+    port: int | None = option(None, "Where it listens; 7447 if never given.", min=1, max=65535)
+    people: list[str] | None = option(
+        None, "Whom to give --right; may be repeated.", "--person", metavar="NAME"
+    )
+    rights: list[Right] | None = option(
+        None, "view, push or drive; may be repeated. view if not given.", "--right"
+    )
+    via: str | None = option(
+        None, "The router the robot is behind; none: no longer.", metavar="ROUTER"
+    )
+    router: bool = option(False, "It is a router (zenohd), not a robot.", "--router")
+    listing: bool = option(
+        False, "Show everybody, their rights, and when certificates expire.", "--list", panel=_OTHER
+    )
+    revoke: str | None = option(
+        None, "Take a person, robot or router off.", panel=_OTHER, metavar="NAME"
+    )
+    renew: bool = option(False, "Renew all that expires within 60 days.", "--renew", panel=_OTHER)
+    join: Path | None = option(
+        None, "Join a fleet by the file made for you.", panel=_OTHER, metavar="FILE"
+    )
+    as_json: bool = json_option()
+
+
+@with_options
+def enroll(options: EnrollOptions) -> None:
     """Make certificates and rights for a robot and its people, and print how to copy them there.
 
     Whoever enrols a robot may push models to it and drive it. Others get the rights that you give:
@@ -94,46 +74,64 @@ def enroll(
     from mbot_protocol.errors import ConfigurationError
     from mbot_workstation.enrolment.membership import Enrolment
 
-    asked = [bool(name), listing, revoke is not None, renew, join is not None]
+    asked = [
+        bool(options.name),
+        options.listing,
+        options.revoke is not None,
+        options.renew,
+        options.join is not None,
+    ]
     if sum(asked) != 1:
         raise ConfigurationError(
             "expected one of ROBOT, --list, --revoke, --renew and --join; see `workstation enroll "
             "--help`"
         )
-    if not name and (hosts or port or people or rights or via or router):
+    if not options.name and (
+        options.hosts
+        or options.port
+        or options.people
+        or options.rights
+        or options.via
+        or options.router
+    ):
         raise ConfigurationError("--host, --port, --person, --right, --via and --router need ROBOT")
-    _check_people(router=router, people=people, rights=rights, via=via)
+    _check_people(
+        router=options.router, people=options.people, rights=options.rights, via=options.via
+    )
     enrolment = Enrolment()
-    begins = not enrolment.folder.has_authority and join is None
-    if listing:
-        _print_roll(enrolment.folder.roll(), as_json)
+    begins = not enrolment.folder.has_authority and options.join is None
+    if options.listing:
+        _print_roll(enrolment.folder.roll(), options.as_json)
         return
-    if join is not None:
-        _print_roll(enrolment.join(join), as_json)
+    if options.join is not None:
+        _print_roll(enrolment.join(options.join), options.as_json)
         return
-    if revoke is not None:
-        hand_overs = enrolment.revoke(revoke)
-    elif renew:
+    if options.revoke is not None:
+        hand_overs = enrolment.revoke(options.revoke)
+    elif options.renew:
         hand_overs = enrolment.renew()
-    elif router:
-        hand_overs = enrolment.router(name, hosts or (), port)
+    elif options.router:
+        hand_overs = enrolment.router(options.name, options.hosts or (), options.port)
     else:
-        given = {person: rights or [Right.VIEW] for person in people or ()}
-        behind = "" if via == "none" else via
-        hand_overs = enrolment.robot(name, hosts or (), port, given, behind)
-    if begins and not as_json:
+        given = {person: options.rights or [Right.VIEW] for person in options.people or ()}
+        behind = "" if options.via == "none" else options.via
+        hand_overs = enrolment.robot(options.name, options.hosts or (), options.port, given, behind)
+    if begins and not options.as_json:
         print(
             f"A fleet begins in {enrolment.folder.path}: keep that folder to yourself, and a copy "
             "of it; whoever has it can let anybody in."
         )
-    _print_hand_overs(enrolment, hand_overs, as_json)
-    if as_json:
+    _print_hand_overs(enrolment, hand_overs, options.as_json)
+    if options.as_json:
         return
-    if revoke is not None:
-        print(f"{revoke} is off the roll; until the above is copied, its certificate is let in")
-    elif name and not router:
+    if options.revoke is not None:
+        print(
+            f"{options.revoke} is off the roll; until the above is copied, its certificate is "
+            "let in"
+        )
+    elif options.name and not options.router:
         print("\n".join(_advice_on_keys()))
-        print(f"Then: workstation robots --robot {name}")
+        print(f"Then: workstation robots --robot {options.name}")
 
 
 def _check_people(

@@ -1,13 +1,13 @@
 """`workstation evaluate`: how good is a policy?"""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands.calibration_option import CalibrationOption
-from mbot_workstation.commands.link_options import JsonOption
+from mbot_workstation.commands.calibration_option import calibration_option
+from mbot_workstation.commands.link_options import json_option
+from mbot_workstation.commands.options import argument, option, with_options
 
 if TYPE_CHECKING:
     from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
@@ -19,52 +19,42 @@ TABLE_WIDTH = 140
 """Characters."""
 
 
-def evaluate(
-    *,
-    contestants: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="MODEL...",
-            help="ONNX policies, or servo (the colour servo), random, oracle (is told where the "
-            "object is: an upper bound).",
-        ),
-    ],
-    episodes: Annotated[int, typer.Option(min=1, help="For each of them.")] = 100,
-    lesson: Annotated[str, typer.Option(metavar="NAME", help="1 to 10, or blur.")] = "10",
-    preset: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Robots to try it on: ideal, nominal, randomised, or a perturbed one such as "
-            "uneven, handicap, sluggish, slippery, blurry, noisy, distorted, dim, bright, late; "
-            "all for every one. May be given several times; nominal if not.",
-        ),
-    ] = None,
-    calibration: CalibrationOption = None,
-    panorama: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="FILE",
-            help="360-degree photo of a room to try it in; may be given several times.",
-        ),
-    ] = None,
-    made_up_rooms: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            metavar="N",
-            help="So many generated rooms besides, none of which training uses; 4 without a "
-            "photo, 0 with one.",
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Of rooms, robots and objects.")] = 0,
-    workers: Annotated[
-        int | None, typer.Option(min=0, help="Processes; one a core if not given.")
-    ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(metavar="FILE.png", help="Draw the comparison too.")
-    ] = None,
-    as_json: JsonOption = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EvaluateOptions:
+    """What `evaluate` takes."""
+
+    contestants: list[str] = argument(
+        "ONNX policies, or servo (the colour servo), random, oracle (is told where the "
+        "object is: an upper bound).",
+        metavar="MODEL...",
+    )
+    episodes: int = option(100, "For each of them.", min=1)
+    lesson: str = option("10", "1 to 10, or blur.", metavar="NAME")
+    preset: list[str] | None = option(
+        None,
+        "Robots to try it on: ideal, nominal, randomised, or a perturbed one such as "
+        "uneven, handicap, sluggish, slippery, blurry, noisy, distorted, dim, bright, late; "
+        "all for every one. May be given several times; nominal if not.",
+    )
+    calibration: Path | None = calibration_option()
+    panorama: list[Path] | None = option(
+        None, "360-degree photo of a room to try it in; may be given several times.", metavar="FILE"
+    )
+    made_up_rooms: int | None = option(
+        None,
+        "So many generated rooms besides, none of which training uses; 4 without a "
+        "photo, 0 with one.",
+        min=0,
+        metavar="N",
+    )
+    seed: int = option(0, "Of rooms, robots and objects.")
+    workers: int | None = option(None, "Processes; one a core if not given.", min=0)
+    plot: Path | None = option(None, "Draw the comparison too.", metavar="FILE.png")
+    as_json: bool = json_option()
+
+
+@with_options
+def evaluate(options: EvaluateOptions) -> None:
     """Try policies on the paper's task: seeded episodes, means, 95 % confidence intervals.
 
     The paper's score on lesson 10 is a mean reward of 19.8 in 200 decisions, 20 an object; 21 is
@@ -89,27 +79,43 @@ def evaluate(
     from mbot_workstation.training.evaluation.evaluation_report import Line, draw, fields, table
     from mbot_workstation.training.worlds.rooms import EVALUATION_ROOMS, gather_rooms
 
-    files = read_files(calibration) if calibration else CalibrationFiles()
-    stage = _lesson(lesson)
-    robots = _presets(preset or ["nominal"], files if calibration else None)
-    panorama = [*(panorama or ()), *(room_pictures(calibration) if calibration else ())]
-    made_up = made_up_rooms if made_up_rooms is not None else (0 if panorama else 4)
+    panorama = options.panorama
+    files = read_files(options.calibration) if options.calibration else CalibrationFiles()
+    stage = _lesson(options.lesson)
+    robots = _presets(options.preset or ["nominal"], files if options.calibration else None)
+    panorama = [
+        *(panorama or ()),
+        *(room_pictures(options.calibration) if options.calibration else ()),
+    ]
+    made_up = options.made_up_rooms if options.made_up_rooms is not None else (0 if panorama else 4)
     if not panorama and not made_up:
         raise ConfigurationError("--made-up-rooms 0 leaves no room; give a --panorama")
-    titles = _titles(contestants)
+    titles = _titles(options.contestants)
     rooms = gather_rooms(panorama, made_up, EVALUATION_ROOMS)
     lines: list[Line] = []
     for name, effects in robots.items():
-        trial = Trial(stage, effects, rooms, episodes, seed, workers, files.robot, files.scene)
+        trial = Trial(
+            stage,
+            effects,
+            rooms,
+            options.episodes,
+            options.seed,
+            options.workers,
+            files.robot,
+            files.scene,
+        )
         for contestant, title in titles.items():
             results = _with_bar(contestant, f"{title}, {name}", trial)
             lines.append(Line(title, name, score(results)))
-    if plot is not None:
-        draw(lines, plot, ten_objects=stage.objects == 10)
-    if as_json:
+    if options.plot is not None:
+        draw(lines, options.plot, ten_objects=stage.objects == 10)
+    if options.as_json:
         print(json.dumps([fields(line, lines) for line in lines]))
     else:
-        heading = f"lesson {lesson}, {episodes} episodes each, {len(rooms)} rooms, seed {seed}"
+        heading = (
+            f"lesson {options.lesson}, {options.episodes} episodes each, {len(rooms)} rooms, "
+            f"seed {options.seed}"
+        )
         console = Console()
         if not console.is_terminal:  # a file has room for all columns
             console = Console(width=TABLE_WIDTH)

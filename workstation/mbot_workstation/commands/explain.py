@@ -1,39 +1,34 @@
 """`workstation explain`: what a policy sees in a picture."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from mbot_workstation.commands.link_options import JsonOption
+from mbot_workstation.commands.link_options import json_option
+from mbot_workstation.commands.options import argument, option, with_options
 
 
-def explain(
-    *,
-    model: Annotated[Path, typer.Argument(metavar="MODEL.onnx", help="A learned policy.")],
-    more_frames: Annotated[
-        list[Path] | None, typer.Argument(metavar="[FILE]...", help="More pictures.")
-    ] = None,
-    frames: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--frames",
-            metavar="FILE",
-            help="Pictures to explain: 64 x 64 as the policy sees it, or the whole camera's.",
-        ),
-    ] = None,
-    recording: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.mcap", help="Take pictures from this recording."),
-    ] = None,
-    count: Annotated[
-        int, typer.Option(min=1, max=12, help="How many, evenly spread over the recording.")
-    ] = 4,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE.png", help="The picture to write.")
-    ] = Path("explanation.png"),
-    as_json: JsonOption = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExplainOptions:
+    """What `explain` takes."""
+
+    model: Path = argument("A learned policy.", metavar="MODEL.onnx")
+    more_frames: list[Path] | None = argument("More pictures.", default=None, metavar="[FILE]...")
+    frames: list[Path] | None = option(
+        None,
+        "Pictures to explain: 64 x 64 as the policy sees it, or the whole camera's.",
+        "--frames",
+        metavar="FILE",
+    )
+    recording: Path | None = option(None, "Take pictures from this recording.", metavar="FILE.mcap")
+    count: int = option(4, "How many, evenly spread over the recording.", min=1, max=12)
+    output: Path = option(
+        Path("explanation.png"), "The picture to write.", "--output", "-o", metavar="FILE.png"
+    )
+    as_json: bool = json_option()
+
+
+@with_options
+def explain(options: ExplainOptions) -> None:
     """Show what the first layer of a policy makes of pictures, and what the policy then does.
 
     Without --frames and --recording: three pictures as in the paper, with no object, with the
@@ -52,14 +47,14 @@ def explain(
     from mbot_workstation.training.evaluation.activations import Microscope
     from mbot_workstation.training.evaluation.explanation import draw, load_frame, recorded_frames
 
-    files = [*(frames or ()), *(more_frames or ())]
-    if files and recording:
+    files = [*(options.frames or ()), *(options.more_frames or ())]
+    if files and options.recording:
         raise ConfigurationError("--frames and --recording: give one of the two")
-    checked = check_model(model)
+    checked = check_model(options.model)
     microscope = Microscope(checked.data)
     view = checked.metadata.view
-    if recording is not None:
-        pictures = recorded_frames(recording, count, view)
+    if options.recording is not None:
+        pictures = recorded_frames(options.recording, options.count, view)
     elif files:
         pictures = {path.stem: load_frame(path, view) for path in files}
     else:
@@ -67,12 +62,12 @@ def explain(
 
         pictures = example_frames()
     seen = {title: microscope.look(picture) for title, picture in pictures.items()}
-    draw(seen, output)
-    if as_json:
+    draw(seen, options.output)
+    if options.as_json:
         actions = {title: [round(v, 4) for v in one.action] for title, one in seen.items()}
-        print(json.dumps({"path": str(output), "actions": actions}))
+        print(json.dumps({"path": str(options.output), "actions": actions}))
     else:
         for title, one in seen.items():
             left, right = one.action
             print(f"{title}: left {left:+.2f}, right {right:+.2f}")
-        print(f"wrote {output}")
+        print(f"wrote {options.output}")

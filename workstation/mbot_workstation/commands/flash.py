@@ -1,31 +1,31 @@
 """`workstation flash`: a firmware onto the board."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-import typer
+from mbot_workstation.commands.options import option, with_options
 
 OURS = Path("out/firmware/mbot-deadman.hex")
 
 
-def flash(
-    *,
-    port: Annotated[
-        str | None,
-        typer.Option(metavar="DEVICE", help="The board's port; the only CH340 on USB otherwise."),
-    ] = None,
-    image_path: Annotated[
-        Path,
-        typer.Option("--hex", metavar="FILE", help="Another firmware, such as the stock one."),
-    ] = OURS,
-    force: Annotated[
-        bool,
-        typer.Option("--force", help="Write even if the board does not answer as an mCore does."),
-    ] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Check everything, say what would be done.")
-    ] = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlashOptions:
+    """What `flash` takes."""
+
+    port: str | None = option(
+        None, "The board's port; the only CH340 on USB otherwise.", metavar="DEVICE"
+    )
+    image_path: Path = option(
+        OURS, "Another firmware, such as the stock one.", "--hex", metavar="FILE"
+    )
+    force: bool = option(
+        False, "Write even if the board does not answer as an mCore does.", "--force"
+    )
+    dry_run: bool = option(False, "Check everything, say what would be done.", "--dry-run")
+
+
+@with_options
+def flash(options: FlashOptions) -> None:
     """Write the firmware with a dead man's switch onto an mCore board on this machine's USB.
 
     `make firmware` makes it. Lift the wheels off the ground: opening the port resets the board.
@@ -40,25 +40,25 @@ def flash(
     from mbot_protocol.errors import RefusedError
     from mbot_workstation.firmware import flashing as firmware_flash
 
-    image = firmware_flash.read_image(image_path)
+    image = firmware_flash.read_image(options.image_path)
     firmware_flash.need_avrdude()
-    device = firmware_flash.find_port(port)
+    device = firmware_flash.find_port(options.port)
     try:
         version = firmware_flash.ask_version(device)
         print(f"{device}: firmware {version}")
-        if not (force or firmware_flash.is_mcore(version)):
+        if not (options.force or firmware_flash.is_mcore(version)):
             raise RefusedError(
                 f"{version!r} on {device} is no mCore firmware known here; --force writes all the "
                 "same"
             )
     except firmware_flash.NoAnswerError as error:
-        if not force:
+        if not options.force:
             raise firmware_flash.NoAnswerError(f"{error}; --force writes all the same") from None
         print(f"{error}; going on, as told by --force")
-    will = "would write" if dry_run else "writing"
+    will = "would write" if options.dry_run else "writing"
     print(f"{will} {image.deadman_version or image.path.name}, {len(image.content)} bytes:")
     print(f"  {shlex.join(firmware_flash.avrdude_command(device, image))}", flush=True)
-    if dry_run:
+    if options.dry_run:
         return
     firmware_flash.write(device, image)
     print(f"{device}: firmware {firmware_flash.check_flashed(device, image)}")

@@ -1,54 +1,48 @@
 """`workstation gap-report`: one page on how far robot and simulation are apart."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands.link_options import JsonOption
+from mbot_workstation.commands.link_options import json_option
+from mbot_workstation.commands.options import argument, option, with_options
 
 if TYPE_CHECKING:
     from mbot_workstation.gap_report.report import GapReport
 
 
-def gap_report(
-    *,
-    recordings: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="RECORDING...", help="Folders of `workstation maneuvers run` with their tracks."
-        ),
-    ],
-    calibration: Annotated[
-        Path | None,
-        typer.Option(
-            "--calibration",
-            metavar="FOLDER",
-            help="The robot's calibration; calibration/ROBOT if not given.",
-        ),
-    ] = None,
-    tolerance: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.json",
-            help="What a policy bears: tolerance.json of `workstation study tolerance`. Without, "
-            "there are no verdicts.",
-        ),
-    ] = None,
-    frames: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Pictures of the robot's camera, with frames.csv: file,x_m,y_m,yaw_deg and, where "
-            "the cube is in view, cube_x_m,cube_y_m,cube_yaw_deg.",
-        ),
-    ] = None,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE.html", help="The page.")
-    ] = Path("gap.html"),
-    as_json: JsonOption = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GapReportOptions:
+    """What `gap_report` takes."""
+
+    recordings: list[Path] = argument(
+        "Folders of `workstation maneuvers run` with their tracks.", metavar="RECORDING..."
+    )
+    calibration: Path | None = option(
+        None,
+        "The robot's calibration; calibration/ROBOT if not given.",
+        "--calibration",
+        metavar="FOLDER",
+    )
+    tolerance: Path | None = option(
+        None,
+        "What a policy bears: tolerance.json of `workstation study tolerance`. Without, "
+        "there are no verdicts.",
+        metavar="FILE.json",
+    )
+    frames: Path | None = option(
+        None,
+        "Pictures of the robot's camera, with frames.csv: file,x_m,y_m,yaw_deg and, where "
+        "the cube is in view, cube_x_m,cube_y_m,cube_yaw_deg.",
+        metavar="FOLDER",
+    )
+    output: Path = option(Path("gap.html"), "The page.", "--output", "-o", metavar="FILE.html")
+    as_json: bool = json_option()
+
+
+@with_options
+def gap_report(options: GapReportOptions) -> None:
     """Hold the calibrated simulation against the real robot, and write one page about it.
 
     Paths, errors over time and steady rates of runs that `identify` has not fitted; the lens, the
@@ -69,27 +63,31 @@ def gap_report(
     from mbot_workstation.gap_report.building import Sources, build
     from mbot_workstation.gap_report.page import page
 
-    if not output.parent.is_dir():  # said before the work, not after
-        raise ConfigurationError(f"can't write {output}: there is no folder {output.parent}")
+    if not options.output.parent.is_dir():  # said before the work, not after
+        raise ConfigurationError(
+            f"can't write {options.output}: there is no folder {options.output.parent}"
+        )
     today = datetime.now().astimezone().date().isoformat()
-    sources = Sources(tuple(recordings), calibration, tolerance, frames, today)
+    sources = Sources(
+        tuple(options.recordings), options.calibration, options.tolerance, options.frames, today
+    )
     console = Console(stderr=True)
     with console.status("reading") as status:
         report = build(sources, status.update)
         status.update("drawing the page")
         text = page(report)
     try:
-        output.write_text(text, encoding="utf-8")
+        options.output.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise ConfigurationError(f"can't write {output}: {error.strerror}") from None
-    if as_json:
+        raise ConfigurationError(f"can't write {options.output}: {error.strerror}") from None
+    if options.as_json:
         import json
 
         from mbot_workstation.gap_report.figures_json import figures
 
-        print(json.dumps(figures(report) | {"path": str(output)}, indent=2))
+        print(json.dumps(figures(report) | {"path": str(options.output)}, indent=2))
         return
-    _print(report, output)
+    _print(report, options.output)
 
 
 def _print(report: "GapReport", output: Path) -> None:

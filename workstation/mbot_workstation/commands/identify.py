@@ -1,12 +1,12 @@
 """`workstation identify`: from recorded manoeuvres to the simulated robot's motion."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError, MbotError
-from mbot_workstation.commands.link_options import JsonOption
+from mbot_workstation.commands.link_options import json_option
+from mbot_workstation.commands.options import argument, option, with_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,40 +20,34 @@ TABLE_WIDTH = 120
 """Characters, where the output is no terminal."""
 
 
-def identify(
-    *,
-    recordings: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="RECORDING...",
-            help="Folders written by `workstation maneuvers run`, with a track; see "
-            "docs/recordings.md.",
-        ),
-    ],
-    calibration: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="The robot's calibration folder: its body is used, motion.toml is written. "
-            "calibration/ROBOT if not given.",
-        ),
-    ] = None,
-    robot: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ID", help="Whose recordings these are, if they do not say so or differ."
-        ),
-    ] = None,
-    same_clock: Annotated[
-        bool,
-        typer.Option(
-            "--same-clock",
-            help="The tracks' times are on the robot's clock: then the delay from command to "
-            "wheel can be told.",
-        ),
-    ] = False,
-    as_json: JsonOption = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdentifyOptions:
+    """What `identify` takes."""
+
+    recordings: list[Path] = argument(
+        "Folders written by `workstation maneuvers run`, with a track; see docs/recordings.md.",
+        metavar="RECORDING...",
+    )
+    calibration: Path | None = option(
+        None,
+        "The robot's calibration folder: its body is used, motion.toml is written. "
+        "calibration/ROBOT if not given.",
+        metavar="FOLDER",
+    )
+    robot: str | None = option(
+        None, "Whose recordings these are, if they do not say so or differ.", metavar="ID"
+    )
+    same_clock: bool = option(
+        False,
+        "The tracks' times are on the robot's clock: then the delay from command to "
+        "wheel can be told.",
+        "--same-clock",
+    )
+    as_json: bool = json_option()
+
+
+@with_options
+def identify(options: IdentifyOptions) -> None:
     """Fit the simulated robot to half of the repetitions, try it on the other half.
 
     What the recordings can't tell keeps its value and is listed with the reason. The tracker's
@@ -71,15 +65,15 @@ def identify(
     from mbot_workstation.identification.report import as_fields
     from mbot_workstation.recordings.recording_folder import read_recording
 
-    read = [read_recording(folder) for folder in recordings]
-    robot_id = robot or _robot_id(read)
-    folder = calibration or Path("calibration") / robot_id
+    read = [read_recording(folder) for folder in options.recordings]
+    robot_id = options.robot or _robot_id(read)
+    folder = options.calibration or Path("calibration") / robot_id
     maps = _maps(read)
-    found = _identified(read, _known(folder), robot_id, same_clock=same_clock)
+    found = _identified(read, _known(folder), robot_id, same_clock=options.same_clock)
     written: list[str] = []
     if not found.is_worse:
         written = [str(write_motion(folder, motion_calibration(found, maps)))]
-    if as_json:
+    if options.as_json:
         print(json.dumps(as_fields(found, written)))
     else:
         _show(found, straight_maps(found, maps), written)

@@ -1,34 +1,37 @@
 """`workstation make-servo-policy`: a policy without training, to push first and compare with."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from mbot_protocol.policy_contract import FULL_VIEW, FieldOfView, PolicyMetadata
-from mbot_workstation.commands.link_options import JsonOption
+from mbot_workstation.commands.link_options import json_option
+from mbot_workstation.commands.options import argument, option, with_options
 
 POLICY_NAME = "servo"
 
 
-def make_servo_policy(
-    output: Annotated[Path, typer.Argument(help="The ONNX file to write.")] = Path("servo.onnx"),
-    *,
-    search_speed: Annotated[
-        float | None,
-        typer.Option(
-            min=0.05,
-            max=1.0,
-            help="Wheel speed of the search turn, share of full speed; 0.25 if not given. Less if "
-            "the robot spins past the cube, more if it hardly turns.",
-        ),
-    ] = None,
-    view: Annotated[
-        tuple[float, float],
-        typer.Option(metavar="WIDTH HEIGHT", help="Field of view of the observation, degrees."),
-    ] = (FULL_VIEW.horizontal_deg, FULL_VIEW.vertical_deg),
-    as_json: JsonOption = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MakeServoPolicyOptions:
+    """What `make_servo_policy` takes."""
+
+    output: Path = argument("The ONNX file to write.", default=Path("servo.onnx"))
+    search_speed: float | None = option(
+        None,
+        "Wheel speed of the search turn, share of full speed; 0.25 if not given. Less if "
+        "the robot spins past the cube, more if it hardly turns.",
+        min=0.05,
+        max=1.0,
+    )
+    view: tuple[float, float] = option(
+        (FULL_VIEW.horizontal_deg, FULL_VIEW.vertical_deg),
+        "Field of view of the observation, degrees.",
+        metavar="WIDTH HEIGHT",
+    )
+    as_json: bool = json_option()
+
+
+@with_options
+def make_servo_policy(options: MakeServoPolicyOptions) -> None:
     """Write a policy that needs no training: it drives at the red cube, or turns to find it.
 
     Robots take it as they take a trained model, and a trained model has to beat it. The same
@@ -45,23 +48,23 @@ def make_servo_policy(
     from mbot_workstation.wording import short_digest
 
     try:
-        metadata = PolicyMetadata(POLICY_NAME, FieldOfView(*view))
+        metadata = PolicyMetadata(POLICY_NAME, FieldOfView(*options.view))
     except ValueError as error:
         raise ConfigurationError(f"--view: {error}") from None
     gains = ServoGains()
-    if search_speed is not None:
-        gains = replace(gains, search_speed=search_speed)
+    if options.search_speed is not None:
+        gains = replace(gains, search_speed=options.search_speed)
     data = servo_model(gains, metadata).SerializeToString(deterministic=True)
     try:
-        output.write_bytes(data)
+        options.output.write_bytes(data)
     except OSError as error:
-        raise ConfigurationError(f"can't write {output}: {error.strerror}") from None
+        raise ConfigurationError(f"can't write {options.output}: {error.strerror}") from None
     sha256 = hashlib.sha256(data).hexdigest()
-    if as_json:
-        fields = {"path": str(output), "name": POLICY_NAME, "sha256": sha256}
+    if options.as_json:
+        fields = {"path": str(options.output), "name": POLICY_NAME, "sha256": sha256}
         print(json.dumps({**fields, "size_bytes": len(data)}))
     else:
         print(
-            f"wrote {output}: {POLICY_NAME} {short_digest(sha256)}, {len(data) / 1e3:.1f} kB; "
-            f"next: workstation push-model {output}"
+            f"wrote {options.output}: {POLICY_NAME} {short_digest(sha256)}, "
+            f"{len(data) / 1e3:.1f} kB; next: workstation push-model {options.output}"
         )

@@ -1,20 +1,14 @@
 """`workstation maneuvers`: drive the paper's eight manoeuvres and record what was told."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands.link_options import (
-    CaOption,
-    CertificateOption,
-    IdOption,
-    JsonOption,
-    KeyOption,
-    RobotOption,
-    robot_link,
-)
+from mbot_workstation.commands.link_options import LinkOptions, json_option
+from mbot_workstation.commands.options import option, with_options
 from mbot_workstation.maneuvers.plan import Order, Planned, duration_words, plan, room_needed_m
 from mbot_workstation.recordings.maneuver import (
     MANEUVER_S,
@@ -37,8 +31,17 @@ SecondsOption = Annotated[
 ]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ListManeuversOptions:
+    """What `list_maneuvers` takes."""
+
+    seconds: float = option(MANEUVER_S, "Of each manoeuvre; the paper has 10.", min=0.3, max=120)
+    as_json: bool = json_option()
+
+
 @app.command("list")
-def list_maneuvers(*, seconds: SecondsOption = MANEUVER_S, as_json: JsonOption = False) -> None:
+@with_options
+def list_maneuvers(options: ListManeuversOptions) -> None:
     """Show the manoeuvres and the free floor each needs.
 
     Example: `workstation maneuvers list --seconds 5`
@@ -48,10 +51,10 @@ def list_maneuvers(*, seconds: SecondsOption = MANEUVER_S, as_json: JsonOption =
     from rich.console import Console
     from rich.table import Table
 
-    if as_json:
+    if options.as_json:
         rows = []
         for maneuver in MANEUVERS:
-            length_m, width_m = room_needed_m(maneuver, seconds)
+            length_m, width_m = room_needed_m(maneuver, options.seconds)
             room = {"length_m": round(length_m, 2), "width_m": round(width_m, 2)}
             told = {"name": maneuver.name, "left": maneuver.left, "right": maneuver.right}
             rows.append(told | room)
@@ -59,62 +62,47 @@ def list_maneuvers(*, seconds: SecondsOption = MANEUVER_S, as_json: JsonOption =
         return
     table = Table("manoeuvre", "left", "right", "free floor, m", box=None, padding=(0, 2, 0, 0))
     for maneuver in MANEUVERS:
-        length_m, width_m = room_needed_m(maneuver, seconds)
+        length_m, width_m = room_needed_m(maneuver, options.seconds)
         left, right = f"{maneuver.left:+g}", f"{maneuver.right:+g}"
         table.add_row(maneuver.name, left, right, f"{length_m:.1f} x {width_m:.1f}")
     Console().print(table)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOptions(LinkOptions):
+    """What `run` takes."""
+
+    output: Path | None = option(
+        None, "New recording; recordings/ROBOT-DATE if not given.", metavar="FOLDER"
+    )
+    resume: Path | None = option(
+        None, "Go on with a recording: only what is missing.", metavar="FOLDER"
+    )
+    seconds: float = option(MANEUVER_S, "Of each manoeuvre; the paper has 10.", min=0.3, max=120)
+    repetitions: int = option(REPETITIONS, "Of every manoeuvre; the paper has 10.", min=1, max=100)
+    maneuver: list[str] | None = option(
+        None, "Only this one; may be given several times.", metavar="NAME"
+    )
+    order: Order = option(
+        Order.PAIRED,
+        "Of each round: each followed by its opposite, so that the robot comes back; as "
+        "listed; or shuffled.",
+    )
+    seed: int = option(0, "Of the shuffling.")
+    pause: float = option(5.0, "Countdown before each run.", metavar="SECONDS", min=0, max=600)
+    calibration: Path | None = option(
+        None,
+        "The calibration that the robot's daemon uses, if it uses one: its trims are "
+        "noted in the recording.",
+        metavar="FOLDER",
+    )
+    telemetry: bool = option(True, "Record all the robot publishes.", "--telemetry/--no-telemetry")
+    yes: bool = option(False, "Ask nothing and run through; for scripts.", "--yes")
+
+
 @app.command("run")
-def run(
-    *,
-    output: Annotated[
-        Path | None,
-        typer.Option(metavar="FOLDER", help="New recording; recordings/ROBOT-DATE if not given."),
-    ] = None,
-    resume: Annotated[
-        Path | None,
-        typer.Option(metavar="FOLDER", help="Go on with a recording: only what is missing."),
-    ] = None,
-    seconds: SecondsOption = MANEUVER_S,
-    repetitions: Annotated[
-        int, typer.Option(min=1, max=100, help="Of every manoeuvre; the paper has 10.")
-    ] = REPETITIONS,
-    maneuver: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="Only this one; may be given several times."),
-    ] = None,
-    order: Annotated[
-        Order,
-        typer.Option(
-            help="Of each round: each followed by its opposite, so that the robot comes back; as "
-            "listed; or shuffled."
-        ),
-    ] = Order.PAIRED,
-    seed: Annotated[int, typer.Option(help="Of the shuffling.")] = 0,
-    pause: Annotated[
-        float, typer.Option(metavar="SECONDS", min=0, max=600, help="Countdown before each run.")
-    ] = 5.0,
-    calibration: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="The calibration that the robot's daemon uses, if it uses one: its trims are "
-            "noted in the recording.",
-        ),
-    ] = None,
-    telemetry: Annotated[
-        bool, typer.Option("--telemetry/--no-telemetry", help="Record all the robot publishes.")
-    ] = True,
-    yes: Annotated[
-        bool, typer.Option("--yes", help="Ask nothing and run through; for scripts.")
-    ] = False,
-    robot: RobotOption = "",
-    robot_id: IdOption = None,
-    ca: CaOption = None,
-    certificate: CertificateOption = None,
-    key: KeyOption = None,
-) -> None:
+@with_options
+def run(options: RunOptions) -> None:
     """Drive every manoeuvre, and record commands and telemetry on the robot's clock.
 
     Start the tracker first (`workstation track`, or any other), and keep it running to the end.
@@ -138,34 +126,36 @@ def run(
     from mbot_workstation.maneuvers.maneuver_session import SessionSettings, check_ready
     from mbot_workstation.maneuvers.robot_time import measure_robot_time
 
-    if output is not None and resume is not None:
+    if options.output is not None and options.resume is not None:
         raise ConfigurationError("--output and --resume exclude each other")
-    chosen = [maneuver_named(name) for name in maneuver] if maneuver else list(MANEUVERS)
-    planned = plan(chosen, repetitions, order, seed)
-    motion = read_motion(calibration) if calibration else None
-    attended = sys.stdin.isatty() and not yes
-    if not attended and not yes:
+    chosen = (
+        [maneuver_named(name) for name in options.maneuver] if options.maneuver else list(MANEUVERS)
+    )
+    planned = plan(chosen, options.repetitions, options.order, options.seed)
+    motion = read_motion(options.calibration) if options.calibration else None
+    attended = sys.stdin.isatty() and not options.yes
+    if not attended and not options.yes:
         raise ConfigurationError("nobody can be asked here: --yes says that the robot may drive")
-    with robot_link(robot, robot_id, ca, certificate, key) as link:
+    with options.link() as link:
         check_ready(link)
         robot_time = measure_robot_time(link)
         began_unix_s = round(time.time() - robot_time.robot_s(time.monotonic_ns()), 3)
         today = time.strftime("%Y-%m-%d")
-        if resume is not None:
-            journal = Journal.resume(resume, link.robot_id, began_unix_s)
+        if options.resume is not None:
+            journal = Journal.resume(options.resume, link.robot_id, began_unix_s)
         else:
             journal = Journal.create(
-                output or Path("recordings") / f"{link.robot_id}-{today}",
+                options.output or Path("recordings") / f"{link.robot_id}-{today}",
                 link.robot_id,
                 motion.wheel_maps() if motion else WheelMaps(),
                 today,
                 began_unix_s,
             )
-        settings = SessionSettings(seconds, pause, attended)
+        settings = SessionSettings(options.seconds, options.pause, attended)
         left = [p for p in planned if (p.maneuver.name, p.repetition) not in journal.recorded]
         _announce(left, settings)
-        if left and (yes or _may_drive()):
-            _drive(link, journal, planned, settings, telemetry=telemetry)
+        if left and (options.yes or _may_drive()):
+            _drive(link, journal, planned, settings, telemetry=options.telemetry)
 
 
 def _announce(left: list[Planned], settings: "SessionSettings") -> None:

@@ -1,11 +1,13 @@
 """`workstation keys`: the keys that sign models."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mbot_workstation.commands.link_options import JsonOption
+from mbot_workstation.commands.link_options import json_option
+from mbot_workstation.commands.options import argument, option, with_options
 
 if TYPE_CHECKING:
     from mbot_workstation.models.key_folder import KeyFolder
@@ -19,17 +21,18 @@ app = typer.Typer(
 NameArgument = Annotated[str, typer.Argument(metavar="NAME", help="Of the key.")]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NewOptions:
+    """What `new` takes."""
+
+    name: str = argument("Of the key; your user name if not given.", default="", metavar="NAME")
+    passphrase: bool = option(False, "Ask for one, and again at every push.", "--passphrase")
+    as_json: bool = json_option()
+
+
 @app.command()
-def new(
-    *,
-    name: Annotated[
-        str, typer.Argument(metavar="NAME", help="Of the key; your user name if not given.")
-    ] = "",
-    passphrase: Annotated[
-        bool, typer.Option("--passphrase", help="Ask for one, and again at every push.")
-    ] = False,
-    as_json: JsonOption = False,
-) -> None:
+@with_options
+def new(options: NewOptions) -> None:
     """Make a key, and print the line to put into a robot's configuration.
 
     The private half stays in a file that only you can read. Whoever has it can send models to
@@ -43,13 +46,21 @@ def new(
     from mbot_workstation.models.key_folder import KeyFolder
 
     folder = KeyFolder()
-    words = _ask_new_passphrase() if passphrase else ""
-    key = folder.new(name or _user_name(), words)
-    _print_key(key.name, key.line, folder.path / f"{key.name}.pem", as_json)
+    words = _ask_new_passphrase() if options.passphrase else ""
+    key = folder.new(options.name or _user_name(), words)
+    _print_key(key.name, key.line, folder.path / f"{key.name}.pem", options.as_json)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ListKeysOptions:
+    """What `list_keys` takes."""
+
+    as_json: bool = json_option()
 
 
 @app.command("list")
-def list_keys(*, as_json: JsonOption = False) -> None:
+@with_options
+def list_keys(options: ListKeysOptions) -> None:
     """List the keys on this workstation.
 
     Example: `workstation keys list`
@@ -60,7 +71,7 @@ def list_keys(*, as_json: JsonOption = False) -> None:
 
     folder = KeyFolder()
     keys = folder.public_keys()
-    if as_json:
+    if options.as_json:
         rows = [
             {"name": key.name, "line": key.line, "protected": folder.is_protected(key.name)}
             for key in keys
@@ -74,8 +85,17 @@ def list_keys(*, as_json: JsonOption = False) -> None:
         print(f"{key.line}{protected}")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShowOptions:
+    """What `show` takes."""
+
+    name: str = argument("Of the key.", default="", metavar="NAME")
+    as_json: bool = json_option()
+
+
 @app.command()
-def show(*, name: NameArgument = "", as_json: JsonOption = False) -> None:
+@with_options
+def show(options: ShowOptions) -> None:
     """Print a key's public line, for `[trust] keys` in a robot's configuration.
 
     Without a name: of the only key.
@@ -85,23 +105,24 @@ def show(*, name: NameArgument = "", as_json: JsonOption = False) -> None:
     from mbot_workstation.models.key_folder import KeyFolder
 
     folder = KeyFolder()
-    key = folder.public_key(name or _only_name(folder))
-    if as_json:
-        _print_key(key.name, key.line, folder.path / f"{key.name}.pem", as_json)
+    key = folder.public_key(options.name or _only_name(folder))
+    if options.as_json:
+        _print_key(key.name, key.line, folder.path / f"{key.name}.pem", options.as_json)
     else:
         print(key.line)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrustOptions:
+    """What `trust` takes."""
+
+    configuration: Path = argument("A robot's configuration on this machine.", metavar="ROBOT.toml")
+    name: str = option("", "Of the key; the only one if not given.", "--key", metavar="NAME")
+
+
 @app.command()
-def trust(
-    *,
-    configuration: Annotated[
-        Path, typer.Argument(metavar="ROBOT.toml", help="A robot's configuration on this machine.")
-    ],
-    name: Annotated[
-        str, typer.Option("--key", metavar="NAME", help="Of the key; the only one if not given.")
-    ] = "",
-) -> None:
+@with_options
+def trust(options: TrustOptions) -> None:
     """Add a key to `[trust] keys` in a robot's configuration file.
 
     The robot's daemon reads it at its next start.
@@ -113,17 +134,17 @@ def trust(
     from mbot_workstation.models.trusting_configuration import with_trusted_key
 
     folder = KeyFolder()
-    key = folder.public_key(name or _only_name(folder))
+    key = folder.public_key(options.name or _only_name(folder))
     try:
-        text = configuration.read_text()
-        changed = with_trusted_key(text, key, str(configuration))
+        text = options.configuration.read_text()
+        changed = with_trusted_key(text, key, str(options.configuration))
         if changed == text:
-            print(f"{configuration} trusts {key.name} already")
+            print(f"{options.configuration} trusts {key.name} already")
             return
-        configuration.write_text(changed)
+        options.configuration.write_text(changed)
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"cannot change {configuration}: {error}") from None
-    print(f"{configuration} now trusts {key.name}; restart mbot-agent to make it so")
+        raise ConfigurationError(f"cannot change {options.configuration}: {error}") from None
+    print(f"{options.configuration} now trusts {key.name}; restart mbot-agent to make it so")
 
 
 def _print_key(name: str, line: str, path: Path, as_json: bool) -> None:

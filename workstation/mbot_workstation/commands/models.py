@@ -1,18 +1,10 @@
 """`workstation models` and `workstation rollback`: the models a robot keeps."""
 
-from typing import TYPE_CHECKING, Annotated
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import typer
-
-from mbot_workstation.commands.link_options import (
-    CaOption,
-    CertificateOption,
-    IdOption,
-    JsonOption,
-    KeyOption,
-    RobotOption,
-    robot_link,
-)
+from mbot_workstation.commands.link_options import LinkOptions, json_option
+from mbot_workstation.commands.options import argument, with_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,41 +12,39 @@ if TYPE_CHECKING:
     from mbot_protocol.v1.messages_pb2 import Model
 
 
-def models(
-    *,
-    robot: RobotOption = "",
-    robot_id: IdOption = None,
-    ca: CaOption = None,
-    certificate: CertificateOption = None,
-    key: KeyOption = None,
-    as_json: JsonOption = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelsOptions(LinkOptions):
+    """What `models` takes."""
+
+    as_json: bool = json_option()
+
+
+@with_options
+def models(options: ModelsOptions) -> None:
     """List the models that a robot keeps.
 
     Example: `workstation models --robot mbot-1.local`
     """
     from mbot_workstation.models.stored_models import list_models
 
-    with robot_link(robot, robot_id, ca, certificate, key) as link:
-        _print_models(list_models(link), as_json)
+    with options.link() as link:
+        _print_models(list_models(link), options.as_json)
 
 
-def rollback(
-    *,
-    digest: Annotated[
-        str,
-        typer.Argument(
-            metavar="DIGEST",
-            help="First 8 or more digits of the model's digest; the previous model if not given.",
-        ),
-    ] = "",
-    robot: RobotOption = "",
-    robot_id: IdOption = None,
-    ca: CaOption = None,
-    certificate: CertificateOption = None,
-    key: KeyOption = None,
-    as_json: JsonOption = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RollbackOptions(LinkOptions):
+    """What `rollback` takes."""
+
+    digest: str = argument(
+        "First 8 or more digits of the model's digest; the previous model if not given.",
+        default="",
+        metavar="DIGEST",
+    )
+    as_json: bool = json_option()
+
+
+@with_options
+def rollback(options: RollbackOptions) -> None:
     """Make a model active that the robot had before: the previous one, or any it keeps.
 
     Example: `workstation rollback 4f1c09ab --robot mbot-1.local`
@@ -64,12 +54,13 @@ def rollback(
     from mbot_protocol.errors import ConfigurationError
     from mbot_workstation.models.stored_models import activate
 
-    if digest and not re.fullmatch(r"[0-9a-f]{8,64}", digest):
+    if options.digest and not re.fullmatch(r"[0-9a-f]{8,64}", options.digest):
         raise ConfigurationError(
-            f"digest is {digest!r}, expected 8 to 64 of 0-9, a-f, as `workstation models` lists"
+            f"digest is {options.digest!r}, expected 8 to 64 of 0-9, a-f, as `workstation models` "
+            "lists"
         )
-    with robot_link(robot, robot_id, ca, certificate, key) as link:
-        _print_models(activate(link, digest), as_json)
+    with options.link() as link:
+        _print_models(activate(link, options.digest), options.as_json)
 
 
 def _standing(model: "Model") -> str:

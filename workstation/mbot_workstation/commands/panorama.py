@@ -1,69 +1,54 @@
 """`workstation panorama`: the robot's own room for the simulation."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from mbot_workstation.commands.calibration_option import (
-    DEFAULT_CALIBRATION,
-    CalibrationOutputOption,
-)
-from mbot_workstation.commands.link_options import JsonOption
+from mbot_workstation.commands.calibration_option import calibration_output_option
+from mbot_workstation.commands.link_options import json_option
+from mbot_workstation.commands.options import argument, option, with_options
 
 if TYPE_CHECKING:
     from mbot_workstation.calibration.room.panorama_import import Room
 
 
-def panorama(
-    *,
-    photo: Annotated[
-        Path, typer.Argument(metavar="PHOTO", help="A 360-degree photo, twice as wide as high.")
-    ],
-    calibration: CalibrationOutputOption = DEFAULT_CALIBRATION,
-    name: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Of the room; the photo's if not given."),
-    ] = None,
-    heading: Annotated[
-        float,
-        typer.Option(
-            metavar="DEGREES",
-            min=-360,
-            max=360,
-            help="Where the robot looks first, to the right of the photo's middle.",
-        ),
-    ] = 0.0,
-    pitch: Annotated[
-        float | None,
-        typer.Option(
-            metavar="DEGREES",
-            min=-45,
-            max=45,
-            help="How far the photo's middle is above the horizon; with --roll, instead of asking "
-            "the upright edges.",
-        ),
-    ] = None,
-    roll: Annotated[
-        float | None,
-        typer.Option(
-            metavar="DEGREES", min=-45, max=45, help="How far the camera was turned clockwise."
-        ),
-    ] = None,
-    width: Annotated[
-        int | None,
-        typer.Option(
-            metavar="PIXELS",
-            help="A power of two; if not given, what the photo fills, up to 2048: as fine as the "
-            "robot's camera sees. Each simulation keeps the room in memory.",
-        ),
-    ] = None,
-    force: Annotated[
-        bool,
-        typer.Option("--force", help="Take it even if it doesn't look like a whole panorama."),
-    ] = False,
-    as_json: JsonOption = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PanoramaOptions:
+    """What `panorama` takes."""
+
+    photo: Path = argument("A 360-degree photo, twice as wide as high.", metavar="PHOTO")
+    calibration: Path = calibration_output_option()
+    name: str | None = option(None, "Of the room; the photo's if not given.", metavar="NAME")
+    heading: float = option(
+        0.0,
+        "Where the robot looks first, to the right of the photo's middle.",
+        metavar="DEGREES",
+        min=-360,
+        max=360,
+    )
+    pitch: float | None = option(
+        None,
+        "How far the photo's middle is above the horizon; with --roll, instead of asking "
+        "the upright edges.",
+        metavar="DEGREES",
+        min=-45,
+        max=45,
+    )
+    roll: float | None = option(
+        None, "How far the camera was turned clockwise.", metavar="DEGREES", min=-45, max=45
+    )
+    width: int | None = option(
+        None,
+        "A power of two; if not given, what the photo fills, up to 2048: as fine as the "
+        "robot's camera sees. Each simulation keeps the room in memory.",
+        metavar="PIXELS",
+    )
+    force: bool = option(False, "Take it even if it doesn't look like a whole panorama.", "--force")
+    as_json: bool = json_option()
+
+
+@with_options
+def panorama(options: PanoramaOptions) -> None:
     """Check a 360-degree photo, level and turn it, and keep it as a room of the calibration.
 
     Take it from the middle of the arena, from a tripod at about 1.2 m, with the light as it is when
@@ -84,16 +69,26 @@ def panorama(
     from mbot_workstation.calibration.room.panorama_preview import draw_preview
     from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles, read_files
 
-    if width is not None:
-        check_width(width)
-    tilt = None if pitch is None and roll is None else (pitch or 0.0, roll or 0.0)
-    called = photo.stem if name is None else name
+    if options.width is not None:
+        check_width(options.width)
+    tilt = (
+        None
+        if options.pitch is None and options.roll is None
+        else (options.pitch or 0.0, options.roll or 0.0)
+    )
+    called = options.photo.stem if options.name is None else options.name
     if not called or called.startswith(".") or Path(called).name != called:
         raise ConfigurationError(f"--name is {called!r}, expected a plain name such as lab")
-    room = prepare_room(photo, width_px=width, heading_deg=heading, tilt_deg=tilt, whole=not force)
-    known = read_files(calibration) if calibration.is_dir() else CalibrationFiles()
-    path = write_room(calibration, called, room.picture)
-    preview = calibration / "previews" / f"{called}.png"
+    room = prepare_room(
+        options.photo,
+        width_px=options.width,
+        heading_deg=options.heading,
+        tilt_deg=tilt,
+        whole=not options.force,
+    )
+    known = read_files(options.calibration) if options.calibration.is_dir() else CalibrationFiles()
+    path = write_room(options.calibration, called, room.picture)
+    preview = options.calibration / "previews" / f"{called}.png"
     try:
         preview.parent.mkdir(exist_ok=True)
     except OSError as error:
@@ -105,7 +100,7 @@ def panorama(
         effects.exposure_gain * effects.blue_gain,
     )
     draw_preview(room.picture, known.robot, known.scene, gains, preview)
-    if as_json:
+    if options.as_json:
         import json
 
         print(json.dumps(_fields(room, path, preview), indent=2))

@@ -1,10 +1,12 @@
 """`workstation print`: boards and markers to print at their exact size."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mbot_workstation.commands.options import option, with_options
 from mbot_workstation.targets.specifications import (
     BOARD_COLUMNS,
     BOARD_ROWS,
@@ -31,23 +33,28 @@ OutputOption = Annotated[
 ]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoardOptions:
+    """What `board` takes."""
+
+    charuco: bool = option(
+        False,
+        "With markers in the white squares: a part of the board in view is enough. Needs "
+        "pictures at least 1000 pixels wide, or a board nearby.",
+        "--charuco",
+    )
+    columns: int = option(BOARD_COLUMNS, "Squares across.")
+    rows: int = option(BOARD_ROWS, "Squares down.")
+    square_mm: float = option(BOARD_SQUARE_MM, "Edge of a square.")
+    paper: str = option("a4", "a4, letter or a3.", "--paper", metavar="NAME")
+    output: Path | None = option(
+        None, "A .pdf, .svg or .png; the ending says which.", "--output", "-o", metavar="FILE"
+    )
+
+
 @app.command("board")
-def board(
-    *,
-    charuco: Annotated[
-        bool,
-        typer.Option(
-            "--charuco",
-            help="With markers in the white squares: a part of the board in view is enough. Needs "
-            "pictures at least 1000 pixels wide, or a board nearby.",
-        ),
-    ] = False,
-    columns: Annotated[int, typer.Option(help="Squares across.")] = BOARD_COLUMNS,
-    rows: Annotated[int, typer.Option(help="Squares down.")] = BOARD_ROWS,
-    square_mm: Annotated[float, typer.Option(help="Edge of a square.")] = BOARD_SQUARE_MM,
-    paper: PaperOption = "a4",
-    output: OutputOption = None,
-) -> None:
+@with_options
+def board(options: BoardOptions) -> None:
     """A board to photograph with the robot's camera: checkerboard, or ChArUco.
 
     Print at 100 %, check the 100 mm scale with a ruler, glue the sheet on something flat.
@@ -62,12 +69,12 @@ def board(
     from mbot_workstation.targets.specifications import Board, charuco_board
 
     try:
-        wanted = Board(columns, rows, square_mm, charuco)
-        if charuco:
+        wanted = Board(options.columns, options.rows, options.square_mm, options.charuco)
+        if options.charuco:
             charuco_board(wanted)
     except ValueError as error:
         raise ConfigurationError(f"{error} (--columns, --rows, --square-mm)") from None
-    _write(board_page(wanted, _paper(paper)), output or Path("board.pdf"))
+    _write(board_page(wanted, _paper(options.paper)), options.output or Path("board.pdf"))
     if not wanted.tells_mirrored:
         print(
             "note: with an odd number of squares along one side nobody can tell a mirrored "
@@ -75,44 +82,58 @@ def board(
         )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MarkerOptions:
+    """What `marker` takes."""
+
+    number: int = option(ROBOT_MARKER_ID, "Of the marker; one a robot.", "--id", min=0, max=49)
+    edge_mm: float = option(ROBOT_MARKER_EDGE_MM, "Of its black square.", min=20, max=250)
+    paper: str = option("a4", "a4, letter or a3.", "--paper", metavar="NAME")
+    output: Path | None = option(
+        None, "A .pdf, .svg or .png; the ending says which.", "--output", "-o", metavar="FILE"
+    )
+
+
 @app.command("marker")
-def marker(
-    *,
-    number: Annotated[
-        int, typer.Option("--id", min=0, max=49, help="Of the marker; one a robot.")
-    ] = ROBOT_MARKER_ID,
-    edge_mm: Annotated[
-        float, typer.Option(min=20, max=250, help="Of its black square.")
-    ] = ROBOT_MARKER_EDGE_MM,
-    paper: PaperOption = "a4",
-    output: OutputOption = None,
-) -> None:
+@with_options
+def marker(options: MarkerOptions) -> None:
     """The marker for the top of the robot, which `workstation track` follows.
 
     Example: `workstation print marker` writes marker.pdf
     """
     from mbot_workstation.targets.layouts import marker_page
 
-    _write(marker_page(number, edge_mm, _paper(paper)), output or Path("marker.pdf"))
+    _write(
+        marker_page(options.number, options.edge_mm, _paper(options.paper)),
+        options.output or Path("marker.pdf"),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GrayCardOptions:
+    """What `gray_card` takes."""
+
+    card_mm: tuple[float, float] = option(
+        (127.0, 102.0), "Of the gray card that goes into it.", metavar="WIDTH HEIGHT"
+    )
+    paper: str = option("a4", "a4, letter or a3.", "--paper", metavar="NAME")
+    output: Path | None = option(
+        None, "A .pdf, .svg or .png; the ending says which.", "--output", "-o", metavar="FILE"
+    )
 
 
 @app.command("gray-card")
-def gray_card(
-    *,
-    card_mm: Annotated[
-        tuple[float, float],
-        typer.Option(metavar="WIDTH HEIGHT", help="Of the gray card that goes into it."),
-    ] = (127.0, 102.0),
-    paper: PaperOption = "a4",
-    output: OutputOption = None,
-) -> None:
+@with_options
+def gray_card(options: GrayCardOptions) -> None:
     """A frame of four markers around a gray card: `calibrate light` sees how the card is turned.
 
     Example: `workstation print gray-card --card-mm 85 54` writes gray-card.pdf
     """
     from mbot_workstation.targets.layouts import card_page
 
-    _write(card_page(card_mm, _paper(paper)), output or Path("gray-card.pdf"))
+    _write(
+        card_page(options.card_mm, _paper(options.paper)), options.output or Path("gray-card.pdf")
+    )
 
 
 def _paper(name: str) -> "Paper":

@@ -1,19 +1,13 @@
 """`workstation push-model`: a model onto a robot."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from mbot_workstation.commands.link_options import (
-    CaOption,
-    CertificateOption,
-    IdOption,
-    JsonOption,
-    KeyOption,
-    RobotOption,
-    robot_link,
-)
+from mbot_workstation.commands.link_options import LinkOptions, json_option
+from mbot_workstation.commands.options import argument, option, with_options
 
 if TYPE_CHECKING:
     from mbot_workstation.link.robot_link import RobotLink
@@ -21,32 +15,28 @@ if TYPE_CHECKING:
     from mbot_workstation.models.push import Pushed
 
 
-def push_model(
-    *,
-    model: Annotated[Path, typer.Argument(metavar="MODEL.onnx", help="The policy to send.")],
-    robot: RobotOption = "",
-    robot_id: IdOption = None,
-    ca: CaOption = None,
-    certificate: CertificateOption = None,
-    key: KeyOption = None,
-    sign_with: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME",
-            envvar="MBOT_SIGNING_KEY",
-            help="Key to sign with; the one that the robot trusts if not given.",
-        ),
-    ] = "",
-    allow_downgrade: Annotated[
-        bool,
-        typer.Option(
-            "--allow-downgrade",
-            help="Sign that the robot shall take it though this key has signed later pushes: after "
-            "a workstation's clock was ahead.",
-        ),
-    ] = False,
-    as_json: JsonOption = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PushModelOptions(LinkOptions):
+    """What `push_model` takes."""
+
+    model: Path = argument("The policy to send.", metavar="MODEL.onnx")
+    sign_with: str = option(
+        "",
+        "Key to sign with; the one that the robot trusts if not given.",
+        metavar="NAME",
+        envvar="MBOT_SIGNING_KEY",
+    )
+    allow_downgrade: bool = option(
+        False,
+        "Sign that the robot shall take it though this key has signed later pushes: after "
+        "a workstation's clock was ahead.",
+        "--allow-downgrade",
+    )
+    as_json: bool = json_option()
+
+
+@with_options
+def push_model(options: PushModelOptions) -> None:
     """Check a policy, sign it, send it to a robot and make it active there.
 
     The robot takes models signed by a key that it trusts: see `workstation keys`. It tries the
@@ -63,10 +53,12 @@ def push_model(
     from mbot_workstation.models.stored_models import model_fields
     from mbot_workstation.wording import one_line, short_digest, size_words
 
-    checked = check_model(model)  # before the robot is looked for: most mistakes are in the file
+    checked = check_model(
+        options.model
+    )  # before the robot is looked for: most mistakes are in the file
     try:
-        with robot_link(robot, robot_id, ca, certificate, key) as link:
-            pushed = _push_with_bar(link, checked, sign_with, allow_downgrade)
+        with options.link() as link:
+            pushed = _push_with_bar(link, checked, options.sign_with, options.allow_downgrade)
             name = link.robot_id
     except KeyboardInterrupt:
         print(
@@ -84,7 +76,7 @@ def push_model(
         )
     if pushed.advice:
         print(f"workstation: note: {pushed.advice}", file=sys.stderr)
-    if as_json:
+    if options.as_json:
         print(json.dumps({"robot_id": name, **model_fields(active)}))
     else:
         print(

@@ -1,26 +1,24 @@
 """`workstation robots`: who is alive."""
 
 import sys
+from dataclasses import dataclass
 
 import typer
 
-from mbot_workstation.commands.link_options import (
-    CaOption,
-    CertificateOption,
-    JsonOption,
-    KeyOption,
-    RobotsOption,
-)
+from mbot_workstation.commands.link_options import CertificateOptions, json_option, robots_option
+from mbot_workstation.commands.options import with_options
 
 
-def robots(
-    *,
-    robot: RobotsOption = None,
-    ca: CaOption = None,
-    certificate: CertificateOption = None,
-    key: KeyOption = None,
-    as_json: JsonOption = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotsOptions(CertificateOptions):
+    """What `robots` takes."""
+
+    robot: list[str] | None = robots_option()
+    as_json: bool = json_option()
+
+
+@with_options
+def robots(options: RobotsOptions) -> None:
     """List the robots that are alive, and how they are doing: all enrolled ones, or those named.
 
     Exit code 4 if an address or a robot did not answer.
@@ -32,12 +30,11 @@ def robots(
     from mbot_protocol.errors import UnreachableError
     from mbot_workstation.enrolment.enrolled_robots import find_destinations
     from mbot_workstation.link.fleet import look_around
-    from mbot_workstation.link.security import link_security
     from mbot_workstation.wording import fault_lines
 
-    destinations = find_destinations(robot or [], link_security(ca, certificate, key))
+    destinations = find_destinations(options.robot or [], options.security())
     reports = look_around(destinations)
-    if as_json:
+    if options.as_json:
         print(json.dumps([report.fields() for report in reports], indent=2))
     else:
         _print_table([report.fields() for report in reports if report.status is not None])

@@ -1,12 +1,12 @@
 """`workstation study`: what a policy bears, as a table and a picture."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands.calibration_option import CalibrationOption
+from mbot_workstation.commands.calibration_option import calibration_option
+from mbot_workstation.commands.options import argument, option, with_options
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -19,44 +19,38 @@ TOLERANCE = "tolerance"
 NAMES = ("handicap", "blur", "latency", "robots", TOLERANCE)
 
 
-def study(
-    *,
-    name: Annotated[str, typer.Argument(metavar="STUDY", help=f"One of {', '.join(NAMES)}.")],
-    contestants: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="MODEL...", help="ONNX policies, servo, random or oracle; as in evaluate."
-        ),
-    ],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FOLDER", help="For the page and the picture.")
-    ] = Path("docs/results"),
-    episodes: Annotated[
-        int | None,
-        typer.Option(min=1, help="For each of them under each condition; 50, or 12 for tolerance."),
-    ] = None,
-    lesson: Annotated[str, typer.Option(metavar="NAME", help="1 to 10, or blur.")] = "10",
-    calibration: CalibrationOption = None,
-    panorama: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="FILE", help="Room to try it in; may be given several times."),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Of rooms, robots and objects.")] = 0,
-    pair: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="A:B",
-            help="For tolerance: two deviations, such as fov_scale:camera_pitch_deg; may be given "
-            "several times; five usual pairs if not.",
-        ),
-    ] = None,
-    cells: Annotated[
-        int, typer.Option(min=2, max=25, help="For tolerance: values of each deviation.")
-    ] = 7,
-    backend: Annotated[
-        str, typer.Option(help="Of joblib: threading (this machine's cores), dask or ray.")
-    ] = "threading",
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyOptions:
+    """What `study` takes."""
+
+    name: str = argument(f"One of {', '.join(NAMES)}.", metavar="STUDY")
+    contestants: list[str] = argument(
+        "ONNX policies, servo, random or oracle; as in evaluate.", metavar="MODEL..."
+    )
+    output: Path = option(
+        Path("docs/results"), "For the page and the picture.", "--output", "-o", metavar="FOLDER"
+    )
+    episodes: int | None = option(
+        None, "For each of them under each condition; 50, or 12 for tolerance.", min=1
+    )
+    lesson: str = option("10", "1 to 10, or blur.", metavar="NAME")
+    calibration: Path | None = calibration_option()
+    panorama: list[Path] | None = option(
+        None, "Room to try it in; may be given several times.", metavar="FILE"
+    )
+    seed: int = option(0, "Of rooms, robots and objects.")
+    pair: list[str] | None = option(
+        None,
+        "For tolerance: two deviations, such as fov_scale:camera_pitch_deg; may be given "
+        "several times; five usual pairs if not.",
+        metavar="A:B",
+    )
+    cells: int = option(7, "For tolerance: values of each deviation.", min=2, max=25)
+    backend: str = option("threading", "Of joblib: threading (this machine's cores), dask or ray.")
+
+
+@with_options
+def study(options: StudyOptions) -> None:
     """Try policies under one condition after the other, and write what comes out.
 
     - **handicap**: one motor at 50 %
@@ -86,37 +80,55 @@ def study(
     from mbot_workstation.training.worlds.rooms import EVALUATION_ROOMS, gather_rooms
     from mbot_workstation.variation.presets import preset
 
-    if name not in NAMES:
-        raise ConfigurationError(f"no study {name!r}, expected one of {', '.join(NAMES)}")
+    panorama = options.panorama
+    if options.name not in NAMES:
+        raise ConfigurationError(f"no study {options.name!r}, expected one of {', '.join(NAMES)}")
     try:
-        stage = find_lesson(lesson)
+        stage = find_lesson(options.lesson)
     except ValueError as error:
         raise ConfigurationError(f"--lesson: {error}") from None
-    files = read_files(calibration) if calibration else CalibrationFiles()
-    robots = files.ranges if calibration else preset
-    panorama = [*(panorama or ()), *(room_pictures(calibration) if calibration else ())]
+    files = read_files(options.calibration) if options.calibration else CalibrationFiles()
+    robots = files.ranges if options.calibration else preset
+    panorama = [
+        *(panorama or ()),
+        *(room_pictures(options.calibration) if options.calibration else ()),
+    ]
     rooms = gather_rooms(panorama, 0 if panorama else 4, EVALUATION_ROOMS)
-    number = episodes or (12 if name == TOLERANCE else 50)
+    number = options.episodes or (12 if options.name == TOLERANCE else 50)
     nominal = robots("nominal")
-    trial = Trial(stage, nominal, rooms, number, seed, robot=files.robot, scene=files.scene)
-    how = _how(lesson, number, len(rooms), seed, calibration, photographed=bool(panorama))
+    trial = Trial(stage, nominal, rooms, number, options.seed, robot=files.robot, scene=files.scene)
+    how = _how(
+        options.lesson,
+        number,
+        len(rooms),
+        options.seed,
+        options.calibration,
+        photographed=bool(panorama),
+    )
 
     def run(conditions: "Sequence[Condition]", drivers: "Sequence[str]") -> "list[Line]":
-        words = f"{name}: {len(conditions)} conditions"
+        words = f"{options.name}: {len(conditions)} conditions"
         return _with_bar(
             words,
             len(conditions) * len(drivers),
-            lambda ended: run_study(conditions, drivers, trial, backend, ended),
+            lambda ended: run_study(conditions, drivers, trial, options.backend, ended),
         )
 
-    if name == TOLERANCE:
+    if options.name == TOLERANCE:
         page = _tolerance(
-            run, nominal, contestants[0], pair, cells, output, how, stage.largest_reward
+            run,
+            nominal,
+            options.contestants[0],
+            options.pair,
+            options.cells,
+            options.output,
+            how,
+            stage.largest_reward,
         )
     else:
-        plan = study_plan(name, robots)
-        lines = run(plan.conditions, contestants)
-        page = write_report(plan, lines, output, how, ten_objects=stage.objects == 10)
+        plan = study_plan(options.name, robots)
+        lines = run(plan.conditions, options.contestants)
+        page = write_report(plan, lines, options.output, how, ten_objects=stage.objects == 10)
     print(f"wrote {page}")
 
 

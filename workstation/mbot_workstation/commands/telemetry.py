@@ -1,19 +1,11 @@
 """`workstation telemetry`: watch or record a robot."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from mbot_workstation.commands.link_options import (
-    CaOption,
-    CertificateOption,
-    IdOption,
-    JsonOption,
-    KeyOption,
-    RobotOption,
-    robot_link,
-)
+from mbot_workstation.commands.link_options import LinkOptions, json_option
+from mbot_workstation.commands.options import option, with_options
 
 if TYPE_CHECKING:
     from mbot_workstation.telemetry.output import Output
@@ -21,23 +13,21 @@ if TYPE_CHECKING:
 _POLL_S = 0.1
 
 
-def telemetry(
-    *,
-    record: Annotated[
-        Path | None,
-        typer.Option("--record", metavar="FILE.mcap", help="Also record into a new MCAP file."),
-    ] = None,
-    seconds: Annotated[
-        float | None,
-        typer.Option("--seconds", metavar="N", min=0.1, help="End by itself after N seconds."),
-    ] = None,
-    robot: RobotOption = "",
-    robot_id: IdOption = None,
-    ca: CaOption = None,
-    certificate: CertificateOption = None,
-    key: KeyOption = None,
-    as_json: JsonOption = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TelemetryOptions(LinkOptions):
+    """What `telemetry` takes."""
+
+    record: Path | None = option(
+        None, "Also record into a new MCAP file.", "--record", metavar="FILE.mcap"
+    )
+    seconds: float | None = option(
+        None, "End by itself after N seconds.", "--seconds", metavar="N", min=0.1
+    )
+    as_json: bool = json_option()
+
+
+@with_options
+def telemetry(options: TelemetryOptions) -> None:
     """Watch a robot's decisions live, and record them.
 
     In a terminal a view that redraws itself; in a pipe a line every two seconds; with --json one
@@ -52,12 +42,16 @@ def telemetry(
     from mbot_workstation.telemetry.stream import TelemetryStream
 
     with ExitStack() as stack:
-        link = stack.enter_context(robot_link(robot, robot_id, ca, certificate, key))
+        link = stack.enter_context(options.link())
         status = link.status()
-        recording = stack.enter_context(Recording(record, link.robot_id)) if record else None
+        recording = (
+            stack.enter_context(Recording(options.record, link.robot_id))
+            if options.record
+            else None
+        )
         stream = stack.enter_context(TelemetryStream(link, status.decision_rate_hz))
-        output = stack.enter_context(_output(link.robot_id, as_json))
-        until_s = None if seconds is None else time.monotonic() + seconds
+        output = stack.enter_context(_output(link.robot_id, options.as_json))
+        until_s = None if options.seconds is None else time.monotonic() + options.seconds
         while until_s is None or time.monotonic() < until_s:
             for sample in stream.poll(_POLL_S):
                 output.take(sample)

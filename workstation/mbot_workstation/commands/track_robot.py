@@ -1,12 +1,12 @@
 """`workstation track`: where a robot goes, seen by a camera overhead or by SteamVR."""
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.commands.options import argument, option, with_options
 from mbot_workstation.targets.specifications import ROBOT_MARKER_EDGE_MM, ROBOT_MARKER_ID
 
 if TYPE_CHECKING:
@@ -23,81 +23,64 @@ REPORT_EVERY_S = 2.0
 _CAMERA, _FLOOR, _STEAMVR = "Camera", "Floor", "SteamVR"
 
 
-def track(
-    *,
-    source: Annotated[
-        str,
-        typer.Argument(
-            metavar="SOURCE",
-            help="A camera overhead (0, /dev/video0), its stream's URL or a video file; or "
-            "`openvr` for a SteamVR tracker on this machine.",
-        ),
-    ],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE.tum", help="The track, in TUM format.")
-    ] = Path("track.tum"),
-    marker_mm: Annotated[
-        float,
-        typer.Option(
-            min=5, max=1000, help="Edge of the marker's black square; measure the printed one."
-        ),
-    ] = ROBOT_MARKER_EDGE_MM,
-    marker_id: Annotated[int, typer.Option(min=0, max=49, help="Of the robot's marker.")] = (
-        ROBOT_MARKER_ID
-    ),
-    height_m: Annotated[
-        float, typer.Option(min=0, max=2, help="Of the marker above the floor.")
-    ] = 0.11,
-    seconds: Annotated[
-        float | None,
-        typer.Option(min=0.5, help="End by itself, a camera or SteamVR; Ctrl-C does it, too."),
-    ] = None,
-    camera: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Calibration of this camera, by `workstation calibrate camera --calibration "
-            "FOLDER`. Without, focal length and distortion are found from the marker.",
-            rich_help_panel=_CAMERA,
-        ),
-    ] = None,
-    fov_deg: Annotated[
-        float,
-        typer.Option(
-            min=15,
-            max=140,
-            help="The camera's horizontal field of view, roughly; webcams have 55 to 80.",
-            rich_help_panel=_CAMERA,
-        ),
-    ] = 65.0,
-    corners: Annotated[
-        tuple[float, float] | None,
-        typer.Option(
-            metavar="WIDTH_M DEPTH_M",
-            help="Markers 1, 2, 3, 4 lie on the floor, clockwise at the corners of a rectangle; "
-            "distances 1 to 2 and 2 to 3, centre to centre. Otherwise the robot's marker tells "
-            "where the floor is.",
-            rich_help_panel=_FLOOR,
-        ),
-    ] = None,
-    board_mm: Annotated[
-        float | None,
-        typer.Option(
-            min=5,
-            max=500,
-            help="The printed ChArUco board lies on the floor, with squares of this size.",
-            rich_help_panel=_FLOOR,
-        ),
-    ] = None,
-    serial: Annotated[
-        str | None,
-        typer.Option(help="Which device, where SteamVR sees several.", rich_help_panel=_STEAMVR),
-    ] = None,
-    rate: Annotated[
-        float,
-        typer.Option(metavar="HZ", min=1, max=500, help="Of poses.", rich_help_panel=_STEAMVR),
-    ] = 90.0,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackOptions:
+    """What `track` takes."""
+
+    source: str = argument(
+        "A camera overhead (0, /dev/video0), its stream's URL or a video file; or "
+        "`openvr` for a SteamVR tracker on this machine.",
+        metavar="SOURCE",
+    )
+    output: Path = option(
+        Path("track.tum"), "The track, in TUM format.", "--output", "-o", metavar="FILE.tum"
+    )
+    marker_mm: float = option(
+        ROBOT_MARKER_EDGE_MM,
+        "Edge of the marker's black square; measure the printed one.",
+        min=5,
+        max=1000,
+    )
+    marker_id: int = option(ROBOT_MARKER_ID, "Of the robot's marker.", min=0, max=49)
+    height_m: float = option(0.11, "Of the marker above the floor.", min=0, max=2)
+    seconds: float | None = option(
+        None, "End by itself, a camera or SteamVR; Ctrl-C does it, too.", min=0.5
+    )
+    camera: Path | None = option(
+        None,
+        "Calibration of this camera, by `workstation calibrate camera --calibration "
+        "FOLDER`. Without, focal length and distortion are found from the marker.",
+        panel=_CAMERA,
+        metavar="FOLDER",
+    )
+    fov_deg: float = option(
+        65.0,
+        "The camera's horizontal field of view, roughly; webcams have 55 to 80.",
+        panel=_CAMERA,
+        min=15,
+        max=140,
+    )
+    corners: tuple[float, float] | None = option(
+        None,
+        "Markers 1, 2, 3, 4 lie on the floor, clockwise at the corners of a rectangle; "
+        "distances 1 to 2 and 2 to 3, centre to centre. Otherwise the robot's marker tells "
+        "where the floor is.",
+        panel=_FLOOR,
+        metavar="WIDTH_M DEPTH_M",
+    )
+    board_mm: float | None = option(
+        None,
+        "The printed ChArUco board lies on the floor, with squares of this size.",
+        panel=_FLOOR,
+        min=5,
+        max=500,
+    )
+    serial: str | None = option(None, "Which device, where SteamVR sees several.", panel=_STEAMVR)
+    rate: float = option(90.0, "Of poses.", panel=_STEAMVR, metavar="HZ", min=1, max=500)
+
+
+@with_options
+def track(options: TrackOptions) -> None:
     """Follow a robot while it drives, and write its track for `workstation identify`.
 
     With a camera: put the marker of `workstation print marker` flat on the robot, its upper edge
@@ -113,45 +96,49 @@ def track(
     """
     from mbot_workstation.tracking.track_file import check_new
 
-    if corners is not None and board_mm is not None:
+    if options.corners is not None and options.board_mm is not None:
         raise ConfigurationError("--corners and --board-mm exclude each other")
-    if corners is not None and not all(0.1 <= side <= 20 for side in corners):
+    if options.corners is not None and not all(0.1 <= side <= 20 for side in options.corners):
         raise ConfigurationError(
-            f"--corners are {corners[0]:g} and {corners[1]:g} m apart, expected 0.1 to 20"
+            f"--corners are {options.corners[0]:g} and {options.corners[1]:g} m apart, expected "
+            "0.1 to 20"
         )
-    check_new(output)
-    camera_for = _camera_model(camera, fov_deg)
-    stop = _stop_on_signals(seconds)
-    if source == OPENVR:
-        _record_openvr(output, serial, rate, stop)
+    check_new(options.output)
+    camera_for = _camera_model(options.camera, options.fov_deg)
+    stop = _stop_on_signals(options.seconds)
+    if options.source == OPENVR:
+        _record_openvr(options.output, options.serial, options.rate, stop)
         return
     from mbot_workstation.tracking.marker_track import MarkerSettings, track_marker
 
     settings = MarkerSettings(
-        marker_id=marker_id,
-        edge_m=marker_mm / 1000,
-        height_m=height_m,
+        marker_id=options.marker_id,
+        edge_m=options.marker_mm / 1000,
+        height_m=options.height_m,
         camera_for=camera_for,
-        camera_is_known=camera is not None,
-        find_floor=_floor_finder(corners, board_mm),
+        camera_is_known=options.camera is not None,
+        find_floor=_floor_finder(options.corners, options.board_mm),
     )
     reporter = _Reporter()
     result = track_marker(
-        source,
-        output,
+        options.source,
+        options.output,
         settings,
         stop,
         lambda watch: reporter.say(
-            f"marker {marker_id} in {len(watch.sights)} of {watch.pictures} pictures"
+            f"marker {options.marker_id} in {len(watch.sights)} of {watch.pictures} pictures"
         ),
     )
     print(
-        f"{output}: {len(result.track)} poses in {result.track.duration_s:.1f} s; camera "
+        f"{options.output}: {len(result.track)} poses in {result.track.duration_s:.1f} s; camera "
         f"{result.distance_m:.2f} m above the marker, tilted by {result.tilt_deg:.0f} degrees; the "
         f"marker's corners are off by {result.error_px:.2f} pixels"
     )
-    if corners is not None or board_mm is not None:
-        print(f"the marker measures {result.edge_mm:.1f} mm there, {marker_mm:g} were declared")
+    if options.corners is not None or options.board_mm is not None:
+        print(
+            f"the marker measures {result.edge_mm:.1f} mm there, {options.marker_mm:g} were "
+            "declared"
+        )
 
 
 def _camera_model(folder: Path | None, fov_deg: float) -> "Callable[[int, int], CameraModel]":

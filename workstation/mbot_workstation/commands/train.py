@@ -1,13 +1,15 @@
 """`workstation train`: a policy from simulation, or more of one."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands.calibration_option import CalibrationOption
-from mbot_workstation.commands.link_options import JsonOption
+from mbot_workstation.commands.calibration_option import calibration_option
+from mbot_workstation.commands.link_options import json_option
+from mbot_workstation.commands.options import option, with_options
 
 if TYPE_CHECKING:
     from mbot_workstation.training.learning.run_directory import RunDirectory
@@ -17,118 +19,86 @@ if TYPE_CHECKING:
 _WHAT, _ROOMS, _HOW = "What to learn", "Rooms", "How"
 
 
-def train(
-    *,
-    name: Annotated[
-        str | None,
-        typer.Option(help="Of the run, a folder in --runs; date and time if not given."),
-    ] = None,
-    runs: Annotated[Path, typer.Option(metavar="FOLDER", help="Where runs are kept.")] = Path(
-        "runs"
-    ),
-    resume: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="RUN",
-            help="Go on with this run from its last checkpoint, as it was configured; only "
-            "--steps, --target-reward and --workers can be given anew.",
-        ),
-    ] = None,
-    lesson: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME",
-            help="Other lessons than all ten: one, a range such as 1-10, or several. Beside 1 to "
-            "10 there are blur and rough (worn robots, poor light), for trained models.",
-            rich_help_panel=_WHAT,
-        ),
-    ] = None,
-    parent: Annotated[
-        Path | None,
-        typer.Option(
-            "--from",
-            metavar="RUN",
-            help="Start a new run with the weights of this run or checkpoint.",
-            rich_help_panel=_WHAT,
-        ),
-    ] = None,
-    steps: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            help="Decisions of all robots together; 1,500,000 if not given.",
-            rich_help_panel=_WHAT,
-        ),
-    ] = None,
-    target_reward: Annotated[
-        float | None,
-        typer.Option(
-            metavar="REWARD",
-            help="Stop early when 40,000 decisions of the last lesson have this mean reward, "
-            "exploration included; the paper's plateau is 19.8.",
-            rich_help_panel=_WHAT,
-        ),
-    ] = None,
-    preset: Annotated[
-        str,
-        typer.Option(
-            help="Effects of the real world: ideal, nominal (all at their measured values, as in "
-            "the paper), randomised, or sharp (randomised, but nothing ever blurs).",
-            rich_help_panel=_WHAT,
-        ),
-    ] = "randomised",
-    calibration: CalibrationOption = None,
-    guide: Annotated[
-        int,
-        typer.Option(
-            metavar="N",
-            min=0,
-            help="For the first N decisions learn from a guide as well, which knows where the "
-            "object is while the camera can see it; its weight falls to 0. Not the paper's way, "
-            "but far shorter.",
-            rich_help_panel=_WHAT,
-        ),
-    ] = 0,
-    panorama: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="FILE",
-            help="360-degree photo of a room to train in; may be given several times.",
-            rich_help_panel=_ROOMS,
-        ),
-    ] = None,
-    made_up_rooms: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            metavar="N",
-            help="So many generated rooms besides; 6 without a photo, 0 with one.",
-            rich_help_panel=_ROOMS,
-        ),
-    ] = None,
-    robots: Annotated[
-        int, typer.Option(min=1, help="How many learn in parallel.", rich_help_panel=_HOW)
-    ] = 16,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            help="Processes that simulate them; one a core if not given.",
-            rich_help_panel=_HOW,
-        ),
-    ] = None,
-    seed: Annotated[
-        int, typer.Option(help="The same seed gives the same run.", rich_help_panel=_HOW)
-    ] = 0,
-    device: Annotated[
-        str,
-        typer.Option(
-            help="Where the network learns: cpu, cuda, or auto, which takes a GPU if there is one.",
-            rich_help_panel=_HOW,
-        ),
-    ] = "auto",
-    as_json: JsonOption = False,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainOptions:
+    """What `train` takes."""
+
+    name: str | None = option(None, "Of the run, a folder in --runs; date and time if not given.")
+    runs: Path = option(Path("runs"), "Where runs are kept.", metavar="FOLDER")
+    resume: Path | None = option(
+        None,
+        "Go on with this run from its last checkpoint, as it was configured; only "
+        "--steps, --target-reward and --workers can be given anew.",
+        metavar="RUN",
+    )
+    lesson: list[str] | None = option(
+        None,
+        "Other lessons than all ten: one, a range such as 1-10, or several. Beside 1 to "
+        "10 there are blur and rough (worn robots, poor light), for trained models.",
+        panel=_WHAT,
+        metavar="NAME",
+    )
+    parent: Path | None = option(
+        None,
+        "Start a new run with the weights of this run or checkpoint.",
+        "--from",
+        panel=_WHAT,
+        metavar="RUN",
+    )
+    steps: int | None = option(
+        None, "Decisions of all robots together; 1,500,000 if not given.", panel=_WHAT, min=1
+    )
+    target_reward: float | None = option(
+        None,
+        "Stop early when 40,000 decisions of the last lesson have this mean reward, "
+        "exploration included; the paper's plateau is 19.8.",
+        panel=_WHAT,
+        metavar="REWARD",
+    )
+    preset: str = option(
+        "randomised",
+        "Effects of the real world: ideal, nominal (all at their measured values, as in "
+        "the paper), randomised, or sharp (randomised, but nothing ever blurs).",
+        panel=_WHAT,
+    )
+    calibration: Path | None = calibration_option()
+    guide: int = option(
+        0,
+        "For the first N decisions learn from a guide as well, which knows where the "
+        "object is while the camera can see it; its weight falls to 0. Not the paper's way, "
+        "but far shorter.",
+        panel=_WHAT,
+        metavar="N",
+        min=0,
+    )
+    panorama: list[Path] | None = option(
+        None,
+        "360-degree photo of a room to train in; may be given several times.",
+        panel=_ROOMS,
+        metavar="FILE",
+    )
+    made_up_rooms: int | None = option(
+        None,
+        "So many generated rooms besides; 6 without a photo, 0 with one.",
+        panel=_ROOMS,
+        min=0,
+        metavar="N",
+    )
+    robots: int = option(16, "How many learn in parallel.", panel=_HOW, min=1)
+    workers: int | None = option(
+        None, "Processes that simulate them; one a core if not given.", panel=_HOW, min=0
+    )
+    seed: int = option(0, "The same seed gives the same run.", panel=_HOW)
+    device: str = option(
+        "auto",
+        "Where the network learns: cpu, cuda, or auto, which takes a GPU if there is one.",
+        panel=_HOW,
+    )
+    as_json: bool = json_option()
+
+
+@with_options
+def train(options: TrainOptions) -> None:
     """Train a policy in simulation: the paper's ten lessons, PPO, 16 robots at once.
 
     Everything of a run is in its folder: configuration, state of the code, progress.csv, the last
@@ -150,39 +120,52 @@ def train(
 
     from mbot_workstation.training.learning.training_config import TrainingConfig
 
-    if resume is not None:
-        if name or lesson or parent or panorama or calibration:
+    if options.resume is not None:
+        if (
+            options.name
+            or options.lesson
+            or options.parent
+            or options.panorama
+            or options.calibration
+        ):
             raise ConfigurationError(
                 "--resume goes on with a run as it was configured; leave out --name, --lesson, "
                 "--from, --panorama and --calibration, or start a new run with --from"
             )
-        run, config = _resumed(resume, steps, target_reward, workers)
+        run, config = _resumed(
+            options.resume, options.steps, options.target_reward, options.workers
+        )
     else:
         from mbot_workstation.calibration_files.calibration_folder import read_files, room_pictures
 
-        rooms = [*(panorama or ()), *(room_pictures(calibration) if calibration else ())]
-        made_up = made_up_rooms if made_up_rooms is not None else (0 if rooms else 6)
+        rooms = [
+            *(options.panorama or ()),
+            *(room_pictures(options.calibration) if options.calibration else ()),
+        ]
+        made_up = (
+            options.made_up_rooms if options.made_up_rooms is not None else (0 if rooms else 6)
+        )
         default = TrainingConfig()
         config = TrainingConfig(
-            steps=steps or default.steps,
-            robots=robots,
-            workers=workers,
-            seed=seed,
-            preset=preset,
-            calibration=read_files(calibration) if calibration else None,
-            lessons=_lessons(lesson) if lesson else default.lessons,
+            steps=options.steps or default.steps,
+            robots=options.robots,
+            workers=options.workers,
+            seed=options.seed,
+            preset=options.preset,
+            calibration=read_files(options.calibration) if options.calibration else None,
+            lessons=_lessons(options.lesson) if options.lesson else default.lessons,
             panoramas=tuple(str(path.resolve()) for path in rooms),
             made_up_rooms=made_up,
-            target_reward=target_reward,
-            device=_device(device),
+            target_reward=options.target_reward,
+            device=_device(options.device),
         )
-        if guide:
+        if options.guide:
             from mbot_workstation.training.learning.learner import GUIDED
 
-            config = replace(config, learner=replace(GUIDED, guided_decisions=guide))
-        run, config = _begun(runs, name, config, parent)
+            config = replace(config, learner=replace(GUIDED, guided_decisions=options.guide))
+        run, config = _begun(options.runs, options.name, config, options.parent)
     result = _train_until_stopped(run, config)
-    if as_json:
+    if options.as_json:
         print(json.dumps(asdict(result)))
     else:
         reward = "unknown" if result.mean_reward is None else f"{result.mean_reward:.2f}"
@@ -196,7 +179,7 @@ def train(
             file=sys.stderr,
         )
         raise typer.Exit(130)
-    if not as_json:
+    if not options.as_json:
         print(f"next: workstation export {result.run}")
 
 

@@ -1,19 +1,23 @@
 """`workstation training-curve`: how a training run went, as a picture."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-import typer
+from mbot_workstation.commands.options import argument, option, with_options
 
 
-def training_curve(
-    *,
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run's folder.")],
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FILE.png", help="RUN/curve.png if not given."),
-    ] = None,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainingCurveOptions:
+    """What `training_curve` takes."""
+
+    run: Path = argument("A run's folder.", metavar="RUN")
+    output: Path | None = option(
+        None, "RUN/curve.png if not given.", "--output", "-o", metavar="FILE.png"
+    )
+
+
+@with_options
+def training_curve(options: TrainingCurveOptions) -> None:
     """Draw reward, episode length and lesson over the decisions of a run, as the paper's Fig. 4.
 
     Example: `workstation training-curve runs/first -o curve.png`
@@ -22,7 +26,7 @@ def training_curve(
     from mbot_workstation.training.learning.progress_log import read_progress
     from mbot_workstation.training.learning.run_directory import RunDirectory
 
-    found = RunDirectory.open(run)
-    path = output or found.curve_file
+    found = RunDirectory.open(options.run)
+    path = options.output or found.curve_file
     draw_curve(read_progress(found.progress_file), path, found.path.resolve().name)
     print(f"wrote {path}")

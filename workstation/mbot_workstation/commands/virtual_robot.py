@@ -1,12 +1,12 @@
 """`workstation virtual-robot`: a robot without hardware, for the same daemon as on the Pi."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands.calibration_option import CalibrationOption
+from mbot_workstation.commands.calibration_option import calibration_option
+from mbot_workstation.commands.options import option, with_options
 
 if TYPE_CHECKING:
     from mbot_protocol.camera_model import CameraModel
@@ -21,225 +21,159 @@ FREE_FLOOR_M = 100.0
 """Where walls and border stand with --free-floor: four minutes straight ahead."""
 
 
-def virtual_robot(
-    *,
-    panorama: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="360-degree photo of a room (equirectangular PNG or JPEG, twice as wide as high); "
-            "a made-up room if not given.",
-        ),
-    ] = None,
-    board: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="PATH",
-            help="Where to put a symbolic link to the board's serial port. If not given, "
-            "mbot-virtual-board in $XDG_RUNTIME_DIR or else in /tmp.",
-        ),
-    ] = None,
-    camera_port: Annotated[
-        int,
-        typer.Option(metavar="PORT", min=0, max=65535, help="Camera's TCP port; 0: any free one."),
-    ] = 8090,
-    seconds: Annotated[
-        float, typer.Option(min=0, help="End after so long; 0: run until Ctrl-C.")
-    ] = 0.0,
-    seed: Annotated[int, typer.Option(help="Of the room, the objects and the noise.")] = 0,
-    radius: Annotated[
-        float,
-        typer.Option(
-            metavar="METRES",
-            help="How far from the middle objects appear, 0.45 to 2.8; the paper's last lesson "
-            "is 2.5.",
-            rich_help_panel=_TASK,
-        ),
-    ] = 1.2,
-    objects: Annotated[
-        int,
-        typer.Option(min=0, help="End after so many objects; 0: no end.", rich_help_panel=_TASK),
-    ] = 0,
-    end_on_failure: Annotated[
-        bool,
-        typer.Option(
-            "--end-on-failure",
-            help="End at the border or when an object's 66.8 s are up, as training does, instead "
-            "of going on from the middle.",
-            rich_help_panel=_TASK,
-        ),
-    ] = False,
-    free_floor: Annotated[
-        bool,
-        typer.Option(
-            "--free-floor",
-            help="No object, no border, no time limit: for driving manoeuvres. A robot that has "
-            "stood for 1.5 s is carried back to the middle.",
-            rich_help_panel=_TASK,
-        ),
-    ] = False,
-    calibration: CalibrationOption = None,
-    left_gain: Annotated[
-        float | None,
-        typer.Option(
-            min=0.05,
-            max=2,
-            help="Left motor's strength; the calibration's, or else 1, if not given.",
-            rich_help_panel=_ROBOT,
-        ),
-    ] = None,
-    right_gain: Annotated[
-        float | None,
-        typer.Option(
-            min=0.05,
-            max=2,
-            help="Right motor's, likewise; 0.5 is the paper's handicap.",
-            rich_help_panel=_ROBOT,
-        ),
-    ] = None,
-    dead_band: Annotated[
-        float | None,
-        typer.Option(
-            min=0,
-            max=250,
-            help="Speed of 255 up to which wheels stand; 50 without a calibration.",
-            rich_help_panel=_ROBOT,
-        ),
-    ] = None,
-    time_constant_ms: Annotated[
-        float | None,
-        typer.Option(
-            min=5,
-            max=2000,
-            help="Of a wheel's speed; 90 without a calibration.",
-            rich_help_panel=_ROBOT,
-        ),
-    ] = None,
-    firmware: Annotated[
-        str | None,
-        typer.Option(
-            metavar="deadman|FILE",
-            help="Emulate the board's processor with this firmware on it (.elf, .hex), such as the "
-            "stock one; `deadman` is ours. Needs gcc and simavr.",
-            rich_help_panel=_ROBOT,
-        ),
-    ] = None,
-    boot_seconds: Annotated[
-        float,
-        typer.Option(
-            min=0,
-            max=60,
-            help="A real board resets when its port is opened and is deaf for about 3 s; so does "
-            "this one if above 0. With --firmware: the boot loader's part of it.",
-            rich_help_panel=_ROBOT,
-        ),
-    ] = 0.0,
-    frame_rate: Annotated[
-        float, typer.Option(metavar="HZ", min=1, max=120, rich_help_panel=_CAMERA)
-    ] = 30.0,
-    size: Annotated[
-        str | None,
-        typer.Option(
-            metavar="WIDTHxHEIGHT",
-            help="In pixels; 320 wide and of the camera's shape, 320x240, if not given.",
-            rich_help_panel=_CAMERA,
-        ),
-    ] = None,
-    camera_latency_ms: Annotated[
-        float,
-        typer.Option(min=0, max=1000, help="From exposure to delivery.", rich_help_panel=_CAMERA),
-    ] = 60.0,
-    exposure_ms: Annotated[
-        float,
-        typer.Option(
-            min=0,
-            max=100,
-            help="Blurs motion; 0: frozen. A real camera indoors has about 20. Every one of "
-            "--blur-pictures costs a whole picture: add --plain on a slow machine.",
-            rich_help_panel=_CAMERA,
-        ),
-    ] = 0.0,
-    blur_pictures: Annotated[
-        int,
-        typer.Option(min=2, max=16, help="Pictures in an exposure.", rich_help_panel=_CAMERA),
-    ] = 4,
-    distortion: Annotated[
-        tuple[float, float] | None,
-        typer.Option(
-            metavar="K1 K2",
-            help="Of the lens, as OpenCV counts it; none without a calibration.",
-            rich_help_panel=_CAMERA,
-        ),
-    ] = None,
-    plain: Annotated[
-        bool,
-        typer.Option(
-            "--plain",
-            help="Draw without shadows and reflections, as training does; a sixth of the work.",
-            rich_help_panel=_CAMERA,
-        ),
-    ] = False,
-    result: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.json", help="The run in figures.", rich_help_panel=_OUTPUT),
-    ] = None,
-    trajectory: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.jsonl",
-            help="Ten lines a second: time, robot, object; and what happened.",
-            rich_help_panel=_OUTPUT,
-        ),
-    ] = None,
-    truth_track: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="90 times a second where it truly is, as a tracker on it would write it: .csv is "
-            "triad_openvr's format, .tum is TUM's. See docs/recordings.md.",
-            rich_help_panel=_OUTPUT,
-        ),
-    ] = None,
-    truth_noise: Annotated[
-        tuple[float, float],
-        typer.Option(
-            metavar="MM DEGREES",
-            help="Standard deviations of the truth track's noise.",
-            rich_help_panel=_OUTPUT,
-        ),
-    ] = (4.0, 0.3),
-    truth_offset: Annotated[
-        tuple[float, float],
-        typer.Option(
-            metavar="AHEAD_MM LEFT_MM",
-            help="Where the truth track's tracker sits, from the middle of the axle.",
-            rich_help_panel=_OUTPUT,
-        ),
-    ] = (0.0, 0.0),
-    record: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.mp4",
-            help="Film of what it sees, next to the arena from above.",
-            rich_help_panel=_OUTPUT,
-        ),
-    ] = None,
-    view: Annotated[
-        bool, typer.Option("--view", help="Open a window.", rich_help_panel=_OUTPUT)
-    ] = False,
-    as_json: Annotated[
-        bool,
-        typer.Option("--json", help="Print JSON, an object a line.", rich_help_panel=_OUTPUT),
-    ] = False,
-    ready_file: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.json",
-            help="Exists while camera and board are up, and says where they are.",
-            rich_help_panel=_OUTPUT,
-        ),
-    ] = None,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VirtualRobotOptions:
+    """What `virtual_robot` takes."""
+
+    panorama: Path | None = option(
+        None,
+        "360-degree photo of a room (equirectangular PNG or JPEG, twice as wide as high); "
+        "a made-up room if not given.",
+        metavar="FILE",
+    )
+    board: Path | None = option(
+        None,
+        "Where to put a symbolic link to the board's serial port. If not given, "
+        "mbot-virtual-board in $XDG_RUNTIME_DIR or else in /tmp.",
+        metavar="PATH",
+    )
+    camera_port: int = option(
+        8090, "Camera's TCP port; 0: any free one.", metavar="PORT", min=0, max=65535
+    )
+    seconds: float = option(0.0, "End after so long; 0: run until Ctrl-C.", min=0)
+    seed: int = option(0, "Of the room, the objects and the noise.")
+    radius: float = option(
+        1.2,
+        "How far from the middle objects appear, 0.45 to 2.8; the paper's last lesson is 2.5.",
+        panel=_TASK,
+        metavar="METRES",
+    )
+    objects: int = option(0, "End after so many objects; 0: no end.", panel=_TASK, min=0)
+    end_on_failure: bool = option(
+        False,
+        "End at the border or when an object's 66.8 s are up, as training does, instead "
+        "of going on from the middle.",
+        "--end-on-failure",
+        panel=_TASK,
+    )
+    free_floor: bool = option(
+        False,
+        "No object, no border, no time limit: for driving manoeuvres. A robot that has "
+        "stood for 1.5 s is carried back to the middle.",
+        "--free-floor",
+        panel=_TASK,
+    )
+    calibration: Path | None = calibration_option()
+    left_gain: float | None = option(
+        None,
+        "Left motor's strength; the calibration's, or else 1, if not given.",
+        panel=_ROBOT,
+        min=0.05,
+        max=2,
+    )
+    right_gain: float | None = option(
+        None, "Right motor's, likewise; 0.5 is the paper's handicap.", panel=_ROBOT, min=0.05, max=2
+    )
+    dead_band: float | None = option(
+        None,
+        "Speed of 255 up to which wheels stand; 50 without a calibration.",
+        panel=_ROBOT,
+        min=0,
+        max=250,
+    )
+    time_constant_ms: float | None = option(
+        None, "Of a wheel's speed; 90 without a calibration.", panel=_ROBOT, min=5, max=2000
+    )
+    firmware: str | None = option(
+        None,
+        "Emulate the board's processor with this firmware on it (.elf, .hex), such as the "
+        "stock one; `deadman` is ours. Needs gcc and simavr.",
+        panel=_ROBOT,
+        metavar="deadman|FILE",
+    )
+    boot_seconds: float = option(
+        0.0,
+        "A real board resets when its port is opened and is deaf for about 3 s; so does "
+        "this one if above 0. With --firmware: the boot loader's part of it.",
+        panel=_ROBOT,
+        min=0,
+        max=60,
+    )
+    frame_rate: float = option(30.0, "", panel=_CAMERA, metavar="HZ", min=1, max=120)
+    size: str | None = option(
+        None,
+        "In pixels; 320 wide and of the camera's shape, 320x240, if not given.",
+        panel=_CAMERA,
+        metavar="WIDTHxHEIGHT",
+    )
+    camera_latency_ms: float = option(
+        60.0, "From exposure to delivery.", panel=_CAMERA, min=0, max=1000
+    )
+    exposure_ms: float = option(
+        0.0,
+        "Blurs motion; 0: frozen. A real camera indoors has about 20. Every one of "
+        "--blur-pictures costs a whole picture: add --plain on a slow machine.",
+        panel=_CAMERA,
+        min=0,
+        max=100,
+    )
+    blur_pictures: int = option(4, "Pictures in an exposure.", panel=_CAMERA, min=2, max=16)
+    distortion: tuple[float, float] | None = option(
+        None,
+        "Of the lens, as OpenCV counts it; none without a calibration.",
+        panel=_CAMERA,
+        metavar="K1 K2",
+    )
+    plain: bool = option(
+        False,
+        "Draw without shadows and reflections, as training does; a sixth of the work.",
+        "--plain",
+        panel=_CAMERA,
+    )
+    result: Path | None = option(None, "The run in figures.", panel=_OUTPUT, metavar="FILE.json")
+    trajectory: Path | None = option(
+        None,
+        "Ten lines a second: time, robot, object; and what happened.",
+        panel=_OUTPUT,
+        metavar="FILE.jsonl",
+    )
+    truth_track: Path | None = option(
+        None,
+        "90 times a second where it truly is, as a tracker on it would write it: .csv is "
+        "triad_openvr's format, .tum is TUM's. See docs/recordings.md.",
+        panel=_OUTPUT,
+        metavar="FILE",
+    )
+    truth_noise: tuple[float, float] = option(
+        (4.0, 0.3),
+        "Standard deviations of the truth track's noise.",
+        panel=_OUTPUT,
+        metavar="MM DEGREES",
+    )
+    truth_offset: tuple[float, float] = option(
+        (0.0, 0.0),
+        "Where the truth track's tracker sits, from the middle of the axle.",
+        panel=_OUTPUT,
+        metavar="AHEAD_MM LEFT_MM",
+    )
+    record: Path | None = option(
+        None,
+        "Film of what it sees, next to the arena from above.",
+        panel=_OUTPUT,
+        metavar="FILE.mp4",
+    )
+    view: bool = option(False, "Open a window.", "--view", panel=_OUTPUT)
+    as_json: bool = option(False, "Print JSON, an object a line.", "--json", panel=_OUTPUT)
+    ready_file: Path | None = option(
+        None,
+        "Exists while camera and board are up, and says where they are.",
+        panel=_OUTPUT,
+        metavar="FILE.json",
+    )
+
+
+@with_options
+def virtual_robot(options: VirtualRobotOptions) -> None:
     """Be a robot: a camera, http://127.0.0.1:8090/stream.mjpg, and an mCore board on a serial port.
 
     A red cube lies in the arena; whoever drives the robot there scores, and the cube moves on.
@@ -274,70 +208,71 @@ def virtual_robot(
     from mbot_workstation.virtual.truth_track import TrackerSettings
     from mbot_workstation.virtual.virtual_session import Outputs, run_session
 
-    files = read_files(calibration) if calibration else CalibrationFiles()
+    panorama = options.panorama
+    files = read_files(options.calibration) if options.calibration else CalibrationFiles()
     robot = _robot(
         files.robot,
-        gains=(left_gain, right_gain),
-        dead_band=dead_band,
-        time_constant_ms=time_constant_ms,
-        distortion=distortion,
+        gains=(options.left_gain, options.right_gain),
+        dead_band=options.dead_band,
+        time_constant_ms=options.time_constant_ms,
+        distortion=options.distortion,
     )
-    width_px, height_px = _size(size) if size else _default_size(robot.camera)
-    rooms = room_pictures(calibration) if calibration else ()
+    width_px, height_px = _size(options.size) if options.size else _default_size(robot.camera)
+    rooms = room_pictures(options.calibration) if options.calibration else ()
     panorama = panorama or (rooms[0] if rooms else None)
     try:
         rules = FetchRules(
-            spawn_farthest_m=radius,
-            objects=objects,
-            ends_on_failure=end_on_failure,
+            spawn_farthest_m=options.radius,
+            objects=options.objects,
+            ends_on_failure=options.end_on_failure,
             touch_radius_m=robot.touch_radius_m,
         )
     except ValueError as error:
         raise ConfigurationError(f"--radius: {error}") from None
     settings = VirtualRobotSettings(
         robot=robot,
-        scene=_free(files.scene) if free_floor else files.scene,
-        room_picture=load_room(panorama) if panorama else generate_room(seed),
+        scene=_free(files.scene) if options.free_floor else files.scene,
+        room_picture=load_room(panorama) if panorama else generate_room(options.seed),
         rules=rules,
         camera=CameraSettings(
             width_px=width_px,
             height_px=height_px,
-            frame_rate_hz=frame_rate,
-            latency_s=camera_latency_ms / 1000,
-            exposure_s=exposure_ms / 1000,
-            exposure_moments=blur_pictures,
-            quality=TRAINING if plain else SHOW,
-            noise_seed=seed,
+            frame_rate_hz=options.frame_rate,
+            latency_s=options.camera_latency_ms / 1000,
+            exposure_s=options.exposure_ms / 1000,
+            exposure_moments=options.blur_pictures,
+            quality=TRAINING if options.plain else SHOW,
+            noise_seed=options.seed,
             gains=_gains(files.effects),
         ),
-        camera_port=camera_port,
-        board_link=board or _default_board(),
-        boot_s=boot_seconds,
-        firmware=find_firmware(firmware) if firmware else None,
+        camera_port=options.camera_port,
+        board_link=options.board or _default_board(),
+        boot_s=options.boot_seconds,
+        firmware=find_firmware(options.firmware) if options.firmware else None,
         latency_s=files.motion.latency_ms / 1000 if files.motion else 0.0,
-        seed=seed,
-        free_floor=free_floor,
+        seed=options.seed,
+        free_floor=options.free_floor,
     )
-    noise_mm, noise_deg = truth_noise
+    noise_mm, noise_deg = options.truth_noise
     tracker = TrackerSettings(
         position_noise_m=noise_mm / 1000,
         angle_noise_rad=math.radians(noise_deg),
-        ahead_m=truth_offset[0] / 1000,
-        left_m=truth_offset[1] / 1000,
-        seed=seed,
+        ahead_m=options.truth_offset[0] / 1000,
+        left_m=options.truth_offset[1] / 1000,
+        seed=options.seed,
     )
     if not 0 <= noise_mm <= 100 or not 0 <= noise_deg <= 30:
         raise ConfigurationError(
             f"--truth-noise is {noise_mm:g} mm, {noise_deg:g} degrees, expected 0 to 100, 0 to 30"
         )
     outputs = Outputs(
-        result=result,
-        trajectory=trajectory,
-        film=record,
-        truth_track=truth_track,
+        result=options.result,
+        trajectory=options.trajectory,
+        film=options.record,
+        truth_track=options.truth_track,
         tracker=tracker,
-        ready_file=ready_file,
-        view=view,
+        ready_file=options.ready_file,
+        view=options.view,
     )
     stop = threading.Event()
 
@@ -346,7 +281,7 @@ def virtual_robot(
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, ask_to_stop)
-    run_session(settings, outputs, LiveReport(as_json=as_json), stop, seconds)
+    run_session(settings, outputs, LiveReport(as_json=options.as_json), stop, options.seconds)
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -1,0 +1,15 @@
+"""Which tests are slow: they run in `make test-all` and in CI, not in `make test`."""
+
+from pathlib import Path
+
+import pytest
+
+SLOW_FOLDERS = ("end_to_end", "reliability", "firmware")
+"""Real programs, real time, real faults."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    here = Path(__file__).parent
+    for item in items:
+        if item.path.relative_to(here).parts[0] in SLOW_FOLDERS:
+            item.add_marker(pytest.mark.slow)

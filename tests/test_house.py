@@ -1,0 +1,83 @@
+"""What the source promises of its own shape: rooms, names, sizes, a test for every module."""
+
+import ast
+import subprocess
+from collections import Counter
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+CHECKOUT = Path(__file__).parents[1]
+SOURCE = ("robot/mbot_agent", "workstation/mbot_workstation", "shared/protocol/mbot_protocol")
+LONGEST_FUNCTION = 60
+
+
+@cache
+def modules() -> tuple[Path, ...]:
+    """Every source file of ours, generated ones left out."""
+    found = (path for folder in SOURCE for path in sorted((CHECKOUT / folder).rglob("*.py")))
+    return tuple(path for path in found if "_pb2" not in path.name)
+
+
+def dotted(path: Path) -> str:
+    """A module's name for `import`."""
+    for folder in SOURCE:
+        root = CHECKOUT / folder
+        if root in path.parents:
+            return ".".join((root.name, *path.relative_to(root).with_suffix("").parts))
+    raise AssertionError(path)
+
+
+def imports(path: Path) -> Iterator[str]:
+    """What a file imports, names included: a.b.c for `from a.b import c`."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+
+
+def test_no_name_comes_twice() -> None:
+    names = Counter(p.name for p in modules() if p.name not in ("__init__.py", "main.py"))
+    assert not [name for name, count in names.items() if count > 1]
+
+
+@pytest.mark.parametrize(("folder", "most"), [(SOURCE[0], 14), (SOURCE[1], 6)])
+def test_few_files_lie_loose(folder: str, most: int) -> None:
+    loose = [p.name for p in (CHECKOUT / folder).glob("*.py")]
+    assert len(loose) <= most, loose
+
+
+def test_every_room_says_what_it_is_for() -> None:
+    rooms = [p for p in modules() if p.name == "__init__.py"]
+    silent = [str(p) for p in rooms if not ast.get_docstring(ast.parse(p.read_text()))]
+    assert not silent
+
+
+def test_no_function_is_too_long_to_read_at_once() -> None:
+    long = [
+        f"{path.relative_to(CHECKOUT)}:{node.name} {node.end_lineno - node.lineno + 1}"
+        for path in modules()
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        and node.end_lineno is not None
+        and node.end_lineno - node.lineno + 1 > LONGEST_FUNCTION
+    ]
+    assert not long
+
+
+def test_every_module_is_imported_by_a_test() -> None:
+    imported = {name for test in (CHECKOUT / "tests").rglob("*.py") for name in imports(test)}
+    untested = [dotted(p) for p in modules() if p.name != "__init__.py"]
+    assert not [name for name in untested if name not in imported]
+
+
+def test_nothing_names_this_machine() -> None:
+    place = str(CHECKOUT.parent) + "/"
+    found = subprocess.run(
+        ["git", "grep", "-lF", place], cwd=CHECKOUT, capture_output=True, text=True, check=False
+    )
+    assert found.stdout == "" or place == "/"
