@@ -11,6 +11,7 @@ from mbot_protocol.camera_model import nominal_pi_camera
 from mbot_protocol.picture import Picture
 from mbot_workstation.simulation.camera_renderer import CameraRenderer
 from mbot_workstation.simulation.engine import mujoco
+from mbot_workstation.simulation.isp import IspSettings
 from mbot_workstation.simulation.pose import ORIGIN
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_mjcf import CUBE
@@ -73,7 +74,7 @@ def photographs(
     card = simulation.model.body(CUBE).mocapid[0]
     noise = SensorNoise(WIDTH_PX, HEIGHT_PX, seed=1)
     taken = []
-    with CameraRenderer(simulation, WIDTH_PX, HEIGHT_PX, gains=gains) as renderer:
+    with CameraRenderer(simulation, WIDTH_PX, HEIGHT_PX, isp=IspSettings(gains=gains)) as renderer:
         for facing in facings:
             places, turns = start.moved_pos.copy(), start.moved_quat.copy()
             places[card] = MIDDLE_M - facing.axes @ [-EDGE_M / 2, 0, EDGE_M / 2]

@@ -28,6 +28,7 @@ from mbot_workstation.commands.train import train as train_command
 from mbot_workstation.commands.virtual_robot import virtual_robot
 from mbot_workstation.simulation.camera_renderer import CameraRenderer
 from mbot_workstation.simulation.fetch_rules import FetchRules
+from mbot_workstation.simulation.isp import IspSettings
 from mbot_workstation.simulation.room_generator import generate_room
 from mbot_workstation.simulation.simulation import Simulation
 from mbot_workstation.training.learning.learner import LearnerSettings
@@ -75,7 +76,7 @@ def test_the_virtual_robot_is_the_calibrated_one(
     assert made.robot == read_files(folder).robot
     assert made.scene == read_files(folder).scene
     assert made.latency_s == 0.035
-    assert made.camera.gains == pytest.approx((0.8 * 1.1, 0.8, 0.8 * 0.9))
+    assert made.camera.isp.gains == pytest.approx((0.8 * 1.1, 0.8, 0.8 * 0.9))
     assert (made.camera.width_px, made.camera.height_px) == (320, 240)
     assert made.room_picture is not None
     assert made.room_picture[0, 0].tolist() == [30, 200, 10]
@@ -98,7 +99,7 @@ def test_without_a_calibration_it_is_the_nominal_one(started: list[VirtualRobotS
     assert call(virtual_robot).exit_code == 0
     nominal = VirtualRobotSettings()
     assert (started[0].robot, started[0].scene) == (nominal.robot, nominal.scene)
-    assert (started[0].latency_s, started[0].camera.gains) == (0.0, (1, 1, 1))
+    assert (started[0].latency_s, started[0].camera.isp.gains) == (0.0, (1, 1, 1))
     assert (started[0].camera.width_px, started[0].camera.height_px) == (320, 240)
 
 
@@ -159,6 +160,6 @@ def test_exposure_and_white_balance_show_in_the_pictures() -> None:
     simulation = Simulation(room_picture=generate_room(0, 64))
     with CameraRenderer(simulation, 64, 48) as plain:
         before = plain.picture(simulation.snapshot()).astype(float)
-    with CameraRenderer(simulation, 64, 48, gains=(0.5, 1.0, 1.3)) as tinted:
+    with CameraRenderer(simulation, 64, 48, isp=IspSettings(gains=(0.5, 1.0, 1.3))) as tinted:
         after = tinted.picture(simulation.snapshot()).astype(float)
     assert np.allclose(after, np.minimum(before * (0.5, 1.0, 1.3), 255), atol=0.51)

@@ -7,7 +7,8 @@ import pytest
 
 from mbot_protocol.camera_model import CameraModel, nominal_pi_camera
 from mbot_protocol.picture import Picture
-from mbot_workstation.simulation.camera_renderer import CameraRenderer
+from mbot_workstation.simulation.camera_renderer import CameraRenderer, Shutter
+from mbot_workstation.simulation.isp import IspSettings
 from mbot_workstation.simulation.pose import ORIGIN, Pose
 from mbot_workstation.simulation.robot_parameters import CameraMount, RobotParameters
 from mbot_workstation.simulation.room_generator import generate_room
@@ -169,7 +170,9 @@ def test_no_two_noisy_pictures_are_the_same_but_a_seed_repeats_them(
 ) -> None:
     runs = []
     for _ in range(2):
-        with CameraRenderer(simulation, 320, 240, noise_seed=4) as renderer:
+        with CameraRenderer(
+            simulation, 320, 240, isp=IspSettings(noise=1.0), noise_seed=4
+        ) as renderer:
             runs.append([renderer.picture(simulation.snapshot()) for _ in range(2)])
     assert not np.array_equal(runs[0][0], runs[0][1])
     assert np.array_equal(runs[0][0], runs[1][0])
@@ -177,16 +180,27 @@ def test_no_two_noisy_pictures_are_the_same_but_a_seed_repeats_them(
     assert 0.5 < difference.mean() < 4
 
 
-def test_an_exposure_is_the_mean_of_its_moments(
-    simulation: Simulation, camera: CameraRenderer
-) -> None:
+def test_a_turn_blurs_and_shears_as_the_mean_of_many_moments_would(simulation: Simulation) -> None:
+    turn_rad_s, exposure_s = 2.0, 0.020
     simulation.place_object(Pose(0.6, 0))
-    moments = []
-    for yaw in (-0.1, 0.0, 0.1):
-        simulation.place_robot(Pose(0, 0, yaw))
-        moments.append(simulation.snapshot())
-    sharp = np.mean([camera.picture(moment) for moment in moments], axis=0)
-    assert np.abs(camera.picture(moments) - sharp).max() <= 1
+    with CameraRenderer(simulation, *SIZE) as sharp:
+        moments = []
+        for share in np.linspace(-0.5, 0.5, 9):
+            simulation.place_robot(Pose(0, 0, turn_rad_s * exposure_s * share))
+            moments.append(sharp.picture(simulation.snapshot()).astype(float))
+        simulation.place_robot(ORIGIN)
+        still = sharp.picture(simulation.snapshot()).astype(float)
+    truth = np.mean(moments, axis=0)
+    with CameraRenderer(simulation, *SIZE, shutter=Shutter(exposure_s, 0.0)) as camera:
+        state = simulation.snapshot()
+        blurred = camera.picture(state, turn_rad_s).astype(float)
+        assert np.abs(camera.picture(state).astype(float) - still).mean() < 1.0
+    assert np.abs(blurred - truth).mean() < np.abs(still - truth).mean() / 2
+    with CameraRenderer(simulation, *SIZE, shutter=Shutter(0.0, 0.023)) as camera:
+        sheared = camera.picture(state, turn_rad_s)
+    middle = [red_box(picture)[0] for picture in (sheared, still.astype(np.uint8))]
+    assert abs(middle[0] - middle[1]) < 6
+    assert (sheared != still.astype(np.uint8)).mean() > 0.05
 
 
 def test_a_closed_renderer_says_so(simulation: Simulation) -> None:

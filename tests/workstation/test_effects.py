@@ -7,11 +7,12 @@ from hypothesis import strategies as st
 
 from mbot_protocol.camera_model import nominal_pi_camera
 from mbot_protocol.policy_contract import FULL_VIEW
+from mbot_workstation.simulation.robot_mjcf import aim_camera
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_mjcf import build_model
 from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.simulation.simulation import Simulation
-from mbot_workstation.training.worlds.body_swap import aim_camera, swap_body
+from mbot_workstation.training.worlds.body_swap import swap_body
 from mbot_workstation.training.worlds.fast_physics import PLACEHOLDER
 from mbot_workstation.variation.effects import EFFECT_NAMES, IDEAL, EffectRanges, RealWorldEffects
 from mbot_workstation.variation.perturbed_robot import observing_camera, perturbed_robot
@@ -123,7 +124,7 @@ def test_an_aimed_camera_is_the_compiled_one() -> None:
     camera = replace(nominal_pi_camera(64, 64), focal_x_px=50.0, principal_x_px=33.0)
     robot = replace(RobotParameters(), camera=nominal_pi_camera(64, 64))
     simulation = Simulation(robot, room_picture=PLACEHOLDER)
-    aim_camera(simulation, camera)
+    aim_camera(simulation.model, camera)
     compiled = build_model(replace(robot, camera=camera), SceneParameters(), PLACEHOLDER)
     for name in ("cam_intrinsic", "cam_sensorsize", "cam_resolution"):
         assert np.allclose(getattr(simulation.model, name), getattr(compiled, name), rtol=1e-6)

@@ -2,6 +2,7 @@ import threading
 import time
 
 import numpy as np
+import pytest
 
 from mbot_workstation.pacer import Pacer
 from mbot_workstation.simulation.simulation import SceneState
@@ -33,20 +34,23 @@ def test_stopping_ends_the_wait() -> None:
     assert Pacer(1000, 1).wait(stop) == 0
 
 
-def moment(number: int) -> SceneState:
-    return SceneState(np.array([float(number)]), np.zeros((2, 3)), np.zeros((2, 4)))
+def moment(number: int, yaw_rad: float = 0.0) -> SceneState:
+    joints = np.array([float(number), 0, 0, np.cos(yaw_rad / 2), 0, 0, np.sin(yaw_rad / 2)])
+    return SceneState(joints, np.zeros((3, 3)), np.zeros((3, 4)))
 
 
-def test_an_exposure_is_spread_over_the_last_moments() -> None:
+def test_a_glance_finds_the_moment_and_how_fast_the_robot_turned() -> None:
     history = SceneHistory(slice_s=0.005)
     for number in range(100):
-        history.add(number * 0.005, moment(number))
+        history.add(number * 0.005, moment(number, yaw_rad=3.0 + 2.0 * number * 0.005))
     assert history.newest().joints[0] == 99
-    exposed = [state.joints[0] for state in history.exposure(0.020, 2)]
-    assert exposed == [96, 98]
+    state, turn_rate = history.glance(0.020)
+    assert state.joints[0] == 95
+    assert turn_rate == pytest.approx(2.0)
 
 
 def test_a_young_history_gives_what_it_has() -> None:
     history = SceneHistory(slice_s=0.005)
     history.add(0.0, moment(1))
-    assert [state.joints[0] for state in history.exposure(0.020, 3)] == [1, 1, 1]
+    state, turn_rate = history.glance(0.020)
+    assert (state.joints[0], turn_rate) == (1, 0.0)

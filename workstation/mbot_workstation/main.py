@@ -32,40 +32,48 @@ from mbot_workstation.commands.virtual_robot import virtual_robot
 
 app = typer.Typer(
     name="workstation",
-    help="Simulation, model push and live telemetry for mbot-agent robots.",
+    help="Simulate, train for, measure, command and watch mbot-agent robots.",
     no_args_is_help=True,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
 )
 
-app.command("demo")(demo)
-app.command("robots")(robots)
-app.command("telemetry")(telemetry)
-app.command("push-model")(push_model)
-app.add_typer(keys, name="keys")
-app.command("models")(models)
-app.command("rollback")(rollback)
-app.command("run")(run)
-app.command("stop")(stop)
+_TRY, _DRIVE, _MODELS = "Try it without hardware", "Drive a robot", "Models and who may send them"
+_TRAIN, _MEASURE = "Train and evaluate policies", "Measure a robot"
+
+app.command("demo", rich_help_panel=_TRY)(demo)
+app.command("virtual-robot", rich_help_panel=_TRY)(virtual_robot)
+app.command("make-servo-policy", rich_help_panel=_TRY)(make_servo_policy)
+
+app.command("robots", rich_help_panel=_DRIVE)(robots)
+app.command("telemetry", rich_help_panel=_DRIVE)(telemetry)
+app.command("run", rich_help_panel=_DRIVE)(run)
+app.command("stop", rich_help_panel=_DRIVE)(stop)
 # Otherwise `drive -0.4 0.4` would look for an option -0.
-app.command("drive", context_settings={"ignore_unknown_options": True})(drive)
-app.command("make-servo-policy")(make_servo_policy)
-app.command("virtual-robot")(virtual_robot)
-app.command("flash")(flash)
-app.command("enroll")(enroll)
-app.add_typer(print_targets, name="print")
-app.add_typer(calibrate, name="calibrate")
-app.command("panorama")(panorama)
-app.command("gap-report")(gap_report)
-app.add_typer(maneuvers, name="maneuvers")
-app.command("track")(track)
-app.command("identify")(identify)
-app.command("train")(train)
-app.command("export")(export)
-app.command("evaluate")(evaluate)
-app.command("explain")(explain)
-app.command("training-curve")(training_curve)
-app.command("study")(study)
+negative_numbers = {"ignore_unknown_options": True}
+app.command("drive", rich_help_panel=_DRIVE, context_settings=negative_numbers)(drive)
+app.command("flash", rich_help_panel=_DRIVE)(flash)
+
+app.command("push-model", rich_help_panel=_MODELS)(push_model)
+app.command("models", rich_help_panel=_MODELS)(models)
+app.command("rollback", rich_help_panel=_MODELS)(rollback)
+app.add_typer(keys, name="keys", rich_help_panel=_MODELS)
+app.command("enroll", rich_help_panel=_MODELS)(enroll)
+
+app.command("train", rich_help_panel=_TRAIN)(train)
+app.command("training-curve", rich_help_panel=_TRAIN)(training_curve)
+app.command("evaluate", rich_help_panel=_TRAIN)(evaluate)
+app.command("export", rich_help_panel=_TRAIN)(export)
+app.command("explain", rich_help_panel=_TRAIN)(explain)
+app.command("study", rich_help_panel=_TRAIN)(study)
+
+app.add_typer(print_targets, name="print", rich_help_panel=_MEASURE)
+app.add_typer(calibrate, name="calibrate", rich_help_panel=_MEASURE)
+app.command("panorama", rich_help_panel=_MEASURE)(panorama)
+app.add_typer(maneuvers, name="maneuvers", rich_help_panel=_MEASURE)
+app.command("track", rich_help_panel=_MEASURE)(track)
+app.command("identify", rich_help_panel=_MEASURE)(identify)
+app.command("gap-report", rich_help_panel=_MEASURE)(gap_report)
 
 
 TRAINING_LIBRARIES = {"gymnasium", "joblib", "stable_baselines3", "torch"}

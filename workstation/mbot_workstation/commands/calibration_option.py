@@ -1,5 +1,6 @@
 """The option that names a robot's calibration, for every command that simulates it."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,3 +28,10 @@ def calibration_output_option() -> Any:
         "--calibration",
         metavar="FOLDER",
     )
+
+
+def photographs(panoramas: Sequence[Path] | None, calibration: Path | None) -> list[Path]:
+    """The panoramas that were given, and those in a calibration's folder."""
+    from mbot_workstation.calibration_files.calibration_folder import room_pictures
+
+    return [*(panoramas or ()), *(room_pictures(calibration) if calibration else ())]

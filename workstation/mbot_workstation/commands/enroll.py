@@ -71,33 +71,9 @@ def enroll(options: EnrollOptions) -> None:
     - `workstation enroll lab --router --host lab.local`, then `workstation enroll mbot-1 --via lab`
     - `workstation enroll --revoke max`
     """
-    from mbot_protocol.errors import ConfigurationError
     from mbot_workstation.enrolment.membership import Enrolment
 
-    asked = [
-        bool(options.name),
-        options.listing,
-        options.revoke is not None,
-        options.renew,
-        options.join is not None,
-    ]
-    if sum(asked) != 1:
-        raise ConfigurationError(
-            "expected one of ROBOT, --list, --revoke, --renew and --join; see `workstation enroll "
-            "--help`"
-        )
-    if not options.name and (
-        options.hosts
-        or options.port
-        or options.people
-        or options.rights
-        or options.via
-        or options.router
-    ):
-        raise ConfigurationError("--host, --port, --person, --right, --via and --router need ROBOT")
-    _check_people(
-        router=options.router, people=options.people, rights=options.rights, via=options.via
-    )
+    _check(options)
     enrolment = Enrolment()
     begins = not enrolment.folder.has_authority and options.join is None
     if options.listing:
@@ -134,14 +110,33 @@ def enroll(options: EnrollOptions) -> None:
         print(f"Then: workstation robots --robot {options.name}")
 
 
-def _check_people(
-    *, router: bool, people: list[str] | None, rights: list[Right] | None, via: str | None
-) -> None:
+def _check(options: EnrollOptions) -> None:
     from mbot_protocol.errors import ConfigurationError
 
-    if router and (people or rights or via):
+    asked = [
+        bool(options.name),
+        options.listing,
+        options.revoke is not None,
+        options.renew,
+        options.join is not None,
+    ]
+    if sum(asked) != 1:
+        raise ConfigurationError(
+            "expected one of ROBOT, --list, --revoke, --renew and --join; see `workstation enroll "
+            "--help`"
+        )
+    if not options.name and (
+        options.hosts
+        or options.port
+        or options.people
+        or options.rights
+        or options.via
+        or options.router
+    ):
+        raise ConfigurationError("--host, --port, --person, --right, --via and --router need ROBOT")
+    if options.router and (options.people or options.rights or options.via):
         raise ConfigurationError("people and --via belong to a robot, not to a router")
-    if rights and not people:
+    if options.rights and not options.people:
         raise ConfigurationError("--right is for --person NAME: whom do you mean?")
 
 

@@ -73,20 +73,16 @@ def evaluate(options: EvaluateOptions) -> None:
     from mbot_workstation.calibration_files.calibration_folder import (
         CalibrationFiles,
         read_files,
-        room_pictures,
     )
+    from mbot_workstation.commands.calibration_option import photographs
     from mbot_workstation.training.evaluation.episodes import Trial, score
     from mbot_workstation.training.evaluation.evaluation_report import Line, draw, fields, table
     from mbot_workstation.training.worlds.rooms import EVALUATION_ROOMS, gather_rooms
 
-    panorama = options.panorama
     files = read_files(options.calibration) if options.calibration else CalibrationFiles()
     stage = _lesson(options.lesson)
     robots = _presets(options.preset or ["nominal"], files if options.calibration else None)
-    panorama = [
-        *(panorama or ()),
-        *(room_pictures(options.calibration) if options.calibration else ()),
-    ]
+    panorama = photographs(options.panorama, options.calibration)
     made_up = options.made_up_rooms if options.made_up_rooms is not None else (0 if panorama else 4)
     if not panorama and not made_up:
         raise ConfigurationError("--made-up-rooms 0 leaves no room; give a --panorama")

@@ -68,6 +68,7 @@ def panorama(options: PanoramaOptions) -> None:
     )
     from mbot_workstation.calibration.room.panorama_preview import draw_preview
     from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles, read_files
+    from mbot_workstation.variation.isp_settings import isp_settings
 
     if options.width is not None:
         check_width(options.width)
@@ -93,12 +94,7 @@ def panorama(options: PanoramaOptions) -> None:
         preview.parent.mkdir(exist_ok=True)
     except OSError as error:
         raise ConfigurationError(f"can't write {preview}: {error.strerror}") from None
-    effects = known.effects
-    gains = (
-        effects.exposure_gain * effects.red_gain,
-        effects.exposure_gain,
-        effects.exposure_gain * effects.blue_gain,
-    )
+    gains = isp_settings(known.effects).gains
     draw_preview(room.picture, known.robot, known.scene, gains, preview)
     if options.as_json:
         import json

@@ -11,9 +11,9 @@ from mbot_workstation.commands.options import argument, option, with_options
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from mbot_workstation.training.evaluation.episodes import Trial
     from mbot_workstation.training.evaluation.evaluation_report import Line
     from mbot_workstation.training.studies.study_run import Condition
-    from mbot_workstation.variation.effects import EffectRanges
 
 TOLERANCE = "tolerance"
 NAMES = ("handicap", "blur", "latency", "robots", TOLERANCE)
@@ -70,8 +70,8 @@ def study(options: StudyOptions) -> None:
     from mbot_workstation.calibration_files.calibration_folder import (
         CalibrationFiles,
         read_files,
-        room_pictures,
     )
+    from mbot_workstation.commands.calibration_option import photographs
     from mbot_workstation.training.evaluation.episodes import Trial
     from mbot_workstation.training.studies.study_plans import study_plan
     from mbot_workstation.training.studies.study_report import write_report
@@ -80,7 +80,6 @@ def study(options: StudyOptions) -> None:
     from mbot_workstation.training.worlds.rooms import EVALUATION_ROOMS, gather_rooms
     from mbot_workstation.variation.presets import preset
 
-    panorama = options.panorama
     if options.name not in NAMES:
         raise ConfigurationError(f"no study {options.name!r}, expected one of {', '.join(NAMES)}")
     try:
@@ -89,22 +88,13 @@ def study(options: StudyOptions) -> None:
         raise ConfigurationError(f"--lesson: {error}") from None
     files = read_files(options.calibration) if options.calibration else CalibrationFiles()
     robots = files.ranges if options.calibration else preset
-    panorama = [
-        *(panorama or ()),
-        *(room_pictures(options.calibration) if options.calibration else ()),
-    ]
-    rooms = gather_rooms(panorama, 0 if panorama else 4, EVALUATION_ROOMS)
+    photos = photographs(options.panorama, options.calibration)
+    rooms = gather_rooms(photos, 0 if photos else 4, EVALUATION_ROOMS)
     number = options.episodes or (12 if options.name == TOLERANCE else 50)
-    nominal = robots("nominal")
-    trial = Trial(stage, nominal, rooms, number, options.seed, robot=files.robot, scene=files.scene)
-    how = _how(
-        options.lesson,
-        number,
-        len(rooms),
-        options.seed,
-        options.calibration,
-        photographed=bool(panorama),
+    trial = Trial(
+        stage, robots("nominal"), rooms, number, options.seed, robot=files.robot, scene=files.scene
     )
+    how = _how(options, number, len(rooms), photographed=bool(photos))
 
     def run(conditions: "Sequence[Condition]", drivers: "Sequence[str]") -> "list[Line]":
         words = f"{options.name}: {len(conditions)} conditions"
@@ -115,16 +105,7 @@ def study(options: StudyOptions) -> None:
         )
 
     if options.name == TOLERANCE:
-        page = _tolerance(
-            run,
-            nominal,
-            options.contestants[0],
-            options.pair,
-            options.cells,
-            options.output,
-            how,
-            stage.largest_reward,
-        )
+        page = _tolerance(options, run, trial, how)
     else:
         plan = study_plan(options.name, robots)
         lines = run(plan.conditions, options.contestants)
@@ -132,22 +113,15 @@ def study(options: StudyOptions) -> None:
     print(f"wrote {page}")
 
 
-def _how(
-    lesson: str,
-    episodes: int,
-    rooms: int,
-    seed: int,
-    calibration: Path | None,
-    *,
-    photographed: bool,
-) -> str:
+def _how(options: StudyOptions, episodes: int, rooms: int, *, photographed: bool) -> str:
     """How it was tried, for the page."""
     kind = "photographed" if photographed else "made-up"
     # A calibration's own room may be one the policy was trained in.
-    seen = "" if calibration else " never trained in"
-    robot = f" Nominal here is the robot of {calibration}." if calibration else ""
+    seen = "" if options.calibration else " never trained in"
+    robot = f" Nominal here is the robot of {options.calibration}." if options.calibration else ""
     return (
-        f"Lesson {lesson}, {episodes} episodes a line, {rooms} {kind} rooms{seen}, seed {seed}; "
+        f"Lesson {options.lesson}, {episodes} episodes a line, {rooms} {kind} rooms{seen}, seed "
+        f"{options.seed}; "
         f"intervals of 95 %.{robot}"
     )
 
@@ -165,14 +139,10 @@ def _with_bar(
 
 
 def _tolerance(
+    options: StudyOptions,
     run: "Callable[[Sequence[Condition], Sequence[str]], list[Line]]",
-    robot: "EffectRanges",
-    contestant: str,
-    pairs: list[str] | None,
-    cells: int,
-    folder: Path,
+    trial: "Trial",
     how: str,
-    largest_reward: float,
 ) -> Path:
     from mbot_workstation.training.studies.study_plans import PAIRS
     from mbot_workstation.training.studies.study_report import make_folder
@@ -185,18 +155,19 @@ def _tolerance(
         map_page,
     )
 
-    names = [tuple(text.split(":")) for text in pairs] if pairs else list(PAIRS)
+    names = [tuple(text.split(":")) for text in options.pair] if options.pair else list(PAIRS)
     if any(len(two) != 2 for two in names):
         raise ConfigurationError(
-            f"--pair is {pairs}, expected two names such as track_scale:fov_scale"
+            f"--pair is {options.pair}, expected two names such as track_scale:fov_scale"
         )
-    maps = [ToleranceMap.of(across, up, cells) for across, up in names]
+    maps = [ToleranceMap.of(across, up, options.cells) for across, up in names]
+    folder, contestant, robot = options.output, options.contestants[0], trial.preset
     make_folder(folder)
     (nominal,) = run([Condition("nominal", robot)], [contestant])
     reward = nominal.score.reward.mean
     found = [(one, one.rewards(run(one.conditions(robot), [contestant]))) for one in maps]
     picture = folder / f"{TOLERANCE}.png"
-    draw_maps(found, picture, nominal_reward=reward, largest=largest_reward)
+    draw_maps(found, picture, nominal_reward=reward, largest=trial.lesson.largest_reward)
     page = folder / f"{TOLERANCE}.md"
     page.write_text(map_page(found, nominal.contestant, reward, how, picture.name))
     if reward > 0:  # otherwise there is nothing that could be tolerated

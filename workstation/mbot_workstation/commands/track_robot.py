@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands.options import argument, option, with_options
+from mbot_workstation.commands.stop_signals import stop_signals
 from mbot_workstation.targets.specifications import ROBOT_MARKER_EDGE_MM, ROBOT_MARKER_ID
 
 if TYPE_CHECKING:
@@ -104,18 +105,21 @@ def track(options: TrackOptions) -> None:
             "0.1 to 20"
         )
     check_new(options.output)
-    camera_for = _camera_model(options.camera, options.fov_deg)
-    stop = _stop_on_signals(options.seconds)
-    if options.source == OPENVR:
-        _record_openvr(options.output, options.serial, options.rate, stop)
-        return
+    with stop_signals(options.seconds) as stop:
+        if options.source == OPENVR:
+            _record_openvr(options.output, options.serial, options.rate, stop)
+        else:
+            _track_marker(options, stop)
+
+
+def _track_marker(options: TrackOptions, stop: "threading.Event") -> None:
     from mbot_workstation.tracking.marker_track import MarkerSettings, track_marker
 
     settings = MarkerSettings(
         marker_id=options.marker_id,
         edge_m=options.marker_mm / 1000,
         height_m=options.height_m,
-        camera_for=camera_for,
+        camera_for=_camera_model(options.camera, options.fov_deg),
         camera_is_known=options.camera is not None,
         find_floor=_floor_finder(options.corners, options.board_mm),
     )
@@ -216,22 +220,3 @@ class _Reporter:
         if self._clock_s() >= self._next_s:
             self._next_s = self._clock_s() + REPORT_EVERY_S
             print(text, file=sys.stderr, flush=True)
-
-
-def _stop_on_signals(seconds: float | None) -> "threading.Event":
-    import signal
-    import threading
-    from types import FrameType
-
-    stop = threading.Event()
-
-    def ask(_number: int, _frame: FrameType | None) -> None:
-        stop.set()
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, ask)
-    if seconds is not None:
-        timer = threading.Timer(seconds, stop.set)
-        timer.daemon = True
-        timer.start()
-    return stop

@@ -1,6 +1,6 @@
 """`workstation train`: a policy from simulation, or more of one."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -116,54 +116,9 @@ def train(options: TrainOptions) -> None:
     """
     import json
     import sys
-    from dataclasses import asdict, replace
+    from dataclasses import asdict
 
-    from mbot_workstation.training.learning.training_config import TrainingConfig
-
-    if options.resume is not None:
-        if (
-            options.name
-            or options.lesson
-            or options.parent
-            or options.panorama
-            or options.calibration
-        ):
-            raise ConfigurationError(
-                "--resume goes on with a run as it was configured; leave out --name, --lesson, "
-                "--from, --panorama and --calibration, or start a new run with --from"
-            )
-        run, config = _resumed(
-            options.resume, options.steps, options.target_reward, options.workers
-        )
-    else:
-        from mbot_workstation.calibration_files.calibration_folder import read_files, room_pictures
-
-        rooms = [
-            *(options.panorama or ()),
-            *(room_pictures(options.calibration) if options.calibration else ()),
-        ]
-        made_up = (
-            options.made_up_rooms if options.made_up_rooms is not None else (0 if rooms else 6)
-        )
-        default = TrainingConfig()
-        config = TrainingConfig(
-            steps=options.steps or default.steps,
-            robots=options.robots,
-            workers=options.workers,
-            seed=options.seed,
-            preset=options.preset,
-            calibration=read_files(options.calibration) if options.calibration else None,
-            lessons=_lessons(options.lesson) if options.lesson else default.lessons,
-            panoramas=tuple(str(path.resolve()) for path in rooms),
-            made_up_rooms=made_up,
-            target_reward=options.target_reward,
-            device=_device(options.device),
-        )
-        if options.guide:
-            from mbot_workstation.training.learning.learner import GUIDED
-
-            config = replace(config, learner=replace(GUIDED, guided_decisions=options.guide))
-        run, config = _begun(options.runs, options.name, config, options.parent)
+    run, config = _resumed(options) if options.resume is not None else _begun(options)
     result = _train_until_stopped(run, config)
     if options.as_json:
         print(json.dumps(asdict(result)))
@@ -183,46 +138,76 @@ def train(options: TrainOptions) -> None:
         print(f"next: workstation export {result.run}")
 
 
-def _resumed(
-    path: Path, steps: int | None, target_reward: float | None, workers: int | None
-) -> tuple["RunDirectory", "TrainingConfig"]:
-    from dataclasses import replace
-
+def _resumed(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
     from mbot_workstation.training.learning.run_directory import RunDirectory
     from mbot_workstation.training.learning.training_config import read_config
 
-    run = RunDirectory.open(path)
+    given = (options.name, options.lesson, options.parent, options.panorama, options.calibration)
+    if any(given):
+        raise ConfigurationError(
+            "--resume goes on with a run as it was configured; leave out --name, --lesson, "
+            "--from, --panorama and --calibration, or start a new run with --from"
+        )
+    assert options.resume is not None
+    run = RunDirectory.open(options.resume)
     config = read_config(run.config_file)
     return run, replace(
         config,
-        steps=steps or config.steps,
-        target_reward=config.target_reward if target_reward is None else target_reward,
-        workers=config.workers if workers is None else workers,
+        steps=options.steps or config.steps,
+        target_reward=config.target_reward
+        if options.target_reward is None
+        else options.target_reward,
+        workers=config.workers if options.workers is None else options.workers,
     )
 
 
-def _begun(
-    runs: Path, name: str | None, config: "TrainingConfig", parent: Path | None
-) -> tuple["RunDirectory", "TrainingConfig"]:
-    from dataclasses import replace
+def _begun(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
     from datetime import datetime
 
-    from mbot_workstation.training.learning.learner import FINE_TUNING
-    from mbot_workstation.training.learning.policy_source import find_source
     from mbot_workstation.training.learning.training_run import begin_run
 
-    if parent is not None:
-        checkpoint = find_source(parent).checkpoint
-        config = replace(config, parent=str(checkpoint.resolve()))
-        if not config.learner.guided_decisions:
-            config = replace(config, learner=FINE_TUNING)
-    elif config.lessons[0] in ("blur", "rough"):
+    folder = options.runs / (options.name or datetime.now().strftime("%Y-%m-%d-%H%M%S"))
+    config = _configured(options)
+    return begin_run(folder, config), config
+
+
+def _configured(options: TrainOptions) -> "TrainingConfig":
+    """A new run's configuration."""
+    from mbot_workstation.calibration_files.calibration_folder import read_files
+    from mbot_workstation.commands.calibration_option import photographs
+    from mbot_workstation.training.learning.learner import FINE_TUNING, GUIDED
+    from mbot_workstation.training.learning.policy_source import find_source
+    from mbot_workstation.training.learning.training_config import TrainingConfig
+
+    rooms = photographs(options.panorama, options.calibration)
+    default = TrainingConfig()
+    config = TrainingConfig(
+        steps=options.steps or default.steps,
+        robots=options.robots,
+        workers=options.workers,
+        seed=options.seed,
+        preset=options.preset,
+        calibration=read_files(options.calibration) if options.calibration else None,
+        lessons=_lessons(options.lesson) if options.lesson else default.lessons,
+        panoramas=tuple(str(path.resolve()) for path in rooms),
+        made_up_rooms=(0 if rooms else 6)
+        if options.made_up_rooms is None
+        else options.made_up_rooms,
+        target_reward=options.target_reward,
+        device=_device(options.device),
+    )
+    if options.guide:
+        config = replace(config, learner=replace(GUIDED, guided_decisions=options.guide))
+    if options.parent is not None:
+        parent = str(find_source(options.parent).checkpoint.resolve())
+        learner = config.learner if options.guide else FINE_TUNING
+        return replace(config, parent=parent, learner=learner)
+    if config.lessons[0] in ("blur", "rough"):
         raise ConfigurationError(
             f"--lesson {config.lessons[0]} trains a trained model on: add --from RUN, such as "
             "runs/first"
         )
-    folder = runs / (name or datetime.now().strftime("%Y-%m-%d-%H%M%S"))
-    return begin_run(folder, config), config
+    return config
 
 
 def _lessons(selection: list[str]) -> tuple[str, ...]:
@@ -248,25 +233,13 @@ def _device(name: str) -> str:
 
 def _train_until_stopped(run: "RunDirectory", config: "TrainingConfig") -> "TrainingResult":
     """Train; the first Ctrl-C ends the run with a checkpoint, the second one at once."""
-    import signal
-    import threading
-    from types import FrameType
-
+    from mbot_workstation.commands.stop_signals import stop_signals
     from mbot_workstation.training.learning.learning_curve import draw_curve
     from mbot_workstation.training.learning.progress_display import display
     from mbot_workstation.training.learning.progress_log import read_progress
     from mbot_workstation.training.learning.training_run import train
 
-    stop = threading.Event()
-
-    def ask_to_stop(_number: int, _frame: FrameType | None) -> None:
-        if stop.is_set():
-            raise KeyboardInterrupt
-        stop.set()
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, ask_to_stop)
-    with display() as shown:
+    with stop_signals() as stop, display() as shown:
         result = train(run, config, shown, stop)
     rows = read_progress(run.progress_file)
     if rows:

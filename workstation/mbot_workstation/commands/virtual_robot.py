@@ -1,6 +1,7 @@
 """`workstation virtual-robot`: a robot without hardware, for the same daemon as on the Pi."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,15 +11,26 @@ from mbot_workstation.commands.options import option, with_options
 
 if TYPE_CHECKING:
     from mbot_protocol.camera_model import CameraModel
+    from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
     from mbot_workstation.simulation.robot_parameters import RobotParameters
     from mbot_workstation.simulation.scene_parameters import SceneParameters
     from mbot_workstation.variation.effects import RealWorldEffects
+    from mbot_workstation.virtual.camera_stream import CameraSettings
+    from mbot_workstation.virtual.stand_in import VirtualRobotSettings
+    from mbot_workstation.virtual.virtual_session import Outputs
 
 _TASK, _ROBOT, _CAMERA = "Task", "Robot", "Camera"
 _OUTPUT = "What is left of it"
 
 FREE_FLOOR_M = 100.0
 """Where walls and border stand with --free-floor: four minutes straight ahead."""
+
+
+class CameraKind(StrEnum):
+    """How its camera sees light."""
+
+    FIXED = "fixed"
+    PI = "pi"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,14 +122,21 @@ class VirtualRobotOptions:
         60.0, "From exposure to delivery.", panel=_CAMERA, min=0, max=1000
     )
     exposure_ms: float = option(
-        0.0,
-        "Blurs motion; 0: frozen. A real camera indoors has about 20. Every one of "
-        "--blur-pictures costs a whole picture: add --plain on a slow machine.",
+        20.0,
+        "Blurs turns; 0: frozen. About what a camera has indoors.",
         panel=_CAMERA,
         min=0,
         max=100,
     )
-    blur_pictures: int = option(4, "Pictures in an exposure.", panel=_CAMERA, min=2, max=16)
+    readout_ms: float = option(
+        23.0, "From the first row to the last, which shears turns.", panel=_CAMERA, min=0, max=100
+    )
+    camera: CameraKind = option(
+        CameraKind.FIXED,
+        "fixed: exposure and white balance as calibrated. pi: both automatic, with a contrasty "
+        "tone curve and sharpening, as a Raspberry Pi's camera has them.",
+        panel=_CAMERA,
+    )
     distortion: tuple[float, float] | None = option(
         None,
         "Of the lens, as OpenCV counts it; none without a calibration.",
@@ -187,39 +206,28 @@ def virtual_robot(options: VirtualRobotOptions) -> None:
     - `workstation virtual-robot --right-gain 0.5 --record handicap.mp4 --seconds 60`
     - `workstation virtual-robot --firmware stock.hex` has a board with the real firmware
     """
-    import math
-    import signal
-    import threading
-    from types import FrameType
+    from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles, read_files
+    from mbot_workstation.commands.stop_signals import stop_signals
+    from mbot_workstation.virtual.live_report import LiveReport
+    from mbot_workstation.virtual.virtual_session import run_session
 
-    from mbot_workstation.calibration_files.calibration_folder import (
-        CalibrationFiles,
-        read_files,
-        room_pictures,
-    )
+    files = read_files(options.calibration) if options.calibration else CalibrationFiles()
+    settings, outputs = _settings(options, files), _outputs(options)
+    with stop_signals() as stop:
+        run_session(settings, outputs, LiveReport(as_json=options.as_json), stop, options.seconds)
+
+
+def _settings(options: VirtualRobotOptions, files: "CalibrationFiles") -> "VirtualRobotSettings":
+    from mbot_workstation.calibration_files.calibration_folder import room_pictures
     from mbot_workstation.firmware.firmware_file import find_firmware
     from mbot_workstation.simulation.fetch_rules import FetchRules
     from mbot_workstation.simulation.room import load_room
     from mbot_workstation.simulation.room_generator import generate_room
-    from mbot_workstation.simulation.scene_renderer import SHOW, TRAINING
-    from mbot_workstation.virtual.camera_stream import CameraSettings
-    from mbot_workstation.virtual.live_report import LiveReport
     from mbot_workstation.virtual.stand_in import VirtualRobotSettings
-    from mbot_workstation.virtual.truth_track import TrackerSettings
-    from mbot_workstation.virtual.virtual_session import Outputs, run_session
 
-    panorama = options.panorama
-    files = read_files(options.calibration) if options.calibration else CalibrationFiles()
-    robot = _robot(
-        files.robot,
-        gains=(options.left_gain, options.right_gain),
-        dead_band=options.dead_band,
-        time_constant_ms=options.time_constant_ms,
-        distortion=options.distortion,
-    )
-    width_px, height_px = _size(options.size) if options.size else _default_size(robot.camera)
+    robot = _robot(files.robot, options)
     rooms = room_pictures(options.calibration) if options.calibration else ()
-    panorama = panorama or (rooms[0] if rooms else None)
+    panorama = options.panorama or (rooms[0] if rooms else None)
     try:
         rules = FetchRules(
             spawn_farthest_m=options.radius,
@@ -229,22 +237,12 @@ def virtual_robot(options: VirtualRobotOptions) -> None:
         )
     except ValueError as error:
         raise ConfigurationError(f"--radius: {error}") from None
-    settings = VirtualRobotSettings(
+    return VirtualRobotSettings(
         robot=robot,
         scene=_free(files.scene) if options.free_floor else files.scene,
         room_picture=load_room(panorama) if panorama else generate_room(options.seed),
         rules=rules,
-        camera=CameraSettings(
-            width_px=width_px,
-            height_px=height_px,
-            frame_rate_hz=options.frame_rate,
-            latency_s=options.camera_latency_ms / 1000,
-            exposure_s=options.exposure_ms / 1000,
-            exposure_moments=options.blur_pictures,
-            quality=TRAINING if options.plain else SHOW,
-            noise_seed=options.seed,
-            gains=_gains(files.effects),
-        ),
+        camera=_camera(options, robot.camera, files.effects),
         camera_port=options.camera_port,
         board_link=options.board or _default_board(),
         boot_s=options.boot_seconds,
@@ -253,7 +251,44 @@ def virtual_robot(options: VirtualRobotOptions) -> None:
         seed=options.seed,
         free_floor=options.free_floor,
     )
+
+
+def _camera(
+    options: VirtualRobotOptions, camera: "CameraModel", effects: "RealWorldEffects"
+) -> "CameraSettings":
+    from mbot_workstation.simulation.camera_renderer import Shutter
+    from mbot_workstation.simulation.scene_renderer import SHOW, TRAINING
+    from mbot_workstation.variation.isp_settings import isp_settings
+    from mbot_workstation.variation.presets import PI_CAMERA
+    from mbot_workstation.virtual.camera_stream import CameraSettings
+
+    automatic = options.camera is CameraKind.PI
+    isp = isp_settings(PI_CAMERA.low if automatic else effects)
+    width_px, height_px = _size(options.size) if options.size else _default_size(camera)
+    return CameraSettings(
+        width_px=width_px,
+        height_px=height_px,
+        frame_rate_hz=options.frame_rate,
+        latency_s=options.camera_latency_ms / 1000,
+        shutter=Shutter(options.exposure_ms / 1000, options.readout_ms / 1000),
+        isp=replace(isp, jpeg_quality=100),  # the stream is JPEG by itself
+        jpeg_quality=round(isp.jpeg_quality),
+        quality=TRAINING if options.plain else SHOW,
+        noise_seed=options.seed,
+    )
+
+
+def _outputs(options: VirtualRobotOptions) -> "Outputs":
+    import math
+
+    from mbot_workstation.virtual.truth_track import TrackerSettings
+    from mbot_workstation.virtual.virtual_session import Outputs
+
     noise_mm, noise_deg = options.truth_noise
+    if not 0 <= noise_mm <= 100 or not 0 <= noise_deg <= 30:
+        raise ConfigurationError(
+            f"--truth-noise is {noise_mm:g} mm, {noise_deg:g} degrees, expected 0 to 100, 0 to 30"
+        )
     tracker = TrackerSettings(
         position_noise_m=noise_mm / 1000,
         angle_noise_rad=math.radians(noise_deg),
@@ -261,11 +296,7 @@ def virtual_robot(options: VirtualRobotOptions) -> None:
         left_m=options.truth_offset[1] / 1000,
         seed=options.seed,
     )
-    if not 0 <= noise_mm <= 100 or not 0 <= noise_deg <= 30:
-        raise ConfigurationError(
-            f"--truth-noise is {noise_mm:g} mm, {noise_deg:g} degrees, expected 0 to 100, 0 to 30"
-        )
-    outputs = Outputs(
+    return Outputs(
         result=options.result,
         trajectory=options.trajectory,
         film=options.record,
@@ -274,14 +305,6 @@ def virtual_robot(options: VirtualRobotOptions) -> None:
         ready_file=options.ready_file,
         view=options.view,
     )
-    stop = threading.Event()
-
-    def ask_to_stop(_number: int, _frame: FrameType | None) -> None:
-        stop.set()
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, ask_to_stop)
-    run_session(settings, outputs, LiveReport(as_json=options.as_json), stop, options.seconds)
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -302,15 +325,7 @@ def _default_size(camera: "CameraModel") -> tuple[int, int]:
 
 def _free(scene: "SceneParameters") -> "SceneParameters":
     """The scene with its walls beyond any manoeuvre's reach."""
-    from dataclasses import replace
-
     return replace(scene, arena=replace(scene.arena, wall_m=FREE_FLOOR_M, border_m=FREE_FLOOR_M))
-
-
-def _gains(effects: "RealWorldEffects") -> tuple[float, float, float]:
-    """Of red, green and blue."""
-    exposure = effects.exposure_gain
-    return exposure * effects.red_gain, exposure, exposure * effects.blue_gain
 
 
 def _default_board() -> Path:
@@ -319,26 +334,17 @@ def _default_board() -> Path:
     return Path(os.environ.get("XDG_RUNTIME_DIR") or "/tmp") / "mbot-virtual-board"
 
 
-def _robot(
-    nominal: "RobotParameters",
-    *,
-    gains: tuple[float | None, float | None],
-    dead_band: float | None,
-    time_constant_ms: float | None,
-    distortion: tuple[float, float] | None,
-) -> "RobotParameters":
+def _robot(nominal: "RobotParameters", options: VirtualRobotOptions) -> "RobotParameters":
     """The robot, with what the options change about it."""
-    from dataclasses import replace
-
     motors = [nominal.left_motor, nominal.right_motor]
-    for side, gain in enumerate(gains):
+    for side, gain in enumerate((options.left_gain, options.right_gain)):
         if gain is not None:
             motors[side] = replace(motors[side], gain=gain)
-        if dead_band is not None:
-            motors[side] = replace(motors[side], dead_band=dead_band / 255)
-        if time_constant_ms is not None:
-            motors[side] = replace(motors[side], time_constant_s=time_constant_ms / 1000)
+        if options.dead_band is not None:
+            motors[side] = replace(motors[side], dead_band=options.dead_band / 255)
+        if options.time_constant_ms is not None:
+            motors[side] = replace(motors[side], time_constant_s=options.time_constant_ms / 1000)
     camera = nominal.camera
-    if distortion is not None:
-        camera = replace(camera, distortion=(*distortion, 0.0, 0.0, 0.0))
+    if options.distortion is not None:
+        camera = replace(camera, distortion=(*options.distortion, 0.0, 0.0, 0.0))
     return replace(nominal, left_motor=motors[0], right_motor=motors[1], camera=camera)

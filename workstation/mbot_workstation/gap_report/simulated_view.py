@@ -9,10 +9,12 @@ import numpy as np
 from mbot_protocol.picture import Picture
 from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
 from mbot_workstation.simulation.camera_renderer import CameraRenderer
+from mbot_workstation.simulation.isp import IspSettings
 from mbot_workstation.simulation.pose import Pose
 from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.simulation.scene_renderer import SHOW, Quality
 from mbot_workstation.simulation.simulation import Simulation
+from mbot_workstation.variation.isp_settings import isp_settings
 
 NOWHERE = Pose(500.0, 0.0)
 """For a cube that is not there: a speck beyond the horizon."""
@@ -54,14 +56,12 @@ class SimulatedView:
 
         """
         scene = files.scene if walls else without_walls(files.scene)
-        effects = files.effects
-        exposure = effects.exposure_gain
         self._simulation = Simulation(files.robot, scene, room_picture)
         self._renderer = CameraRenderer(
             self._simulation,
             *size,
             quality,
-            gains=(exposure * effects.red_gain, exposure, exposure * effects.blue_gain),
+            isp=IspSettings(gains=isp_settings(files.effects).gains),
         )
 
     def picture(self, place: Place) -> Picture:

@@ -76,15 +76,7 @@ def robot_pair(line: CommandLine, truth: Path, track: str) -> Iterator[str]:
             )
         )
         robot.wait_until(ready.exists, READY_TIMEOUT_S, "the virtual robot did not start")
-        configuration = folder / "robot.toml"
-        configuration.write_text(
-            CONFIGURATION.format(
-                robot_id=ROBOT_ID,
-                models=state / "models",
-                address=address,
-                **json.loads(ready.read_text()),
-            )
-        )
+        configuration = _write_configuration(folder, state / "models", address, ready)
         line.show(["mbot-agent", "run", "--config", configuration.name], " &")
         agent = stack.enter_context(
             Child(
@@ -95,6 +87,16 @@ def robot_pair(line: CommandLine, truth: Path, track: str) -> Iterator[str]:
         )
         agent.wait_until(lambda: _drives(address), READY_TIMEOUT_S, "the daemon is not ready")
         yield address
+
+
+def _write_configuration(folder: Path, models: Path, address: str, ready: Path) -> Path:
+    """robot.toml for the daemon of the virtual robot that has written its ready file."""
+    path = folder / "robot.toml"
+    places = json.loads(ready.read_text())
+    path.write_text(
+        CONFIGURATION.format(robot_id=ROBOT_ID, models=models, address=address, **places)
+    )
+    return path
 
 
 def _drives(address: str) -> bool:

@@ -1,19 +1,31 @@
-"""What the robot's camera sees in the simulation: the scene through its lens, blurred, noisy."""
+"""What the robot's camera sees in the simulation: through its lens, shutter and processing."""
 
-from collections.abc import Sequence
+import math
+from dataclasses import dataclass
 from types import TracebackType
-from typing import Self, cast
-
-import cv2
-import numpy as np
+from typing import Self
 
 from mbot_protocol.picture import Picture
-from mbot_workstation.simulation.colour_levels import levels
+from mbot_workstation.simulation.isp import ImageSignalProcessor, IspSettings
 from mbot_workstation.simulation.lens_distortion import LensDistortion
-from mbot_workstation.simulation.robot_mjcf import ROBOT_CAMERA
+from mbot_workstation.simulation.robot_mjcf import ROBOT_CAMERA, aim_camera
+from mbot_workstation.simulation.rolling_shutter import RollingShutter
 from mbot_workstation.simulation.scene_renderer import TRAINING, Quality, SceneRenderer
-from mbot_workstation.simulation.sensor_noise import SensorNoise
 from mbot_workstation.simulation.simulation import SceneState, Simulation
+
+
+@dataclass(frozen=True, slots=True)
+class Shutter:
+    """When a camera's rows collect light.
+
+    Attributes:
+        exposure_s: how long each row does; a turn blurs it.
+        readout_s: from the first row to the last; a turn shears the picture.
+
+    """
+
+    exposure_s: float = 0.0
+    readout_s: float = 0.0
 
 
 class CameraRenderer:
@@ -33,8 +45,9 @@ class CameraRenderer:
         height_px: int,
         quality: Quality = TRAINING,
         *,
-        noise_seed: int | None = None,
-        gains: tuple[float, float, float] = (1.0, 1.0, 1.0),
+        shutter: Shutter | None = None,
+        isp: IspSettings | None = None,
+        noise_seed: int = 0,
     ) -> None:
         """Prepare to draw.
 
@@ -43,34 +56,50 @@ class CameraRenderer:
                 drawn too.
             width_px, height_px: the size; the whole view of the camera is in it at any size.
             quality: what a picture may cost.
-            noise_seed: seed of the sensor's noise; None is a sensor without noise.
-            gains: of red, green and blue: exposure and white balance.
+            shutter: None freezes every motion.
+            isp: the camera's processing; None leaves the light as it is.
+            noise_seed: of the sensor's noise, if `isp` has any.
 
         """
         self.width_px, self.height_px = width_px, height_px
-        self._lens = LensDistortion(simulation.robot.camera, width_px, height_px)
-        self._levels = None if gains == (1.0, 1.0, 1.0) else levels(gains)
-        self._noise = None if noise_seed is None else SensorNoise(width_px, height_px, noise_seed)
+        robot = simulation.robot
+        self._model = simulation.model
+        self._lens = LensDistortion(robot.camera, width_px, height_px)
+        self._shutter: RollingShutter | None = None
         drawn = self._lens.drawn
+        if shutter is not None and shutter != Shutter():
+            drawn = robot.camera.scaled_to(width_px, height_px)
+            pitch_down_rad = math.radians(robot.camera_mount.pitch_down_deg)
+            self._shutter = RollingShutter(
+                drawn, shutter.exposure_s, shutter.readout_s, pitch_down_rad
+            )
+        self._isp = ImageSignalProcessor(width_px, height_px, noise_seed)
+        self._isp.become(isp or IspSettings())
         self._renderer = SceneRenderer(
             simulation, ROBOT_CAMERA, drawn.width_px, drawn.height_px, quality
         )
 
-    def picture(self, states: SceneState | Sequence[SceneState]) -> Picture:
+    def picture(
+        self, state: SceneState, turn_rate_rad_s: float = 0.0, time_s: float = 0.0
+    ) -> Picture:
         """Take a picture.
 
         Args:
-            states: one moment, or several over the exposure, which blur into one picture.
+            state: the middle of exposure and read-out.
+            turn_rate_rad_s: of the robot then, positive to the left; a shutter shows it.
+            time_s: of the picture, on a clock that only goes on: automatics follow it.
 
         Returns:
             Shape (height_px, width_px, 3), uint8, RGB.
 
         """
-        moments = [states] if isinstance(states, SceneState) else states
-        picture = self._lens.apply(_mean([self._renderer.draw(moment) for moment in moments]))
-        if self._levels is not None:
-            picture = cast(Picture, cv2.LUT(picture, self._levels))
-        return picture if self._noise is None else self._noise.apply(picture)
+        if self._shutter is None:
+            light = self._lens.apply(self._renderer.draw(state))
+        else:
+            view = self._shutter.view(turn_rate_rad_s)
+            aim_camera(self._model, view)
+            light = self._shutter.expose(self._renderer.draw(state), view, turn_rate_rad_s)
+        return self._isp.process(light, time_s)
 
     def close(self) -> None:
         """Give the OpenGL resources back."""
@@ -86,12 +115,3 @@ class CameraRenderer:
         traceback: TracebackType | None,
     ) -> None:
         self.close()
-
-
-def _mean(pictures: Sequence[Picture]) -> Picture:
-    if len(pictures) == 1:
-        return pictures[0]
-    total = np.zeros(pictures[0].shape, np.float32)
-    for picture in pictures:
-        cv2.accumulate(picture, total)
-    return cast(Picture, cv2.convertScaleAbs(total, alpha=1 / len(pictures)))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mbot_protocol.camera_model import CameraModel
 from mbot_workstation.simulation.engine import MjModel, MjSpec, mujoco
 from mbot_workstation.simulation.lens_distortion import covering_pinhole
 from mbot_workstation.simulation.motor import ROTOR_INERTIA_KG_M2, motor_constants
@@ -204,3 +205,17 @@ def camera_quaternion(mount: CameraMount) -> NDArray[np.float64]:
 def _turn(axis: tuple[int, int, int], angle_deg: float) -> NDArray[np.float64]:
     half = math.radians(angle_deg) / 2
     return np.array([math.cos(half), *(math.sin(half) * a for a in axis)])
+
+
+def aim_camera(model: MjModel, camera: CameraModel) -> None:
+    """Give the robot's camera other intrinsics at the same size, without distortion."""
+    index = model.camera(ROBOT_CAMERA).id
+    pixel = model.cam_sensorsize[index] / model.cam_resolution[index]
+    scale = model.cam_resolution[index] / (camera.width_px, camera.height_px)
+    focal_px = (camera.focal_x_px, camera.focal_y_px) * scale
+    # MuJoCo counts to the left and up, from the middle.
+    principal_px = (
+        (camera.width_px - 1) / 2 - camera.principal_x_px,
+        (camera.height_px - 1) / 2 - camera.principal_y_px,
+    ) * scale
+    model.cam_intrinsic[index] = (*(focal_px * pixel), *(principal_px * pixel))

@@ -12,13 +12,20 @@ import cv2
 import numpy as np
 
 from mbot_protocol.picture import Picture
-from mbot_workstation.simulation.camera_renderer import CameraRenderer
+from mbot_workstation.simulation.camera_renderer import CameraRenderer, Shutter
+from mbot_workstation.simulation.isp import IspSettings
 from mbot_workstation.simulation.scene_renderer import SHOW, Quality
 from mbot_workstation.simulation.simulation import Simulation
 from mbot_workstation.virtual.scene_history import SceneHistory
 
 JPEG_QUALITY = 90
 """About 10 kB at 320 x 240; what the paper's M-JPEG camera and most web cameras use."""
+
+
+USUAL_SHUTTER = Shutter(exposure_s=0.020, readout_s=0.023)
+"""Indoors, and the IMX477's read-out; assumed."""
+
+NOISY = IspSettings(noise=1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,11 +37,11 @@ class CameraSettings:
         frame_rate_hz: how many a second.
         latency_s: from the end of the exposure until the picture is delivered; 0.04-0.08 on the
             robot (assumed).
-        exposure_s: of the shutter; 0 freezes the motion.
-        exposure_moments: pictures averaged over the exposure; each costs as much as one picture.
+        shutter: what blurs and shears turns; 20 ms and the IMX477's 23 ms.
+        isp: the camera's processing, but for the coder.
+        jpeg_quality: of the stream.
         quality: of the drawing.
-        noise_seed: of the sensor's noise; None has none.
-        gains: of red, green and blue: exposure and white balance.
+        noise_seed: of the sensor's noise.
 
     """
 
@@ -42,11 +49,11 @@ class CameraSettings:
     height_px: int = 240
     frame_rate_hz: float = 30.0
     latency_s: float = 0.060
-    exposure_s: float = 0.0
-    exposure_moments: int = 3
+    shutter: Shutter = USUAL_SHUTTER
+    isp: IspSettings = NOISY
+    jpeg_quality: int = JPEG_QUALITY
     quality: Quality = SHOW
-    noise_seed: int | None = 0
-    gains: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    noise_seed: int = 0
 
 
 class CameraStream:
@@ -82,8 +89,9 @@ class CameraStream:
             settings.width_px,
             settings.height_px,
             settings.quality,
+            shutter=settings.shutter,
+            isp=settings.isp,
             noise_seed=settings.noise_seed,
-            gains=settings.gains,
         ) as renderer:
             frame_s = time.monotonic()
             while True:
@@ -99,13 +107,12 @@ class CameraStream:
     def _take(self, renderer: CameraRenderer) -> None:
         settings = self._settings
         taken_s = time.monotonic()
-        moments = (
-            self._history.exposure(settings.exposure_s, settings.exposure_moments)
-            if settings.exposure_s > 0
-            else self._history.newest()
+        shutter = settings.shutter
+        state, turn_rate = self._history.glance((shutter.exposure_s + shutter.readout_s) / 2)
+        self.newest = renderer.picture(state, turn_rate, taken_s)
+        self._pending.append(
+            (taken_s + settings.latency_s, encode(self.newest, settings.jpeg_quality))
         )
-        self.newest = renderer.picture(moments)
-        self._pending.append((taken_s + settings.latency_s, encode(self.newest)))
         self.frames += 1
 
     def _deliver(self) -> None:
@@ -113,8 +120,8 @@ class CameraStream:
             self._publish(self._pending.popleft()[1])
 
 
-def encode(picture: Picture) -> bytes:
+def encode(picture: Picture, quality: int = JPEG_QUALITY) -> bytes:
     """A picture as JPEG."""
     bgr = cast(Picture, cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
-    _, encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    _, encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, quality])
     return np.asarray(encoded).tobytes()

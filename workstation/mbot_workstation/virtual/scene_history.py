@@ -1,5 +1,6 @@
 """The last moments of the simulation, for a camera that exposes for a while."""
 
+import math
 import threading
 from collections import deque
 
@@ -41,10 +42,23 @@ class SceneHistory:
         after = min(max(after, 1), len(kept) - 1)
         return kept[after - 1], kept[after]
 
-    def exposure(self, duration_s: float, moments: int) -> list[SceneState]:
-        """Moments evenly spread over the last `duration_s`, oldest first."""
+    def glance(self, age_s: float) -> tuple[SceneState, float]:
+        """The moment so long before the last one, and how fast the robot turned then.
+
+        Returns:
+            The nearest moment that is kept, and the turn rate in rad/s, positive to the left.
+
+        """
         with self._lock:
             kept = list(self._moments)
         end_s = kept[-1][0]
-        spread = [(index + 0.5) / moments * duration_s for index in reversed(range(moments))]
-        return [min(kept, key=lambda moment: abs(end_s - age_s - moment[0]))[1] for age_s in spread]
+        index = min(range(len(kept)), key=lambda i: abs(end_s - age_s - kept[i][0]))
+        before, after = kept[max(index - 1, 0)], kept[min(index + 1, len(kept) - 1)]
+        passed_s = after[0] - before[0]
+        turned = math.remainder(_yaw_rad(after[1]) - _yaw_rad(before[1]), 2 * math.pi)
+        return kept[index][1], turned / passed_s if passed_s > 0 else 0.0
+
+
+def _yaw_rad(state: SceneState) -> float:
+    w, x, y, z = state.joints[3:7].tolist()  # of the free joint
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))

@@ -148,6 +148,17 @@ def _write_table(
                 fontsize=8,
                 fontweight="bold" if bold else "normal",
             )
+    _write_legend(figure, robot, whole, left_mm, top_mm - (len(lines) + 1) * step_mm, step_mm)
+
+
+def _write_legend(
+    figure: Figure,
+    robot: RobotParameters,
+    whole: MassProperties,
+    left_mm: float,
+    top_mm: float,
+    step_mm: float,
+) -> None:
     centre = ", ".join(
         f"{name} {round(place * 1000, 1) + 0.0:.1f} \N{PLUS-MINUS SIGN} {spread * 1000:.1f}"
         for name, place, spread in zip(
@@ -169,8 +180,7 @@ def _write_table(
                 f"\N{MIDDLE DOT} \N{MIDDLE DOT}  touches within "
                 f"{robot.touch_radius_m * 1000:.4g} mm",
             ),
-        ),
-        start=len(lines) + 1,
+        )
     ):
         figure.text(
             (left_mm + 2.0) / SHEET_MM[0],

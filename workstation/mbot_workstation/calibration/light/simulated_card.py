@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from mbot_workstation.simulation.camera_renderer import CameraRenderer
 from mbot_workstation.simulation.engine import mujoco
+from mbot_workstation.simulation.isp import IspSettings
 from mbot_workstation.simulation.robot_mjcf import camera_quaternion
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_mjcf import CUBE
@@ -52,7 +53,7 @@ def simulated_card(
     start = simulation.snapshot()
     card: int = simulation.model.body(CUBE).mocapid[0]
     found: list[Values] = []
-    with CameraRenderer(simulation, WIDTH_PX, HEIGHT_PX, gains=gains) as renderer:
+    with CameraRenderer(simulation, WIDTH_PX, HEIGHT_PX, isp=IspSettings(gains=gains)) as renderer:
         for normal in normals:
             picture = renderer.picture(_turned(start, card, robot, normal))
             row, column = _axis_px(robot)

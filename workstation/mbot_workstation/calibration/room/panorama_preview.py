@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Picture
 from mbot_workstation.simulation.camera_renderer import CameraRenderer
+from mbot_workstation.simulation.isp import IspSettings
 from mbot_workstation.simulation.pose import Pose
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_parameters import SceneParameters
@@ -45,7 +46,9 @@ def draw_preview(
     simulation = Simulation(robot, scene, room)
     height_px = round(WIDTH_PX * robot.camera.height_px / robot.camera.width_px)
     views: list[Picture] = []
-    with CameraRenderer(simulation, WIDTH_PX, height_px, SHOW, gains=gains) as renderer:
+    with CameraRenderer(
+        simulation, WIDTH_PX, height_px, SHOW, isp=IspSettings(gains=gains)
+    ) as renderer:
         for heading_deg in HEADINGS_DEG:
             yaw = math.radians(heading_deg)
             simulation.place_robot(Pose(0, 0, yaw))

@@ -110,11 +110,7 @@ def train(
         learner.set_logger(Logger(str(run.tensorboard), [writer]))
         teacher = Teacher(run, config, environment, display, stop, start)
         if step < config.steps:
-            callbacks: list[BaseCallback] = [teacher]
-            if config.learner.guided_decisions > 0:
-                effects = trimmed(config.ranges(), config.robot.wheel_maps)
-                guide = Guide(config.robots, effects, config.robot)
-                callbacks.append(AskTheGuide(guide, environment))
+            callbacks = [teacher, *_guidance(config, environment)]
             learner.learn(config.steps - step, callback=callbacks, reset_num_timesteps=not start)
             teacher.save()
         return TrainingResult(
@@ -128,6 +124,13 @@ def train(
     finally:
         writer.close()
         environment.close()
+
+
+def _guidance(config: TrainingConfig, environment: FetchVecEnv) -> list[BaseCallback]:
+    if config.learner.guided_decisions <= 0:
+        return []
+    effects = trimmed(config.ranges(), config.robot.wheel_maps)
+    return [AskTheGuide(Guide(config.robots, effects, config.robot), environment)]
 
 
 def _note_code(run: RunDirectory, step: int) -> None:

@@ -7,7 +7,6 @@ wheel radius or a time constant means to MuJoCo.
 
 from collections.abc import Sequence
 
-from mbot_protocol.camera_model import CameraModel
 from mbot_workstation.simulation.engine import MjModel, mujoco
 from mbot_workstation.simulation.robot_mjcf import (
     ROBOT,
@@ -64,20 +63,6 @@ def swap_body(simulation: Simulation, robot: RobotParameters) -> None:
     resist_turning(swapped, robot)
     _copy_robot(swapped, simulation.model)
     simulation.robot = robot
-
-
-def aim_camera(simulation: Simulation, camera: CameraModel) -> None:
-    """Give the robot's camera other intrinsics at the same size, without distortion."""
-    model: MjModel = simulation.model
-    index = model.camera(ROBOT_CAMERA).id
-    pixel = model.cam_sensorsize[index] / model.cam_resolution[index]
-    focal_px = camera.focal_x_px, camera.focal_y_px
-    # MuJoCo counts to the left and up, from the middle.
-    principal_px = (
-        (camera.width_px - 1) / 2 - camera.principal_x_px,
-        (camera.height_px - 1) / 2 - camera.principal_y_px,
-    )
-    model.cam_intrinsic[index] = (*(focal_px * pixel), *(principal_px * pixel))
 
 
 def _copy_robot(source: MjModel, target: MjModel) -> None:

@@ -8,12 +8,11 @@ from mbot_protocol.picture import Picture
 from mbot_protocol.policy_contract import OBSERVATION_SIDE_PX
 from mbot_workstation.simulation.engine import open_gl_context
 from mbot_workstation.simulation.floor_textures import FloorTexture
-from mbot_workstation.simulation.robot_mjcf import ROBOT_CAMERA
+from mbot_workstation.simulation.robot_mjcf import ROBOT_CAMERA, aim_camera
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.simulation.scene_renderer import Quality, SceneRenderer
 from mbot_workstation.simulation.simulation import Simulation
-from mbot_workstation.training.worlds.body_swap import aim_camera
 from mbot_workstation.training.worlds.fetch_world import FetchWorld
 
 OBSERVATION = Quality(shadow_map_px=0, samples=4, reflections=False)
@@ -59,7 +58,7 @@ class RobotEye:
         """What the policy sees now. Shape (64, 64, 3), RGB."""
         glimpse, camera = world.glimpse, world.camera
         view = camera.view(glimpse)
-        aim_camera(world.simulation, view)
+        aim_camera(world.simulation.model, view)
         drawn = self._rooms[world.room].draw(glimpse.state, world.simulation.model)
         return camera.picture(drawn, view, glimpse)
 
