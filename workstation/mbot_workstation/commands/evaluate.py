@@ -10,6 +10,8 @@ from mbot_workstation.commands.link_options import json_option
 from mbot_workstation.commands.options import argument, option, with_options
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
     from mbot_workstation.training.evaluation.episodes import EpisodeResult, Trial
     from mbot_workstation.training.worlds.lessons import Lesson
@@ -49,6 +51,12 @@ class EvaluateOptions:
     )
     seed: int = option(0, "Of rooms, robots and objects.")
     workers: int | None = option(None, "Processes; one a core if not given.", min=0)
+    pictures: Path | None = option(
+        None,
+        "Instead of driving: what the policies do about the labelled pictures in this folder, by "
+        "its truth.csv (file, in_view, bearing_left_deg).",
+        metavar="FOLDER",
+    )
     plot: Path | None = option(None, "Draw the comparison too.", metavar="FILE.png")
     as_json: bool = json_option()
 
@@ -65,10 +73,45 @@ def evaluate(options: EvaluateOptions) -> None:
     - `workstation evaluate policy.onnx servo oracle --plot comparison.png`
     - `workstation evaluate policy.onnx servo --calibration calibration/mbot-1`
     - `workstation evaluate policy.onnx --preset slippery --preset uneven --panorama kitchen.jpg`
+    - `workstation evaluate policy.onnx servo --pictures my-photos`
     """
+    if options.pictures is not None:
+        _judge_pictures(options, options.pictures)
+    else:
+        _drive(options)
+
+
+def _judge_pictures(options: EvaluateOptions, folder: Path) -> None:
     import json
 
-    from rich.console import Console
+    from mbot_protocol.calibration import read_camera
+    from mbot_workstation.training.drivers.contestants import BUILT_IN, SERVO, read_policy
+    from mbot_workstation.training.evaluation.labelled_pictures import (
+        judge,
+        observations,
+        read_labelled,
+    )
+    from mbot_workstation.training.evaluation.picture_report import picture_fields, picture_table
+
+    if blind := [name for name in options.contestants if name in BUILT_IN and name != SERVO]:
+        raise ConfigurationError(f"{blind[0]} sees no pictures; give ONNX policies, or servo")
+    calibrated = read_camera(options.calibration) if options.calibration else None
+    camera = None if calibrated is None else calibrated.model()
+    pictures = read_labelled(folder)
+    names, bearings = [p.name for p in pictures], [p.bearing_left_deg for p in pictures]
+    scores = {}
+    for contestant, title in _titles(options.contestants).items():
+        policy = read_policy(contestant)
+        seen = observations(pictures, camera, policy.metadata.view)
+        scores[title] = judge(policy.act(seen), bearings, names)
+    if options.as_json:
+        print(json.dumps([picture_fields(title, score) for title, score in scores.items()]))
+    else:
+        _print_table(picture_table(scores, f"{len(pictures)} pictures of {folder}"))
+
+
+def _drive(options: EvaluateOptions) -> None:
+    import json
 
     from mbot_workstation.calibration_files.calibration_folder import (
         CalibrationFiles,
@@ -112,10 +155,16 @@ def evaluate(options: EvaluateOptions) -> None:
             f"lesson {options.lesson}, {options.episodes} episodes each, {len(rooms)} rooms, "
             f"seed {options.seed}"
         )
-        console = Console()
-        if not console.is_terminal:  # a file has room for all columns
-            console = Console(width=TABLE_WIDTH)
-        console.print(table(lines, heading))
+        _print_table(table(lines, heading))
+
+
+def _print_table(made: "Table") -> None:
+    from rich.console import Console
+
+    console = Console()
+    if not console.is_terminal:  # a file has room for all columns
+        console = Console(width=TABLE_WIDTH)
+    console.print(made)
 
 
 def _with_bar(contestant: str, words: str, trial: "Trial") -> "list[EpisodeResult]":

@@ -49,8 +49,19 @@ def driver(
     if contestant == RANDOM:
         rng = np.random.default_rng(seed)
         return lambda pictures, _targets: _draw(rng, len(pictures))
-    policy = _servo() if contestant == SERVO else _load(contestant)
+    policy = read_policy(contestant)
     return lambda pictures, _targets: policy.act(pictures)
+
+
+def read_policy(contestant: str) -> OnnxPolicy:
+    """The servo, or the policy in a file.
+
+    Raises:
+        ConfigurationError: there is no such file.
+        ContractError: the file is no policy.
+
+    """
+    return _servo() if contestant == SERVO else _load(contestant)
 
 
 def title(contestant: str) -> str:

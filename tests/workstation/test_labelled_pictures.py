@@ -1,0 +1,95 @@
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.commands.evaluate import evaluate
+from mbot_workstation.training.evaluation.labelled_pictures import Share, judge, read_labelled
+from mbot_workstation.training.evaluation.picture_report import picture_fields
+
+SIZE = (320, 240)
+
+
+def write_folder(folder: Path, rows: list[tuple[str, float | None, int]]) -> Path:
+    """Pictures of a grey floor with a red square at a column, or none; and their truth."""
+    lines = ["file,in_view,bearing_left_deg,distance_m"]
+    for name, bearing, column in rows:
+        picture = np.full((SIZE[1], SIZE[0], 3), 150, np.uint8)
+        if bearing is not None:
+            picture[120:150, column : column + 30] = (35, 30, 200)
+        cv2.imwrite(str(folder / name), picture)
+        lines.append(f"{name},{int(bearing is not None)},{'' if bearing is None else bearing},1.0")
+    (folder / "truth.csv").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+ROWS = [("left.png", 15.0, 60), ("right.png", -15.0, 230), ("ahead.png", 0.5, 145)]
+
+
+def test_the_servo_turns_the_right_way_and_is_not_fooled(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path, [*ROWS, ("none.png", None, 0)])
+    app = typer.Typer()
+    app.command()(evaluate)
+    result = CliRunner().invoke(app, ["servo", "--pictures", str(folder), "--json"])
+    assert result.exit_code == 0, result.output
+    (score,) = json.loads(result.output)
+    assert [score[name]["of"] for name in ("wrong_way", "not_ahead", "fooled")] == [2, 1, 1]
+    assert not any(score[name]["pictures"] for name in ("wrong_way", "not_ahead", "fooled"))
+    words = CliRunner().invoke(app, ["servo", "--pictures", str(folder)]).output
+    assert "0 of 2" in words
+    assert "drove on at nothing" in words
+
+
+def test_mistakes_are_counted_by_kind_and_named() -> None:
+    actions = np.array([[1, 0], [0, 1], [0.5, -0.5], [0.9, 0.8], [0.6, -0.1]], np.float32)
+    bearings = [15.0, -15.0, 2.0, None, None]
+    score = judge(actions, bearings, ["a", "b", "c", "d", "e"])
+    assert score.wrong_way == Share(("a", "b"), 2)
+    assert score.not_ahead == Share(("c",), 1)
+    assert score.fooled == Share(("d",), 2)
+    assert picture_fields("x", score)["fooled"] == {
+        "pictures": ["d"],
+        "of": 2,
+        "interval": list(score.fooled.interval),
+    }
+
+
+def test_an_object_between_the_limits_counts_nowhere() -> None:
+    score = judge(np.array([[1, -1]], np.float32), [5.5], ["a"])
+    assert (score.wrong_way.total, score.not_ahead.total, score.fooled.total) == (0, 0, 0)
+
+
+def test_intervals_hold_the_share_and_narrow_with_the_count() -> None:
+    few, many = Share(("a",), 4), Share(tuple("a" * 100), 400)
+    for share in (few, many):
+        low, high = share.interval
+        assert 0 <= low < 0.25 < high <= 1
+    assert many.interval[1] - many.interval[0] < few.interval[1] - few.interval[0]
+    assert Share((), 0).interval == (0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        (None, "can't read"),
+        ("file,in_view\na.png,1\n", "bearing_left_deg"),
+        ("file,in_view,bearing_left_deg\n", "expected rows"),
+        ("file,in_view,bearing_left_deg\nmissing.png,0,\n", "line 2: can't read the picture"),
+        ("file,in_view,bearing_left_deg\nleft.png,1,left\n", "expected 0 or 1 and degrees"),
+    ],
+)
+def test_what_is_wrong_with_the_labels_is_said(
+    tmp_path: Path, table: str | None, words: str
+) -> None:
+    write_folder(tmp_path, ROWS)
+    if table is None:
+        (tmp_path / "truth.csv").unlink()
+    else:
+        (tmp_path / "truth.csv").write_text(table)
+    with pytest.raises(ConfigurationError, match=words):
+        read_labelled(tmp_path)
