@@ -1,4 +1,4 @@
-"""What the daemon costs and how fast it is, on the virtual robot, beside the loop one writes first.
+"""What the daemon costs and how fast it is, on the virtual robot, beside a naive baseline.
 
     python benchmarks/agent.py [--minutes 10] [--json] [--beside TREE]
 

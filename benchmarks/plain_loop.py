@@ -1,4 +1,4 @@
-"""The alternative that `benchmarks/agent.py` compares with: the loop one writes first.
+"""The alternative that `benchmarks/agent.py` compares with: a naive baseline.
 
 OpenCV's reader, onnxruntime as it comes, pyserial, every twelfth frame: one thread, no deadlines,
 no checks. Runs for some seconds, then prints one JSON object.

@@ -1,4 +1,5 @@
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -15,7 +16,7 @@ from mbot_workstation.training.evaluation.picture_report import picture_fields
 SIZE = (320, 240)
 
 
-def write_folder(folder: Path, rows: list[tuple[str, float | None, int]]) -> Path:
+def write_folder(folder: Path, rows: Sequence[tuple[str, float | None, int]]) -> Path:
     """Pictures of a grey floor with a red square at a column, or none; and their truth."""
     lines = ["file,in_view,bearing_left_deg,distance_m"]
     for name, bearing, column in rows:

@@ -132,9 +132,7 @@ def card_page(card_mm: tuple[float, float], paper: Paper) -> Page:
     left, top = place[0] + (place[2] - width) / 2, place[1] + (place[3] - height) / 2
     _outline(page, left, top, width, height)
     page.write((left + 4, top + 9), "Gray card here, flat, lit as the arena is.", 4)
-    page.write(
-        (left + 4, top + 15), "Printed gray will not do: it has another colour than it says."
-    )
+    page.write((left + 4, top + 15), "Printed gray will not do: it is not colour-accurate.")
     _foot(page, f"Frame for a gray card of {width:g} x {height:g} mm; do not cut.")
     return page
 

@@ -6,6 +6,7 @@ the levels of the real one. With b = gain · ambient and d = gain (1 - ambient) 
 in four numbers, level = card · (b + n·d), wherever the card faces the light.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -28,6 +29,25 @@ WORST_DIRECTION_DEG = 30.0
 
 MOST_ROUNDS = 10
 """Which cards face the light is settled after two or three."""
+
+GUESSES = 400
+"""Directions of light, evenly over the sphere, that are tried as beginnings: 11 degrees apart."""
+
+SAME_DIRECTION_DEG = 8.0
+SAME_AMBIENT = 0.02
+"""Lights nearer to each other than this are one: what recovered lights may be off by."""
+
+GRAZING = 0.02
+"""Of the light's full strength on a card: about 1 degree from edge on, less than any facing is
+known to."""
+
+EXACT = 0.002
+"""Of a reading: a better fit than this can't be told from a perfect one; half a level of 255."""
+
+TOO_FEW_LIT = (
+    "too few cards face the light: turn more of them towards window or lamp, or let the robot look "
+    "the other way (--heading 180)"
+)
 
 LEAST_ERROR = 0.01
 """Of a reading: what paper, hands and noise leave, even where the fit is better by chance."""
@@ -125,28 +145,89 @@ def _design(facings: Values, lit: NDArray[np.bool_]) -> Values:
 
 
 def _solve(facings: Values, levels: Values) -> _Solution | str:
-    """Least squares, with the cards that face away from the light lit from all sides only."""
-    lit = np.ones(len(facings), bool)
-    design, solution = np.zeros((0, 4)), np.zeros(4)
+    """Least squares, with the cards that face away from the light lit from all sides only.
+
+    Which cards those are depends on the light. From a wrong guess the fit may settle on a light
+    that agrees with itself and is wrong, so all guesses are tried. The best one that enough cards
+    face counts, unless something else explains the readings clearly better, or as well.
+    """
+    found = [fit for lit in _guesses(facings) if (fit := _settle(facings, levels, lit)) is not None]
+    told = [fit for fit in found if fit.condition <= WORST_CONDITION]
+    if not told:
+        return TOO_FEW_LIT
+    best = min(told, key=lambda fit: fit.error)
+    alike = max(2 * min(fit.error for fit in found), EXACT * float(levels.mean()))
+    if best.error > alike:
+        return TOO_FEW_LIT
+    if any(fit.error <= alike and _differ(fit.solution, best.solution) for fit in told):
+        return (
+            "two different lights explain the photographs alike: turn the card to more sides, so "
+            "that more of them face the light"
+        )
+    return _judged(best, levels)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """A light that agrees with which cards it was taken to light.
+
+    Attributes:
+        design: shape (n, 4).
+        solution: brightness from all sides and the light's vector, shape (4,).
+        error: standard deviation of a reading.
+        condition: of the unknowns, by the cards that the light clearly reaches.
+
+    """
+
+    design: Values
+    solution: Values
+    error: float
+    condition: float
+
+
+def _guesses(facings: Values) -> list[NDArray[np.bool_]]:
+    """All ways in which lights from everywhere light the cards, but for very rare ones."""
+    number = np.arange(GUESSES) + 0.5
+    height, turn = 1 - 2 * number / GUESSES, math.pi * (1 + math.sqrt(5)) * number
+    across = np.sqrt(1 - height**2)
+    lights = np.column_stack([across * np.cos(turn), across * np.sin(turn), height])
+    patterns = np.unique(facings @ lights.T > 0, axis=1).T
+    return [np.ones(len(facings), bool), *patterns]
+
+
+def _settle(facings: Values, levels: Values, lit: NDArray[np.bool_]) -> _Fit | None:
+    """Fit, see which cards the result lights, and again, until that stays; None if it never does."""
     for _ in range(MOST_ROUNDS):
         design = _design(facings, lit)
-        if np.linalg.cond(design) > WORST_CONDITION:
-            return (
-                "too few cards face the light: turn more of them towards window or lamp, or let "
-                "the robot look the other way (--heading 180)"
-            )
-        solution = np.linalg.lstsq(design, levels, rcond=None)[0]
-        now_lit = facings @ solution[1:] > 0
-        if (now_lit == lit).all():
-            break
-        lit = now_lit
-    ambient = float(solution[0])
-    direct: Values = np.asarray(solution[1:], np.float64)
+        solution = np.asarray(np.linalg.lstsq(design, levels, rcond=None)[0], np.float64)
+        direct = facings @ solution[1:]
+        if ((direct > 0) == lit).all():
+            spare = max(1, len(levels) - 4)
+            error = float(np.sqrt(((design @ solution - levels) ** 2).sum() / spare))
+            # A card that the light only grazes may as well face away from it: it fixes nothing.
+            clearly = direct > GRAZING * float(np.linalg.norm(solution[1:]))
+            condition = float(np.linalg.cond(_design(facings, clearly)))
+            return _Fit(design, solution, error, condition)
+        lit = direct > 0
+    return None
+
+
+def _differ(one: Values, other: Values) -> bool:
+    """Whether two solutions are lights that would look different."""
+    cosine = one[1:] @ other[1:] / (np.linalg.norm(one[1:]) * np.linalg.norm(other[1:]))
+    ambients = [fit[0] / (fit[0] + np.linalg.norm(fit[1:])) for fit in (one, other)]
+    return bool(
+        cosine < math.cos(math.radians(SAME_DIRECTION_DEG))
+        or abs(ambients[0] - ambients[1]) > SAME_AMBIENT
+    )
+
+
+def _judged(fit: _Fit, levels: Values) -> _Solution | str:
+    """The solution, unless it is too uncertain or can't be."""
+    ambient, direct = float(fit.solution[0]), np.asarray(fit.solution[1:], np.float64)
     strength = float(np.linalg.norm(direct))
-    spare = max(1, len(levels) - 4)
-    error = np.sqrt(((design @ solution - levels) ** 2).sum() / spare)
-    error = max(float(error), LEAST_ERROR * float(levels.mean()))
-    covariance = error**2 * np.linalg.inv(design.T @ design)[1:, 1:]
+    error = max(fit.error, LEAST_ERROR * float(levels.mean()))
+    covariance = error**2 * np.linalg.inv(fit.design.T @ fit.design)[1:, 1:]
     across = np.eye(3) - np.outer(direct, direct) / strength**2
     widest = float(np.linalg.eigvalsh(across @ covariance @ across)[-1])
     cone_deg = float(np.degrees(np.arctan2(2 * np.sqrt(widest), strength)))
