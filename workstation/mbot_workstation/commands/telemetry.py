@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands.link_options import LinkOptions, json_option
 from mbot_workstation.commands.options import option, with_options
 
@@ -41,6 +42,8 @@ def telemetry(options: TelemetryOptions) -> None:
     from mbot_workstation.recordings.drive_mcap import Recording
     from mbot_workstation.telemetry.stream import TelemetryStream
 
+    if options.record is not None and not options.record.absolute().parent.is_dir():
+        raise ConfigurationError(f"no folder {options.record.absolute().parent} to record into")
     with ExitStack() as stack:
         link = stack.enter_context(options.link())
         status = link.status()

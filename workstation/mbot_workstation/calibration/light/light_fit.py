@@ -196,7 +196,7 @@ def _guesses(facings: Values) -> list[NDArray[np.bool_]]:
 
 
 def _settle(facings: Values, levels: Values, lit: NDArray[np.bool_]) -> _Fit | None:
-    """Fit, see which cards the result lights, and again, until that stays; None if it never does."""
+    """Fit, see which cards the result lights, and again; None if that never settles."""
     for _ in range(MOST_ROUNDS):
         design = _design(facings, lit)
         solution = np.asarray(np.linalg.lstsq(design, levels, rcond=None)[0], np.float64)

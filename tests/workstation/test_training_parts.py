@@ -1,0 +1,139 @@
+"""Parts of training that the larger tests only pass through."""
+
+import multiprocessing
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.simulation.frame_edges import FrameEdges
+from mbot_workstation.simulation.pose import ORIGIN
+from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_workstation.training.learning.git_state import git_state
+from mbot_workstation.training.learning.learning_curve import draw_curve
+from mbot_workstation.training.learning.policy_source import find_source
+from mbot_workstation.training.learning.progress_log import ProgressRow
+from mbot_workstation.training.learning.scaled_rewards import ScaledRewards
+from mbot_workstation.training.studies.study_report import make_folder, markdown
+from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.training.worlds.fetch_worker import Done, Quit, Reset, Step, run_worker
+from mbot_workstation.training.worlds.robot_camera import Glimpse, RobotCamera
+from mbot_workstation.training.worlds.rooms import EVALUATION_ROOMS, TRAINING_ROOMS, gather_rooms
+from mbot_workstation.training.worlds.sensor import NOISE_SHARE, observation_processor
+from mbot_workstation.training.worlds.shared_arrays import SharedMemory
+from mbot_workstation.variation.effects import IDEAL, RealWorldEffects
+from mbot_workstation.variation.isp_settings import isp_settings
+
+from .small_world import settings
+
+
+def test_rooms_are_the_photographs_then_made_up_ones(tmp_path: Path) -> None:
+    photo = tmp_path / "room.png"
+    cv2.imwrite(str(photo), np.full((64, 128, 3), 90, np.uint8))
+    rooms = gather_rooms([photo], 2, TRAINING_ROOMS)
+    assert rooms[0].shape[1] == 128
+    assert len(rooms) == 3
+    again = gather_rooms([], 2, TRAINING_ROOMS)
+    assert (rooms[1] == again[0]).all()
+    assert (gather_rooms([], 1, EVALUATION_ROOMS)[0] != again[0]).any()
+
+
+def test_effects_become_a_cameras_processing() -> None:
+    assert isp_settings(IDEAL).has_curve is False
+    made = isp_settings(
+        RealWorldEffects(exposure_gain=0.8, red_gain=1.1, auto_exposure=1.0, jpeg_quality=60.0),
+        0.25,
+    )
+    assert made.gains == pytest.approx((0.88, 0.8, 0.8))
+    assert made.has_curve
+    assert made.jpeg_quality == 90
+
+
+def test_an_observations_noise_is_a_share_of_a_frames() -> None:
+    camera = observation_processor(1)
+    camera.become(isp_settings(RealWorldEffects(noise=5.0)))
+    grey = np.full((64, 64, 3), 128, np.uint8)
+    spread = float((camera.process(grey, 0.0).astype(float) - 128).std())
+    assert 0.5 < spread < 5.0
+    assert 0 < NOISE_SHARE < 1
+
+
+def test_a_robots_camera_repeats_itself_by_its_seed() -> None:
+    edges = FrameEdges(RobotParameters().camera)
+    drawn = np.full((64, 64, 3), 100, np.uint8)
+    pictures = []
+    for _ in range(2):
+        camera = RobotCamera(3, edges)
+        camera.become(RealWorldEffects(noise=2.0), pitch_down_deg=5.0)
+        camera.begin(0.0)
+        glimpse = Glimpse(state=None, turn_rate_rad_s=0.0, time_s=0.0)  # pyright: ignore[reportArgumentType]
+        view = camera.view(glimpse)
+        pictures.append(camera.picture(drawn, view, glimpse))
+    assert (pictures[0] == pictures[1]).all()
+    assert pictures[0].std() > 0
+
+
+def test_memory_is_shared_by_its_arrays() -> None:
+    memory = SharedMemory.allocate(multiprocessing.get_context("spawn"), 3)
+    one, other = memory.arrays(), memory.arrays()
+    one.actions[1] = (0.5, -0.5)
+    one.frames[2] = 7
+    assert other.actions[1].tolist() == [0.5, -0.5]
+    assert (other.frames[2] == 7).all()
+    assert other.records.shape == (3,)
+
+
+def test_a_worker_serves_its_share_until_told_to_quit() -> None:
+    ours, theirs = multiprocessing.Pipe()
+    memory = SharedMemory.allocate(multiprocessing.get_context("spawn"), 1)
+    for request in (Reset(seeds=(5,)), Step(), Quit()):
+        ours.send(request)
+    run_worker(theirs, memory, range(1), settings())
+    assert [ours.recv() for _ in range(3)] == [Done()] * 3
+    assert memory.arrays().frames[0].std() > 0
+
+
+def test_rewards_are_scaled_and_episodes_keep_theirs() -> None:
+    with_scale = ScaledRewards(FetchVecEnv(1, preset="ideal", lesson="1", workers=0), 0.5)
+    try:
+        with_scale.reset()
+        total = 0.0
+        for _ in range(200):
+            _, rewards, dones, infos = with_scale.step(np.array([[-1.0, -1.0]], np.float32))
+            total += float(rewards[0])
+            if dones[0]:
+                assert total == pytest.approx(0.5 * infos[0]["episode"]["r"], abs=1e-3)
+                return
+        pytest.fail("no episode ended")
+    finally:
+        with_scale.close()
+
+
+def test_a_run_without_checkpoints_is_no_source(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=str(tmp_path)):
+        find_source(tmp_path)
+
+
+def test_the_codes_state_is_its_commit_and_what_has_changed(tmp_path: Path) -> None:
+    here = git_state()
+    assert here.commit == "" or len(here.commit) == 40
+    outside = git_state(tmp_path)
+    assert (outside.commit, outside.changed_files) == ("", ())
+
+
+def test_a_curve_is_drawn(tmp_path: Path) -> None:
+    rows = [
+        ProgressRow(step, 10.0, lesson, 2.0, 20.0, 1.0, 100)
+        for step, lesson in ((40_000, "1"), (80_000, "2"))
+    ]
+    draw_curve(rows, tmp_path / "curve.png", "a run")
+    assert (tmp_path / "curve.png").stat().st_size > 5_000
+
+
+def test_a_report_without_lines_is_a_table_without_rows(tmp_path: Path) -> None:
+    make_folder(tmp_path / "new")
+    assert (tmp_path / "new").is_dir()
+    assert markdown([]).count("|") > 5
+    assert ORIGIN.x_m == 0

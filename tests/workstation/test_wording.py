@@ -1,0 +1,29 @@
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mbot_protocol.v1.messages_pb2 import STATE_RUNNING, Fault
+from mbot_workstation.wording import (
+    LONGEST_TEXT,
+    fault_lines,
+    one_line,
+    short_digest,
+    size_words,
+    state_word,
+)
+
+
+@given(st.text(max_size=2000))
+def test_any_text_becomes_one_printable_line(text: str) -> None:
+    line = one_line(text)
+    assert line.isprintable()
+    assert len(line) <= LONGEST_TEXT
+
+
+def test_values_become_words() -> None:
+    assert state_word(STATE_RUNNING) == "running"
+    assert state_word(77) == "state-77"
+    assert short_digest("ab" * 32) == "abababababab"
+    assert short_digest("") == "none"
+    assert (size_words(4600), size_words(2_410_000)) == ("4.6 kB", "2.41 MB")
+    fault = Fault(kind="camera", detail="black\x1b[2J\npictures")
+    assert fault_lines([fault]) == ["camera: black [2J pictures"]
