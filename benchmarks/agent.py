@@ -171,7 +171,7 @@ class Watched:
 def _watch(link: RobotLink, agent: Child, seconds: float) -> Watched:
     watched = Watched()
     with TelemetryStream(link) as stream:
-        RemoteControl(link).run()
+        RemoteControl(link).run(when_ready=True)
         began_s, cpu_s = time.monotonic(), agent.cpu_s
         while time.monotonic() - began_s < seconds:
             watched.decisions += [

@@ -53,7 +53,7 @@ FAULTS = (
             Bar("stopped ≤ 600 ms after the last frame", "stopped ms", 600),
             Bar("recovered ≤ 5 s after it returns", "recovered s", 5),
         ),
-        (f"{CAMERA}::test_the_robot_stops_for_a_camera_that_ends_and_drives_on_with_it",),
+        (f"{CAMERA}::test_the_robot_stops_for_a_camera_that_ends",),
     ),
     Fault(
         "black, frozen, wrong-shape frames",
@@ -114,12 +114,12 @@ FAULTS = (
         "SIGKILL, out of memory",
         (
             Bar("motors off ≤ 350 ms (time-out 300)", "motors off ms", 350),
-            Bar("running again ≤ 10 s", "running again s", 10),
+            Bar("there again, and standing, ≤ 10 s", "there again s", 10),
         ),
         (
             "tests/firmware/test_whole_loop.py::"
             "test_the_robot_stops_soon_after_its_daemon_was_killed",
-            f"{PROCESS}::test_a_killed_daemon_drives_again_soon",
+            f"{PROCESS}::test_a_killed_daemon_is_there_again_soon_and_waits_for_a_word",
             f"{END}/test_daemon.py::test_stop_motors_is_what_systemd_runs_after_a_crash",
         ),
     ),
@@ -129,7 +129,7 @@ FAULTS = (
         (
             f"{END}/test_stale_commands.py",
             "tests/firmware/test_daemon_with_firmware.py::"
-            "test_a_frozen_daemon_stops_in_time_and_recovers_by_itself",
+            "test_a_frozen_daemon_stops_in_time_and_stays_stopped",
             "tests/robot/test_systemd_unit.py::"
             "test_a_hung_or_dead_daemon_is_replaced_and_the_motors_are_stopped",
         ),

@@ -5,12 +5,12 @@
 // program that hangs is reset. Whatever happens, the motors end up off:
 //
 //   reset of any cause   all pins become inputs; the first instructions here keep the motors off,
-//                        and drive commands are refused until a STOP or RESET has come ("latched")
+//                        and drive commands are refused until ARM has come ("latched")
 //   silence              motors off after COMMAND_TIMEOUT_MS, latched
 //   a hung program       the watchdog resets the board after 250 ms
 //
-// A refused command is not acknowledged, so the host learns of it as of any lost command: it sends
-// STOP, which unlatches. Speeds are the board's own, -255..255, used as they come: the daemon maps
+// A refused command is not acknowledged, so the host learns of it as of any lost command. STOP does
+// not unlatch: the host says it all the time, also when nobody wants to drive. Speeds are the board's own, -255..255, used as they come: the daemon maps
 // the policy's 501 steps onto them (mbot_protocol.actions).
 //
 // Everything runs in the loop of main, which never waits; two interrupts move bytes. Time is
@@ -28,7 +28,10 @@
 #define COMMAND_TIMEOUT_MS 300 // the daemon repeats commands every 100 ms
 #endif
 
-#define NAME "mbot-deadman 1" // the daemon trusts names that begin with mbot-deadman
+#define TEXT_OF(number) #number
+#define TEXT(number) TEXT_OF(number)
+// The daemon trusts names that begin with mbot-deadman, and from 2 on it sends ARM.
+#define NAME "mbot-deadman 2 " TEXT(COMMAND_TIMEOUT_MS) "ms"
 #define LINE_END "\r\n"
 
 #define TICKS_OF_US(us) ((uint16_t)((us) / 16UL)) // Timer 1: 16 MHz / 256
@@ -44,12 +47,17 @@ enum { M1_DIR = PD7, M1_PWM = PD6, M2_DIR = PD4, M2_PWM = PD5 };
 
 static bool moving; // a motor is on
 
+// The flags of MCUSR at the last reset: 1 power, 2 reset pin, 4 brown-out, 8 watchdog. A boot loader
+// may have cleared them: 0.
+static uint8_t reset_cause __attribute__((section(".noinit")));
+
 // Before the C runtime has set up anything, whatever the reset's cause. A watchdog reset leaves the
 // watchdog running at its shortest, so it is set again at once.
 __attribute__((naked, used, section(".init3"))) static void motors_off_first(void) {
     TCCR0A = 0;
     PORTD = 0;
     DDRD = MOTOR_PINS;
+    reset_cause = MCUSR;
     MCUSR = 0;
     wdt_enable(WDTO_250MS);
 }
@@ -117,6 +125,7 @@ static void send(const void *data, uint8_t size) {
 
 enum { GET = 1, RUN = 2, RESET = 4 };
 enum { VERSION = 0, JOYSTICK = 5, MOTOR = 10 };
+enum { RESET_CAUSE = 0x70, ARM = 0x71 }; // ours; the stock firmware knows no such devices
 enum { PORT_M1 = 9, PORT_M2 = 10 };
 
 // The frames there are. Anything else is dropped at the first byte that fits none of them.
@@ -125,6 +134,8 @@ static const struct {
 } KINDS[] = {
     {2, RESET, 0}, // has no device
     {3, GET, VERSION},
+    {3, GET, RESET_CAUSE},
+    {3, RUN, ARM},
     {6, RUN, MOTOR},
     {7, RUN, JOYSTICK},
 };
@@ -163,7 +174,8 @@ static int16_t speed_at(uint8_t index) {
 }
 
 static bool is_drive(void) {
-    return frame[4] == RUN && (frame[5] == MOTOR || speed_at(6) || speed_at(8));
+    return frame[4] == RUN &&
+           (frame[5] == MOTOR || (frame[5] == JOYSTICK && (speed_at(6) || speed_at(8))));
 }
 
 static void acknowledge(void) {
@@ -175,6 +187,11 @@ static void tell_version(void) {
     uint8_t reply[sizeof head + sizeof NAME LINE_END - 1];
     memcpy(reply, head, sizeof head);
     memcpy(reply + sizeof head, NAME LINE_END, sizeof NAME LINE_END - 1);
+    send(reply, sizeof reply);
+}
+
+static void tell_reset_cause(void) {
+    uint8_t reply[] = {0xff, 0x55, frame[3], 1 /* a byte */, reset_cause, '\r', '\n'};
     send(reply, sizeof reply);
 }
 
@@ -199,12 +216,16 @@ static void drive(void) {
 static void obey(void) {
     size = 0;
     if (frame[4] == GET) {
-        tell_version();
+        if (frame[5] == VERSION) {
+            tell_version();
+        } else {
+            tell_reset_cause();
+        }
         return;
     }
     if (!is_drive()) {
         set_motors(0, 0);
-        latched = false;
+        latched = latched && !(frame[4] == RUN && frame[5] == ARM);
     } else if (latched) {
         return; // the missing acknowledgement says so
     } else {

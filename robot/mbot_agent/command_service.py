@@ -3,14 +3,23 @@
 import time
 from collections.abc import Callable
 
+from google.protobuf.message import DecodeError
+
 from mbot_agent import installed_version
-from mbot_agent.arming import state_of
+from mbot_agent.arming import Mode, state_of
 from mbot_agent.configuration import Configuration
 from mbot_agent.control_loop import ControlLoop
 from mbot_agent.faults import Notice
-from mbot_agent.hardware import Board, Camera
+from mbot_agent.hardware import Board
 from mbot_agent.helm import Helm
-from mbot_agent.network.wire_messages import WIRE_STATES, wire_faults, wire_motor, wire_notices
+from mbot_agent.network.sender_numbers import SenderNumbers
+from mbot_agent.network.wire_messages import (
+    WIRE_STATES,
+    wire_faults,
+    wire_motor,
+    wire_notices,
+    wire_stop,
+)
 from mbot_agent.network.zenoh_link import Link
 from mbot_protocol import keys
 from mbot_protocol.actions import to_steps
@@ -20,6 +29,20 @@ from mbot_protocol.v1 import messages_pb2 as messages
 
 LONGEST_HOLD_MS = 1000
 """A hand-driven command holds no longer than this without being renewed."""
+
+LONGEST_EXPIRY_NS = 2_000_000_000
+"""A command that would be good for longer is refused: nobody shall have one in his pocket."""
+
+STANDING_WAIT_S = 0.08
+"""The board acknowledges a stop after 12 ms of wire; a STOP is answered within 100 ms anyway."""
+
+FORGIVEN_WAIT_S = 0.3
+"""After `run` has forgiven a camera its still picture the next frame must show that it is good."""
+
+LONGEST_NAME = 48
+
+PULSE = f"{keys.STOP.name}/pulse"
+"""The daemon's own question to the thread that serves STOP; nobody else reaches this key."""
 
 
 class CommandService:
@@ -31,7 +54,6 @@ class CommandService:
         session_id: int,
         helm: Helm,
         board: Board,
-        camera: Camera,
         loop: ControlLoop,
         active_model: Callable[[], messages.Model | None],
         notices: Callable[[], tuple[Notice, ...]],
@@ -47,29 +69,29 @@ class CommandService:
         self._session_id = session_id
         self._helm = helm
         self._board = board
-        self._camera = camera
         self._loop = loop
         self._active_model = active_model
         self._notices = notices
         self._heard = heard
+        self._numbers = SenderNumbers()
 
     def serve(self, link: Link) -> None:
         """Answer from now on: a STOP waits behind nothing, a status behind no command."""
-        link.serve(keys.STOP.name, {keys.STOP.name: self.stop})
+        link.serve(f"{keys.STOP.name}/**", {keys.STOP.name: self.stop, PULSE: self.pulse})
         link.serve(keys.STATUS.name, {keys.STATUS.name: self.status})
         link.serve(keys.COMMAND.name, {keys.COMMAND.name: self.command})
 
     def status(self, _: bytes) -> bytes:
         """Reply to a query on `status`."""
         latest = self._loop.latest
-        mode = self._helm.orders.mode
-        faults = self._loop.faults(mode)
+        orders = self._helm.orders
+        faults = self._loop.faults(orders.mode)
         return messages.Status(
             schema_version=SCHEMA_VERSION,
             robot_id=self._robot_id,
             session_id=self._session_id,
             now_monotonic_ns=time.monotonic_ns(),
-            state=WIRE_STATES[state_of(mode, faults)],
+            state=WIRE_STATES[state_of(orders.mode, faults)],
             faults=wire_faults(faults),
             software_version=self._version,
             board_version=self._board.version,
@@ -84,17 +106,32 @@ class CommandService:
             accepts_unsigned_models=self._trust.allow_unsigned,
             left_motor=wire_motor(self._wheels.left),
             right_motor=wire_motor(self._wheels.right),
+            last_stop=wire_stop(orders.stop),
         ).SerializeToString()
 
-    def stop(self, _: bytes) -> bytes:
-        """Reply to a query on `stop`, which stops the robot whatever it says.
+    def stop(self, payload: bytes) -> bytes:
+        """Reply to a query on `stop`, which disarms the robot whatever it says.
 
         No clock, no schema and no damaged message stands between anybody and a stop.
         """
-        self._helm.stop()
-        return messages.CommandReply(
-            schema_version=SCHEMA_VERSION, accepted=True, state=messages.STATE_STOPPED
-        ).SerializeToString()
+        self._helm.stop(_sender(payload))
+        standing = self._board.stands(STANDING_WAIT_S)
+        reply = messages.CommandReply(
+            schema_version=SCHEMA_VERSION,
+            accepted=True,
+            state=messages.STATE_STOPPED,
+            stop_count=self._helm.orders.stop.count,
+            standing=standing,
+        )
+        if not standing:
+            fault = self._board.fault
+            found = "the board does not answer in time" if fault is None else fault.detail
+            reply.reason = f"disarmed, but not confirmed by the board: {found}"
+        return reply.SerializeToString()
+
+    def pulse(self, _: bytes) -> bytes:
+        """Reply to the daemon's own question whether STOP is served."""
+        return b"alive"
 
     def command(self, payload: bytes) -> bytes:
         """Reply to a query on `command`, after carrying it out or refusing it."""
@@ -105,8 +142,9 @@ class CommandService:
             reply.accepted = True
         except MbotError as error:
             reply.reason = str(error)
-        mode = self._helm.orders.mode
-        reply.state = WIRE_STATES[state_of(mode, self._loop.faults(mode))]
+        orders = self._helm.orders
+        reply.state = WIRE_STATES[state_of(orders.mode, self._loop.faults(orders.mode))]
+        reply.stop_count = orders.stop.count
         return reply.SerializeToString()
 
     def _obey(self, command: messages.Command) -> None:
@@ -116,15 +154,14 @@ class CommandService:
             )
         action = command.WhichOneof("action")
         if action == "stop":
-            self._helm.stop()  # however late: stopping is always right
+            self._helm.stop(_in_a_line(command.sender))  # however late: it is always right
             return
         self._check_current(command)
         self._heard()
         if action == "run":
-            self._camera.forgive()
-            self._helm.run()
+            self._run(command.stop_count, when_ready=command.run.when_ready)
         elif action == "drive":
-            self._drive(command.drive)
+            self._drive(command.drive, command.stop_count)
         else:
             raise RefusedError("the command has no action this robot knows: upgrade mbot-agent")
 
@@ -137,8 +174,28 @@ class CommandService:
             raise RefusedError(
                 f"the command expired {late_ns / 1e6:.0f} ms before it arrived: the link is slow"
             )
+        if -late_ns > LONGEST_EXPIRY_NS:
+            raise RefusedError(
+                f"the command is good for {-late_ns / 1e9:.1f} s, expected at most "
+                f"{LONGEST_EXPIRY_NS / 1e9:.0f} s"
+            )
+        self._numbers.take(command.sender_id, command.number)
 
-    def _drive(self, drive: messages.Drive) -> None:
+    def _run(self, seen_stops: int, *, when_ready: bool) -> None:
+        """Let the policy drive. With a fault in the way nothing is armed, unless told to wait."""
+        self._loop.forgive()
+        if when_ready:
+            self._helm.run(seen_stops, when_ready=True)
+            return
+        give_up_s = time.monotonic() + FORGIVEN_WAIT_S
+        while (faults := self._loop.faults(Mode.RUNNING)) and time.monotonic() < give_up_s:
+            time.sleep(0.01)
+        if faults:
+            found = "; ".join(fault.detail for fault in faults)
+            raise RefusedError(f"not armed: {found} (`run --when-ready` waits for that)")
+        self._helm.run(seen_stops)
+
+    def _drive(self, drive: messages.Drive, seen_stops: int) -> None:
         if not 0 < drive.hold_ms <= LONGEST_HOLD_MS:
             raise RefusedError(f"hold_ms is {drive.hold_ms}, expected 1 to {LONGEST_HOLD_MS}")
         try:
@@ -147,4 +204,17 @@ class CommandService:
             raise RefusedError(str(error)) from None
         if (fault := self._board.fault) is not None:
             raise RefusedError(fault.detail)
-        self._helm.steer_by_hand(self._wheels.to_board(steps), drive.hold_ms * 1_000_000)
+        joystick = self._wheels.to_board(steps)
+        self._helm.steer_by_hand(joystick, drive.hold_ms * 1_000_000, seen_stops)
+
+
+def _sender(payload: bytes) -> str:
+    """Who says to have sent a STOP; empty if that can't be read."""
+    try:
+        return _in_a_line(messages.Command.FromString(payload).sender)
+    except DecodeError:
+        return ""
+
+
+def _in_a_line(name: str) -> str:
+    return "".join(sign for sign in name if sign.isprintable())[:LONGEST_NAME]

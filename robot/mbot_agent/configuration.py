@@ -3,8 +3,10 @@
 deploy/config.toml is the annotated example; a test keeps it equal to the defaults here.
 """
 
+import logging
 import math
 import os
+import re
 import tomllib
 from pathlib import Path
 from typing import Annotated, Literal
@@ -24,6 +26,8 @@ from mbot_protocol.keys import DEFAULT_ENDPOINT, Right, check_robot_id
 from mbot_protocol.mcore import BAUD_RATE
 from mbot_protocol.policy_contract import DECISION_RATE_HZ
 from mbot_protocol.public_key import PublicKey
+
+log = logging.getLogger(__name__)
 
 DEFAULT_STATE_DIRECTORY = Path("/var/lib/mbot-agent")
 
@@ -129,6 +133,7 @@ class Control(Struct, frozen=True, forbid_unknown_fields=True):
     start: Literal["idle", "running"] = "idle"
     on_lost_link: Literal["drive", "stop"] = "drive"
     lost_link_after_s: Annotated[float, Meta(ge=1, le=60)] = 3.0
+    longest_hold_s: Annotated[float, Meta(ge=0, le=10)] = 2.0
 
 
 class Models(Struct, frozen=True, forbid_unknown_fields=True):
@@ -282,6 +287,29 @@ def load(path: Path) -> Configuration:
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f"cannot read {path}: {error}") from None
     return decode(text, str(path))
+
+
+def load_board(path: Path) -> Board:
+    """How to reach the board, from whatever of the file can be read: a mistake in another section,
+    or no valid TOML at all, must not keep anybody from stopping the motors.
+    """
+    try:
+        return load(path).board
+    except ConfigurationError as error:
+        log.warning("%s; looking for the board's port all the same", error)
+    try:
+        text = path.read_text(errors="replace")
+    except OSError:
+        return Board()
+    section = re.search(r"^\s*\[board\]([^\[]*)", text, re.MULTILINE)
+    found: dict[str, str] = {}
+    if section is not None:
+        found = dict(re.findall(r"^\s*(port|baud_rate)\s*=\s*[\"']?([^\"'#\s]+)", section[1], re.M))
+    baud_rate = found.get("baud_rate", "")
+    return Board(
+        port=found.get("port", "auto"),
+        baud_rate=int(baud_rate) if baud_rate.isdecimal() else BAUD_RATE,
+    )
 
 
 def decode(text: str, origin: str) -> Configuration:

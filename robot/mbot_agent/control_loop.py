@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-from mbot_agent.arming import Mode, State
+from mbot_agent.arming import Hold, Mode, Orders, State
 from mbot_agent.configuration import Configuration
 from mbot_agent.faults import Fault
 from mbot_agent.hardware import Board, Camera, DriveCommand, Frame
@@ -23,6 +23,11 @@ log = logging.getLogger(__name__)
 DEADLINE_SLACK_NS = 100_000_000
 """How far a command may outlive its decision period: room for a late tick, and with 2.5 Hz a stop
 500 ms after a decision whose successor never comes (the bar is 600 ms)."""
+
+STALLED_AFTER_NS = 1_000_000_000
+"""A tick that begins so much later than a period after the last one: the wheels have stood since
+the deadline, and what held the loop up may do so again. ArduPilot Rover, a faster loop, allows
+0.2 s."""
 
 ACKNOWLEDGE_WAIT_S = 0.1
 """The board replies in 2 to 3 ms; later, only this record goes without the time."""
@@ -60,6 +65,8 @@ class ControlLoop:
         self._subscribers: list[Subscriber] = []
         self._observer: Observer | None = None
         self._observer_for: tuple[tuple[int, ...], FieldOfView] | None = None
+        self._hold = Hold(configuration.control.longest_hold_s)
+        self._resets = board.resets
         self._ticks = 0
         self.latest: Tick | None = None
 
@@ -81,6 +88,10 @@ class ControlLoop:
         self._publish(tick)
         return tick
 
+    def forgive(self) -> None:
+        """A person wants to drive: what was held against the camera is forgotten; any thread."""
+        self._camera.forgive()
+
     def faults(self, mode: Mode) -> tuple[Fault, ...]:
         """What is in the way of a mode now; any thread may ask. A person's hand needs neither
         eyes nor model.
@@ -88,7 +99,7 @@ class ControlLoop:
         found = [self._board.fault]
         if mode is not Mode.MANUAL:
             found += [self._camera.fault, self._pilot.fault]
-        if mode is Mode.RUNNING:
+        if mode in (Mode.RUNNING, Mode.WAITING):
             found.append(self._link_fault())
         return tuple(fault for fault in found if fault is not None)
 
@@ -97,7 +108,7 @@ class ControlLoop:
         started_ns = time.monotonic_ns()
         self._pilot.change_over()
         self._helm.end_manual_if_due()
-        orders = self._helm.orders
+        orders = self._arm_or_latch(started_ns)
         frame = self._camera.latest()
         tick = Tick(
             sequence=self._ticks,
@@ -119,6 +130,26 @@ class ControlLoop:
             observed_ns=time.monotonic_ns(),
         )
 
+    def _arm_or_latch(self, now_ns: int) -> Orders:
+        """The orders for this tick. A robot that waits begins when nothing is in the way any more;
+        one that drives is disarmed by what it must not forgive by itself.
+        """
+        orders = self._helm.orders
+        faults = self.faults(orders.mode)
+        if orders.mode is Mode.WAITING and not faults:
+            self._helm.begin(orders)
+        reset, self._resets = self._board.resets != self._resets, self._board.resets
+        driving = orders.mode is Mode.RUNNING
+        paused_ns = now_ns - self.latest.started_ns if self.latest is not None else 0
+        overdue = self._hold.too_long(faults if driving else (), now_ns)
+        if reset:
+            self._helm.latch("the board was reset")
+        elif driving and paused_ns > self._metronome.period_ns + STALLED_AFTER_NS:
+            self._helm.latch(f"the loop stood still for {paused_ns / 1e9:.1f} s")
+        elif overdue is not None:
+            self._helm.latch(overdue.detail)
+        return self._helm.orders
+
     def _decide(self, tick: Tick) -> Tick:
         """The policy's action, if it is to drive; or the fault that it has met."""
         due_ns = tick.started_ns + self._metronome.period_ns
@@ -128,6 +159,8 @@ class ControlLoop:
             return tick
         answer = self._pilot.decide(tick.observation, due_ns)
         if isinstance(answer, Fault):
+            if self._pilot.has_given_up:
+                self._helm.latch(answer.detail)
             return replace(tick, faults=(answer,))
         return replace(tick, action=answer, decided_ns=time.monotonic_ns())
 

@@ -4,19 +4,27 @@ import gc
 import logging
 import secrets
 import threading
+import time
+from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from mbot_agent.arming import Mode
+from mbot_agent.arming import Mode, Orders, State
 from mbot_agent.board.motors import Motors
-from mbot_agent.configuration import Configuration
+from mbot_agent.configuration import Access, Configuration
 from mbot_agent.process import service_manager, termination
+from mbot_agent.process.last_end import LastEnd
+from mbot_agent.process.watchdog import Watchdog
 from mbot_agent.tick import Tick
 
 if TYPE_CHECKING:
+    from mbot_agent.command_service import CommandService
+    from mbot_agent.control_loop import ControlLoop
+    from mbot_agent.helm import Helm
     from mbot_agent.models.model_keeper import ModelKeeper
-    from mbot_agent.models.model_service import ModelService
     from mbot_agent.models.pilot import Pilot
+    from mbot_agent.network.zenoh_link import Link
 
 log = logging.getLogger(__name__)
 
@@ -24,8 +32,12 @@ STOP_WAIT_S = 0.5
 """How long the end waits for the board to confirm that the motors stand."""
 
 
-def run(configuration: Configuration) -> None:
-    """Run until SIGTERM or SIGINT. `termination.block_signals` must have been called.
+def run(configuration: Configuration, last_words: Callable[[], None]) -> None:
+    """Run until a signal ends it. `termination.block_signals` must have been called.
+
+    Args:
+        configuration: of this robot.
+        last_words: writes what the log still holds, if the process has to end at once.
 
     Raises:
         UnreachableError: the network endpoint cannot be used.
@@ -37,7 +49,12 @@ def run(configuration: Configuration) -> None:
         # The board comes first: whatever a crashed predecessor left it doing is stopped now.
         motors = parts.enter_context(Motors(configuration.board))
         termination.watch(lambda: _stop_for_good(motors), closing)
-        _drive(configuration, motors, closing, parts)
+        termination.end_with_any_thread(lambda: _stop_for_good(motors), last_words)
+        try:
+            _drive(configuration, motors, closing, parts)
+        except BaseException:
+            _stop_for_good(motors)  # before whatever else has to be closed
+            raise
         service_manager.notify("STOPPING=1")
     log.info("ended")
 
@@ -56,74 +73,137 @@ def _drive(
     from mbot_agent.helm import Helm
     from mbot_agent.models.pilot import Pilot
     from mbot_agent.network.presence import Presence
-    from mbot_agent.network.telemetry_publisher import Telemetry
-    from mbot_agent.network.wire_messages import wire_decision
     from mbot_agent.network.zenoh_link import Link
 
+    models = _Models(configuration)
+    last_end = parts.enter_context(LastEnd(configuration.models.path))
     link = parts.enter_context(Link(configuration))
     presence = parts.enter_context(Presence(configuration.control, link.sees_workstations))
-    mode = Mode.RUNNING if configuration.control.start == "running" else Mode.IDLE
-    helm = Helm(motors, mode)
-    session_id = secrets.randbits(63) | 1
+    helm = Helm(motors, _orders_at_start(configuration.control.start, last_end))
     pilot = Pilot()
     loop = ControlLoop(configuration, camera, motors, helm, pilot, lambda: presence.fault)
-    keeper, models = _supply_models(configuration, pilot, parts)
-    telemetry = parts.enter_context(
-        Telemetry(
-            link,
-            lambda tick: wire_decision(tick, configuration.robot_id, session_id, keeper.notices),
-        )
-    )
+    keeper = models.supply(pilot, _disarm_unless_driving(loop, helm), parts)
+    session_id = secrets.randbits(63) | 1
     commands = CommandService(
         configuration,
         session_id,
         helm,
         motors,
-        camera,
         loop,
-        lambda: models.active_model,
+        lambda: models.service.active_model,
         lambda: keeper.notices,
         presence.heard,
     )
-    commands.serve(link)
-    link.serve("models/**", models.answers)
-    link.announce()
-
-    loop.subscribe(telemetry.offer)
-    loop.subscribe(_tell_service_manager)
-    loop.subscribe(lambda _: models.expire_staging())
+    watchdog = _serve(link, configuration.access, commands, models, motors, parts)
+    loop.subscribe(_telemetry(configuration, session_id, link, keeper, parts))
+    loop.subscribe(_feeder(watchdog))
+    loop.subscribe(lambda _: models.service.expire_staging())
     # What exists now stays: the collector need not look at it between two decisions again.
     gc.collect()
     gc.freeze()
-    log.info("robot %s is up, %s", configuration.robot_id, mode.value)
+    log.info("robot %s is up, %s", configuration.robot_id, helm.orders.mode.value)
     loop.run(closing)
 
 
-def _supply_models(
-    configuration: Configuration, pilot: "Pilot", parts: ExitStack
-) -> "tuple[ModelKeeper, ModelService]":
-    """Give the pilot the active model; from now on pushes and verdicts change it."""
-    from mbot_agent.models.model_directory import ModelDirectory
-    from mbot_agent.models.model_keeper import ModelKeeper
-    from mbot_agent.models.model_service import ModelService
-    from mbot_agent.models.sequence_floors import SequenceFloors
-    from mbot_agent.models.trust import Trust
+def _orders_at_start(start: str, last_end: LastEnd) -> Orders:
+    """`control.start = "running"` is a person's word for a clean start; a crash takes it back."""
+    orders = Orders(Mode.IDLE)
+    if start != "running":
+        return orders
+    if last_end.was_crash:
+        why = "the daemon did not end in order the last time"
+        log.warning("not driving: %s; `workstation run` sets it in motion", why)
+        return orders.stopped(time.monotonic_ns(), why=why)
+    return replace(orders, mode=Mode.WAITING)
 
-    directory = ModelDirectory(configuration.models.path, configuration.models.keep)
-    floors = SequenceFloors(configuration.models.path)
-    trust = Trust(configuration.trust, configuration.robot_id, floors)
-    keeper = parts.enter_context(
-        ModelKeeper(directory, trust, configuration.models.clean_decisions, pilot.use)
+
+def _disarm_unless_driving(loop: "ControlLoop", helm: "Helm") -> Callable[[str], None]:
+    """What another model does to a robot that waits for one: nothing may begin to move by it."""
+
+    def disarm(why: str) -> None:
+        latest = loop.latest
+        if latest is None or latest.state not in (State.RUNNING, State.MANUAL):
+            helm.latch(why)
+
+    return disarm
+
+
+class _Models:
+    """What takes models in and chooses one."""
+
+    def __init__(self, configuration: Configuration) -> None:
+        from mbot_agent.models.model_directory import ModelDirectory
+
+        self._configuration = configuration
+        self._directory = ModelDirectory(configuration.models.path, configuration.models.keep)
+
+    def supply(
+        self, pilot: "Pilot", changes: Callable[[str], None], parts: ExitStack
+    ) -> "ModelKeeper":
+        """Give the pilot the active model; from now on pushes and verdicts change it."""
+        from mbot_agent.models.model_keeper import ModelKeeper
+        from mbot_agent.models.model_service import ModelService
+        from mbot_agent.models.sequence_floors import SequenceFloors
+        from mbot_agent.models.trust import Trust
+
+        settings = self._configuration
+        floors = SequenceFloors(settings.models.path)
+        trust = Trust(settings.trust, settings.robot_id, floors)
+        proof = settings.models.clean_decisions
+        keeper = parts.enter_context(ModelKeeper(self._directory, trust, proof, pilot.use, changes))
+        keeper.load_active()
+        self.service = ModelService(settings, self._directory, keeper, trust)
+        return keeper
+
+
+def _serve(
+    link: "Link",
+    access: Access,
+    commands: "CommandService",
+    models: _Models,
+    motors: Motors,
+    parts: ExitStack,
+) -> Watchdog:
+    """Answer from now on; what watches that this goes on."""
+    from mbot_agent.command_service import PULSE
+    from mbot_agent.network.session_guard import SessionGuard
+    from mbot_agent.network.stop_probe import StopProbe
+
+    commands.serve(link)
+    link.serve("models/**", models.service.answers)
+    link.announce()
+    guard = parts.enter_context(SessionGuard(access, link.visitors))
+    link.watch_visitors(guard.look_now)
+    probe = parts.enter_context(StopProbe(lambda timeout_s: link.answers(PULSE, timeout_s)))
+    return Watchdog({"motors": lambda: motors.progress_ns, "serve stop": lambda: probe.answered_ns})
+
+
+def _telemetry(
+    configuration: Configuration,
+    session_id: int,
+    link: "Link",
+    keeper: "ModelKeeper",
+    parts: ExitStack,
+) -> Callable[[Tick], None]:
+    from mbot_agent.network.telemetry_publisher import Telemetry
+    from mbot_agent.network.wire_messages import wire_decision
+
+    robot_id = configuration.robot_id
+    telemetry = parts.enter_context(
+        Telemetry(link, lambda tick: wire_decision(tick, robot_id, session_id, keeper.notices))
     )
-    keeper.load_active()
-    return keeper, ModelService(configuration, directory, keeper, trust)
+    return telemetry.offer
 
 
-def _tell_service_manager(tick: Tick) -> None:
+def _feeder(watchdog: Watchdog) -> Callable[[Tick], None]:
     """Only a finished tick feeds the watchdog: a loop that hangs gets the daemon restarted."""
-    if tick.sequence == 0:
-        service_manager.notify("READY=1")
-    service_manager.notify(f"WATCHDOG=1\nSTATUS={tick.state.value}")
+
+    def feed(tick: Tick) -> None:
+        if tick.sequence == 0:
+            service_manager.notify("READY=1")
+        watchdog.feed(tick.state.value)
+
+    return feed
 
 
 def _stop_for_good(motors: Motors) -> None:

@@ -103,6 +103,19 @@ class Board(Protocol):
         """Whether the firmware stops by itself when commands cease."""
         ...
 
+    @property
+    def resets(self) -> int:
+        """How often the board has reset or latched by itself since the daemon's start."""
+        ...
+
+    def arm(self) -> None:
+        """A person wants to drive: a board that has latched may be told so, once."""
+        ...
+
+    def disarm(self) -> None:
+        """Nobody wants to drive any more: what `arm` left to be said must not be said."""
+        ...
+
     def drive(self, command: DriveCommand) -> int:
         """Make this the command in force. Returns a ticket for `delivery`."""
         ...
@@ -113,4 +126,10 @@ class Board(Protocol):
 
     def stop(self) -> None:
         """End any command; the motors stop at once if they were driven."""
+        ...
+
+    def stands(self, timeout_s: float) -> bool:
+        """Whether the board acknowledges, from now on and within the time, that its motors are off;
+        false at once if it is lost.
+        """
         ...

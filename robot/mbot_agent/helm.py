@@ -1,9 +1,11 @@
 """The helm: who drives, and the lock that makes a change of mind final.
 
 The control loop and the command service both move the wheels, but only through here: once
-`stop` has returned, no decision begun before it can reach a motor.
+`stop` has returned, no decision begun before it can reach a motor, and no `run` or `drive` that
+does not know of it is obeyed.
 """
 
+import logging
 import threading
 import time
 
@@ -11,14 +13,16 @@ from mbot_agent.arming import Mode, Orders
 from mbot_agent.hardware import Board, DriveCommand
 from mbot_protocol.mcore import Joystick
 
+log = logging.getLogger(__name__)
+
 
 class Helm:
-    """Keeps the mode and hands commands to the board under one lock."""
+    """Keeps the orders and hands commands to the board under one lock."""
 
-    def __init__(self, board: Board, mode: Mode) -> None:
+    def __init__(self, board: Board, orders: Orders) -> None:
         self._board = board
         self._lock = threading.Lock()
-        self._orders = Orders(mode, 0)
+        self._orders = orders
         self._manual_until_ns = 0
 
     @property
@@ -26,25 +30,59 @@ class Helm:
         """What is wanted now."""
         return self._orders
 
-    def run(self) -> None:
-        """Let the policy drive."""
+    def run(self, seen_stops: int, *, when_ready: bool = False) -> None:
+        """Let the policy drive, or wait until it can.
+
+        Raises:
+            RefusedError: there has been a stop that the sender does not know of.
+
+        """
         with self._lock:
+            mode = Mode.WAITING if when_ready else Mode.RUNNING
+            orders = self._orders.armed(mode, seen_stops, time.monotonic_ns())
             if self._orders.mode is Mode.MANUAL:
                 self._board.stop()
-            self._change(Mode.RUNNING)
+            self._orders = orders
+            self._board.arm()
 
-    def stop(self) -> None:
-        """Stop, and stay so until told otherwise."""
+    def stop(self, by: str = "") -> None:
+        """Stop, and stay so until somebody who knows of this stop says otherwise."""
         with self._lock:
-            self._change(Mode.STOPPED)
+            self._orders = self._orders.stopped(time.monotonic_ns(), by=by)
+            self._board.disarm()
             self._board.stop()
 
-    def steer_by_hand(self, joystick: Joystick, hold_ns: int) -> None:
-        """Drive as a person says, for so long at most."""
+    def latch(self, why: str) -> None:
+        """Disarm a robot that is armed, for a reason that it must not forgive by itself."""
         with self._lock:
+            if not self._orders.is_armed:
+                return
+            self._orders = self._orders.stopped(time.monotonic_ns(), why=why)
+            self._board.disarm()
+            self._board.stop()
+        log.warning("disarmed: %s; `workstation run` when that is mended", why)
+
+    def begin(self, orders: Orders) -> None:
+        """What these orders were waiting for has come."""
+        with self._lock:
+            if self._orders == orders:
+                self._orders = orders.ready()
+                self._board.arm()
+
+    def steer_by_hand(self, joystick: Joystick, hold_ns: int, seen_stops: int) -> None:
+        """Drive as a person says, for so long at most.
+
+        Raises:
+            RefusedError: there has been a stop that the sender does not know of.
+
+        """
+        with self._lock:
+            now_ns = time.monotonic_ns()
+            orders = self._orders.armed(Mode.MANUAL, seen_stops, now_ns)
             if self._orders.mode is not Mode.MANUAL:
-                self._change(Mode.MANUAL)
-            self._manual_until_ns = time.monotonic_ns() + hold_ns
+                self._orders = orders
+                self._board.arm()
+            self._manual_until_ns = now_ns + hold_ns
             self._board.drive(DriveCommand(joystick, self._manual_until_ns))
 
     def steer_by_policy(self, orders: Orders, command: DriveCommand) -> int | None:
@@ -70,8 +108,6 @@ class Helm:
         with self._lock:
             over = time.monotonic_ns() >= self._manual_until_ns
             if self._orders.mode is Mode.MANUAL and over:
-                self._change(Mode.STOPPED)
+                self._orders = self._orders.released()
+                self._board.disarm()
                 self._board.stop()
-
-    def _change(self, mode: Mode) -> None:
-        self._orders = Orders(mode, self._orders.epoch + 1)

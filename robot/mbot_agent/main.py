@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 from mbot_agent import installed_version
 from mbot_agent.process import termination
-from mbot_protocol.errors import ConfigurationError, MbotError
+from mbot_agent.process.journal import Journal
+from mbot_protocol.errors import MbotError
 
 if TYPE_CHECKING:
     from mbot_agent.configuration import Configuration
@@ -31,18 +32,19 @@ def main() -> None:
         # Before numpy or OpenCV is imported: a thread of theirs that does not inherit the mask
         # would take the signal, and the process would die with the motors running.
         termination.block_signals()
+    journal = Journal(verbose=arguments.verbose)
     try:
-        code = _dispatch(arguments)
+        code = _dispatch(arguments, journal)
     except MbotError as error:
-        print(f"mbot-agent: {error}", file=sys.stderr)
+        journal.say(f"mbot-agent: {error}")
         code = error.exit_code
     except KeyboardInterrupt:
         code = 130
-    except Exception:
+    except BaseException:
         logging.getLogger(__name__).exception("mbot-agent: internal error, please report it")
-        code = 70
+        code = termination.THREAD_DIED
+    journal.drain()
     sys.stdout.flush()
-    sys.stderr.flush()
     # Not sys.exit: a thread of Zenoh's or OpenCV's that hangs would keep a broken daemon alive,
     # and systemd would never restart it (measured; zenoh-python issue 434).
     os._exit(code)
@@ -82,8 +84,7 @@ class _PrintVersion(argparse.Action):
         parser.exit(message=f"mbot-agent {installed_version()}\n")
 
 
-def _dispatch(arguments: argparse.Namespace) -> int:
-    _log_to_stderr(verbose=arguments.verbose)
+def _dispatch(arguments: argparse.Namespace, journal: Journal) -> int:
     if arguments.action == "stop-motors":
         return _stop_motors(arguments.config)
     from mbot_agent.configuration import load
@@ -95,21 +96,16 @@ def _dispatch(arguments: argparse.Namespace) -> int:
         return _check(configuration, as_json=arguments.json)
     from mbot_agent import daemon
 
-    daemon.run(configuration)
+    daemon.run(configuration, journal.drain)
     return 0
 
 
 def _stop_motors(path: Path) -> int:
     """Even a broken configuration must not keep the motors turning."""
     from mbot_agent.board.motor_stop import stop_motors
-    from mbot_agent.configuration import Board, load
+    from mbot_agent.configuration import load_board
 
-    try:
-        board = load(path).board
-    except ConfigurationError as error:
-        logging.getLogger(__name__).warning("%s; stopping the board found on USB", error)
-        board = Board()
-    stop_motors(board)
+    stop_motors(load_board(path))
     return 0
 
 
@@ -123,16 +119,6 @@ def _check(configuration: "Configuration", *, as_json: bool) -> int:
         else:
             print(f"{finding.verdict:8} {finding.subject:8} {finding.detail}")
     return 1 if any(finding.verdict == "failed" for finding in findings) else 0
-
-
-def _log_to_stderr(*, verbose: bool) -> None:
-    """The journal stamps lines itself; a person at a terminal needs the time."""
-    dates = "" if "JOURNAL_STREAM" in os.environ else "%(asctime)s "
-    logging.basicConfig(
-        stream=sys.stderr,
-        level=logging.DEBUG if verbose else logging.INFO,
-        format=f"{dates}%(levelname)s %(message)s",
-    )
 
 
 if __name__ == "__main__":

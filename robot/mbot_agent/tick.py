@@ -60,6 +60,11 @@ class Tick:
     delivery: Delivery | None = None
 
     @property
+    def stop_count(self) -> int:
+        """How many stops there had been when it began."""
+        return self.orders.stop.count
+
+    @property
     def state(self) -> State:
         """What the robot does."""
         return state_of(self.orders.mode, self.faults)

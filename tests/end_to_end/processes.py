@@ -11,12 +11,15 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from mbot_protocol.errors import MbotError
 from mbot_protocol.v1.messages_pb2 import Status
 from mbot_workstation.link.remote_control import RemoteControl
 from mbot_workstation.link.robot_link import RobotLink
 from mbot_workstation.models.signing_key import SigningKey
 
 HERE = Path(__file__).parent
+LONGER_THAN_FORGIVEN_S = 2.5
+"""A gap of camera, board or link that takes `run` to drive on (control.longest_hold_s)."""
 ROBOT_ID = "mbot-test"
 PROGRAMS = str(Path(sys.executable).with_name("{}"))
 
@@ -158,6 +161,13 @@ class Daemon:
     def is_up(self) -> bool:
         return until(lambda: "is up" in self.log.read_text(), 20)
 
+    def is_ready(self) -> bool:
+        """Whether it answers and nothing is in the way of driving."""
+        try:
+            return not self.status().faults
+        except MbotError:
+            return False
+
     def push(self, model: bytes) -> None:
         from mbot_workstation.models.push import push
 
@@ -167,5 +177,6 @@ class Daemon:
             push(link, path, lambda _: self.key)
 
     def run(self) -> None:
+        """As soon as it can: the camera may not have been seen yet."""
         with self.link() as link:
-            RemoteControl(link).run()
+            RemoteControl(link).run(when_ready=True)

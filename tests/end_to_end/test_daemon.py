@@ -20,7 +20,14 @@ from mbot_workstation.telemetry.stream import TelemetryStream
 
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
-from .processes import PROGRAMS, Daemon, Process, until, workstation
+from .processes import (
+    LONGER_THAN_FORGIVEN_S,
+    PROGRAMS,
+    Daemon,
+    Process,
+    until,
+    workstation,
+)
 
 FORWARD = constant_model(0.6, 0.6)
 FORWARD_BOARD = (-169, 169)
@@ -52,7 +59,7 @@ def test_a_hand_drives_and_lets_go(daemon: Daemon, board: FakeBoard, tmp_path: P
         assert daemon.is_up()
         arguments = ("drive", "0.5", "-0.5", "--for", "1", "--robot", daemon.address)
         with workstation(*arguments, log=tmp_path / "drive.log") as hand:
-            assert board.wait_for(-148, -148)
+            assert board.wait_for(-148, -148, timeout_s=15)
             assert hand.wait() == 0
         assert board.wait_for(0, 0)
 
@@ -115,9 +122,13 @@ def test_a_killed_camera_stops_the_robot_until_it_is_back(daemon: Daemon, board:
             assert board.wait_for(0, 0)
         mark = len(board.commands)
         assert until(lambda: any("camera" in fault.kind for fault in daemon.status().faults))
-        time.sleep(1.0)
+        time.sleep(LONGER_THAN_FORGIVEN_S)
         assert all(command[1:] == (0, 0) for command in board.commands[mark:])
         with daemon.camera():
+            assert until(lambda: not daemon.status().faults)
+            time.sleep(1.0)
+            assert all(command[1:] == (0, 0) for command in board.commands[mark:])
+            daemon.run()
             assert board.wait_for(*FORWARD_BOARD, timeout_s=15)
 
 

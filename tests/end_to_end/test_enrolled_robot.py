@@ -66,8 +66,14 @@ def test_two_people_and_a_robot(daemon: Daemon, tmp_path: Path) -> None:
             stopped = desk.do("stop", "--robot", ROBOT_ID)
             assert stopped.stdout == f"{ROBOT_ID}: stopped\n"
         ran = rosa.do("run", "--robot", ROBOT_ID)
+        assert (ran.returncode, ran.stdout) == (6, "")
+        assert "not armed: no model yet" in ran.stderr
+        ran = rosa.do("run", "--when-ready", "--robot", ROBOT_ID)
         assert (ran.returncode, ran.stdout) == (0, f"{ROBOT_ID}: fault\n")
         assert "no-model" in ran.stderr
+        other = rosa.do("run", "--robot", ROBOT_ID, "--id", "aspen")
+        assert (other.returncode, other.stdout) == (2, "")
+        assert f"--robot is the enrolled robot {ROBOT_ID}, but --id is aspen" in other.stderr
         for arguments, deed in ((("run",), "drive"), (("models",), "send models to")):
             denied = max_.do(*arguments, "--robot", ROBOT_ID)
             assert denied.returncode == 6

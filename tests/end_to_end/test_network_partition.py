@@ -19,7 +19,7 @@ from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
 from .daemon_watch import Observer
 from .network_proxy import NetworkProxy
-from .processes import ROBOT_ID, Daemon, until
+from .processes import LONGER_THAN_FORGIVEN_S, ROBOT_ID, Daemon, until
 
 FORWARD = constant_model(0.6, 0.6)
 FORWARD_BOARD = (-169, 169)
@@ -68,7 +68,7 @@ def test_by_default_the_robot_drives_on_and_misses_nothing(
     daemon: Daemon, board: FakeBoard, network: NetworkProxy, record_property: Record
 ) -> None:
     with driving(daemon), RobotLink(network.address) as link:
-        RemoteControl(link).run()
+        RemoteControl(link).run(when_ready=True)
         assert board.wait_for(*FORWARD_BOARD)
         with Observer(daemon.address) as observer, TelemetryStream(link, 2.5) as stream:
             assert until(lambda: any(True for _ in stream.poll(0.2)))
@@ -87,12 +87,12 @@ def test_by_default_the_robot_drives_on_and_misses_nothing(
         assert board.wait_for(0, 0)
 
 
-def test_told_so_the_robot_stops_alone_and_goes_on_in_company(
+def test_told_so_the_robot_does_not_drive_alone(
     daemon: Daemon, board: FakeBoard, network: NetworkProxy, record_property: Record
 ) -> None:
     drive_alone_no_longer_than_a_second(daemon)
     with driving(daemon), RobotLink(network.address) as link, Observer(daemon.address) as observer:
-        RemoteControl(link).run()
+        RemoteControl(link).run(when_ready=True)
         assert board.wait_for(*FORWARD_BOARD)
         time.sleep(LONGER_THAN_THE_LEASE_S)
         assert board.wait_for(*FORWARD_BOARD)  # while somebody is there it drives
@@ -106,7 +106,12 @@ def test_told_so_the_robot_stops_alone_and_goes_on_in_company(
             mark = len(board.commands)
             record_property(f"{kind}: missed decisions", observer.missed_in(1.0))
             assert {speeds[1:] for speeds in board.commands[mark:]} == {(0, 0)}
+            time.sleep(LONGER_THAN_FORGIVEN_S)
             network.heal()
+            assert until(lambda: answers(link), 20)
+            time.sleep(1.0)
+            assert {speeds[1:] for speeds in board.commands[mark:]} == {(0, 0)}
+            RemoteControl(link).run(when_ready=True)
             assert board.wait_for(*FORWARD_BOARD, timeout_s=20)
 
 
@@ -126,7 +131,7 @@ def test_a_slow_network_costs_records_and_neither_decisions_nor_a_stop(
     daemon: Daemon, board: FakeBoard, network: NetworkProxy, record_property: Record
 ) -> None:
     with driving(daemon), RobotLink(network.address) as link:
-        RemoteControl(link).run()
+        RemoteControl(link).run(when_ready=True)
         assert board.wait_for(*FORWARD_BOARD)
         with (
             Observer(daemon.address) as observer,

@@ -56,7 +56,7 @@ def test_no_command_older_than_its_expiry_is_obeyed(
         assert not board.moved
         # What comes in time is obeyed, so the silence above means something.
         with daemon.link() as link:
-            RemoteControl(link).run()
+            RemoteControl(link).run(when_ready=True)
         assert board.wait_for(*FORWARD_BOARD)
 
 

@@ -124,7 +124,7 @@ def test_malformed_messages_are_refused_and_a_stop_gets_through(
         record_property("stop worst ms", round(max(stops_ms), 1))
         record_property("memory MB", round(growth_mb, 1))
         assert len(stops_ms) > 5
-        assert statistics.median(stops_ms) < 1000  # the bar is 100, on a machine that is free
+        assert statistics.median(stops_ms) <= 100
         assert growth_mb <= 20
         assert running.is_running()
         assert observer.status().active_model.name == "constant"
@@ -203,9 +203,7 @@ def test_a_subscriber_that_stopped_reading_holds_nobody_up(record_property: Reco
     record_property("publish p50 ms", round(statistics.median(took_ms), 3))
     record_property("publish p99 ms", round(p99_ms, 2))
     record_property("publish worst ms", round(max(took_ms), 1))
-    # The bar is 10, on a machine that is free. If it were waited for, one would take 5 s.
-    assert p99_ms < 500
-    assert max(took_ms) < 3000
+    assert p99_ms <= 10  # if the link were waited for, one would take 5 s
 
 
 def test_frozen_watchers_cost_no_decision(
@@ -219,7 +217,7 @@ def test_frozen_watchers_cost_no_decision(
             for number in range(2)
         ]
         assert until(lambda: all(watcher.output for watcher in watchers), 30)
-        RemoteControl(link).run()
+        RemoteControl(link).run(when_ready=True)
         assert board.wait_for(*FORWARD_BOARD)
         for watcher in watchers:
             watcher.freeze()

@@ -14,6 +14,9 @@ from mbot_protocol.mcore import Joystick
 
 def main() -> None:
     with Motors(Board(port=sys.argv[1])) as motors:
+        while motors.fault is not None:
+            time.sleep(0.01)
+        motors.arm()  # once: as after one `run`
         while True:
             ten_seconds_ns = time.monotonic_ns() + 10_000_000_000
             motors.drive(DriveCommand(Joystick(-100, 100), ten_seconds_ns))

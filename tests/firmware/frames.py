@@ -1,14 +1,14 @@
 """What the firmware's tests put on the line, and what the firmware answers."""
 
-from mbot_protocol.mcore import STOP, Joystick
+from mbot_protocol.mcore import ARM_REQUEST, Joystick
 
 from .simulated_board import BYTE_US
 
 Event = tuple[float, str, bytes]
 
-NAME = b"mbot-deadman 1"
+NAME = b"mbot-deadman 2 300ms"
 BANNER = b"Version: " + NAME + b"\r\n"
-VERSION_REPLY = b"\xff\x55\x00\x04\x0e" + NAME + b"\r\n"
+VERSION_REPLY = b"\xff\x55\x00\x04\x14" + NAME + b"\r\n"
 ACKNOWLEDGED = b"\xff\x55\r\n"
 
 UP_MS = 10
@@ -24,7 +24,7 @@ def rx(ms: float, data: bytes) -> Event:
     return ms, "rx", data
 
 
-ARMED = rx(UP_MS, STOP.to_bytes())
+ARMED = rx(UP_MS, ARM_REQUEST)
 
 
 def joystick(m1: int, m2: int) -> bytes:

@@ -14,7 +14,7 @@ from mbot_agent.board.motor_stop import stop_motors
 from mbot_agent.board.motors import Motors
 from mbot_agent.configuration import Board
 from mbot_agent.hardware import DriveCommand
-from mbot_protocol.mcore import Joystick, stop_burst
+from mbot_protocol.mcore import ARM_REQUEST, Joystick, stop_burst
 
 from .frames import DRIVE, DRIVING, OFF
 from .simulated_board import BYTE_US, LiveBoard, Simulator, until
@@ -55,8 +55,9 @@ def silence_ms(board: LiveBoard) -> float:
 def test_the_daemon_trusts_it_and_drives(board: LiveBoard) -> None:
     with Motors(Board(port=board.port)) as motors:
         assert until(lambda: motors.fault is None)
-        assert motors.version == "mbot-deadman 1"
+        assert motors.version == "mbot-deadman 2 300ms"
         assert motors.has_deadman
+        motors.arm()
         assert motors.delivery(motors.drive(for_s(10)), 1.0) is not None
         assert board.wait_for(*DRIVING)
         motors.drive(for_s(0.2))  # and no word after that
@@ -74,21 +75,58 @@ def test_a_killed_daemon_stops_in_time_and_another_takes_over(board: LiveBoard) 
         assert TIMEOUT_MS - 1 <= silence_ms(board) <= TIMEOUT_MS + BAR_MS
     with Motors(Board(port=board.port)) as motors:
         assert until(lambda: motors.fault is None)
+        motors.arm()
         motors.drive(for_s(10))
         assert board.wait_for(*DRIVING)
 
 
-def test_a_frozen_daemon_stops_in_time_and_recovers_by_itself(board: LiveBoard) -> None:
+def test_a_frozen_daemon_stops_in_time_and_stays_stopped(board: LiveBoard) -> None:
     with driving_process(board) as child:
         child.send_signal(signal.SIGSTOP)
         assert board.wait_for(*OFF)
         assert TIMEOUT_MS - 1 <= silence_ms(board) <= TIMEOUT_MS + BAR_MS
         heard = len(board.trace.received)
         child.send_signal(signal.SIGCONT)
-        # Its next command is refused; it sends a stop burst, and a later command is obeyed.
+
+        # Its next commands are refused, whatever stops it sends: nobody has said `run` since.
+        def heard_since() -> bytes:
+            return bytes(byte for _, byte in board.trace.received[heard:])
+
+        assert until(lambda: heard_since().count(DRIVE) >= 5)
+        assert stop_burst() in heard_since()
+        assert ARM_REQUEST not in heard_since()
+        assert board.trace.speeds_since(board.trace.stopped_us() / 1000 + 1) <= {OFF}
+
+
+def drive_again_and_again(motors: Motors) -> None:
+    """As the loop does, decision by decision, until the board is known to have latched."""
+
+    def latched() -> bool:
+        motors.delivery(motors.drive(for_s(1)), 0.2)
+        return motors.resets > 0
+
+    assert until(latched)
+
+
+def test_the_loop_learns_of_a_board_that_has_latched(board: LiveBoard) -> None:
+    with Motors(Board(port=board.port)) as motors:
+        assert until(lambda: motors.fault is None)
+        drive_again_and_again(motors)  # not armed
+        assert motors.resets == 1
+        assert motors.fault is None
+        motors.arm()
+        motors.drive(for_s(10))
         assert board.wait_for(*DRIVING)
-        heard_since = bytes(byte for _, byte in board.trace.received[heard:])
-        assert stop_burst() in heard_since[: heard_since.rindex(DRIVE)]
+
+
+def test_arm_is_not_said_for_somebody_who_has_changed_his_mind(board: LiveBoard) -> None:
+    with Motors(Board(port=board.port)) as motors:
+        assert until(lambda: motors.fault is None)
+        motors.arm()
+        motors.disarm()
+        drive_again_and_again(motors)
+        assert motors.resets == 1
+        assert ARM_REQUEST not in bytes(byte for _, byte in board.trace.received)
 
 
 def test_the_stop_command_after_a_crash_is_confirmed(board: LiveBoard) -> None:

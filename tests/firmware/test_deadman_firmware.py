@@ -4,7 +4,20 @@ from pathlib import Path
 
 import pytest
 
-from mbot_protocol.mcore import RESET_REQUEST, STOP, VERSION_REQUEST, has_deadman, stop_burst
+from mbot_protocol.mcore import (
+    ARM_REQUEST,
+    RESET_CAUSE_REQUEST,
+    RESET_REQUEST,
+    STOP,
+    VERSION_REQUEST,
+    ReplyParser,
+    Value,
+    deadman_timeout_ms,
+    has_deadman,
+    reset_cause,
+    stop_burst,
+    wants_arming,
+)
 from mbot_workstation.firmware.flashing import read_image
 
 from .frames import (
@@ -17,6 +30,7 @@ from .frames import (
     OFF,
     UP_MS,
     VERSION_REPLY,
+    Event,
     joystick,
     motor,
     rx,
@@ -49,12 +63,42 @@ def test_motors_are_off_from_the_first_instructions_on(simulator: Simulator) -> 
     assert first.portd == 0
 
 
-def test_nothing_drives_before_the_first_stop(simulator: Simulator) -> None:
-    trace = simulator.run(rx(20, DRIVE), rx(40, STOP.to_bytes()), rx(60, DRIVE), end_ms=80)
-    assert trace.speeds_at(59) == OFF
-    assert trace.replies(UP_MS, 40) == b""
-    assert trace.replies(40) == ACKNOWLEDGED * 2
-    assert trace.speeds_at(80) == DRIVING
+def test_nothing_drives_before_it_is_armed(simulator: Simulator) -> None:
+    trace = simulator.run(
+        rx(20, DRIVE),
+        rx(40, STOP.to_bytes()),
+        rx(50, stop_burst()),
+        rx(60, DRIVE),
+        rx(80, ARM_REQUEST),
+        rx(100, DRIVE),
+        end_ms=120,
+    )
+    assert trace.speeds_at(99) == OFF
+    assert trace.replies(UP_MS, 40) == trace.replies(58, 80) == b""
+    assert trace.replies(80) == ACKNOWLEDGED * 2
+    assert trace.speeds_at(120) == DRIVING
+
+
+def test_it_tells_its_time_out_in_its_version(simulator: Simulator) -> None:
+    assert deadman_timeout_ms(NAME.decode()) == TIMEOUT_MS
+    assert wants_arming(NAME.decode())
+
+
+@pytest.mark.parametrize(("event", "cause"), [("", "unknown"), ("hang", "watchdog")])
+def test_it_tells_the_cause_of_its_last_reset(simulator: Simulator, event: str, cause: str) -> None:
+    """simavr sets the flag of a watchdog's reset and no other."""
+    events: list[Event] = [(100, event, b"")] if event else []
+    trace = simulator.run(ARMED, *events, rx(600, RESET_CAUSE_REQUEST), end_ms=620)
+    (reply,) = ReplyParser().feed(trace.replies(600))
+    assert isinstance(reply, Value)
+    assert reset_cause(reply.data[0]) == cause
+
+
+def test_asking_for_the_cause_neither_arms_nor_stops(simulator: Simulator) -> None:
+    trace = simulator.run(rx(20, RESET_CAUSE_REQUEST), rx(40, DRIVE), end_ms=60)
+    assert trace.speeds_at(60) == OFF
+    trace = simulator.run(ARMED, rx(20, DRIVE), rx(40, RESET_CAUSE_REQUEST), end_ms=60)
+    assert trace.speeds_at(60) == DRIVING
 
 
 def test_every_speed_sets_its_direction_and_duty(simulator: Simulator) -> None:
@@ -158,26 +202,30 @@ def test_asking_for_the_version_does_not_keep_it_driving(simulator: Simulator) -
 
 @pytest.mark.parametrize("frame", [DRIVE, motor(9, 50), motor(10, 0)], ids=bytes.hex)
 @pytest.mark.parametrize(
-    "rearm", [STOP.to_bytes(), RESET_REQUEST, stop_burst()], ids=["stop", "reset", "burst"]
+    "stop", [STOP.to_bytes(), RESET_REQUEST, stop_burst()], ids=["stop", "reset", "burst"]
 )
-def test_after_silence_drive_commands_are_refused_until_a_stop(
-    simulator: Simulator, frame: bytes, rearm: bytes
+def test_after_silence_drive_commands_are_refused_until_it_is_armed(
+    simulator: Simulator, frame: bytes, stop: bytes
 ) -> None:
     trace = simulator.run(
         ARMED,
         rx(100, DRIVE),
         *(rx(ms, frame) for ms in range(500, 1000, 100)),
         rx(1000, VERSION_REQUEST),
-        rx(1100, rearm),
-        rx(1150, DRIVE),
-        end_ms=1200,
+        rx(1100, stop),
+        rx(1150, frame),
+        rx(1200, ARM_REQUEST),
+        rx(1250, DRIVE),
+        end_ms=1300,
     )
-    assert trace.speeds_at(99) == trace.speeds_at(450) == trace.speeds_at(1149) == OFF
-    assert {pins.speeds for pins in trace.pins if 450_000 < pins.at_us < 1_150_000} <= {OFF}
+    assert trace.speeds_at(99) == trace.speeds_at(450) == trace.speeds_at(1249) == OFF
+    assert {pins.speeds for pins in trace.pins if 450_000 < pins.at_us < 1_250_000} <= {OFF}
     assert trace.replies(450, 1000) == b"", "a refused command must not be acknowledged"
     assert trace.replies(1000, 1100) == VERSION_REPLY
     assert trace.replies(1100, 1150) == ACKNOWLEDGED
-    assert trace.speeds_at(1200) == DRIVING
+    assert trace.replies(1155, 1200) == b"", "a stop does not arm"
+    assert trace.replies(1200, 1250) == ACKNOWLEDGED
+    assert trace.speeds_at(1300) == DRIVING
 
 
 def test_standing_still_for_long_does_not_latch(simulator: Simulator) -> None:

@@ -9,7 +9,7 @@ import pytest
 import serial
 
 from mbot_protocol.errors import ConfigurationError, MbotError
-from mbot_protocol.mcore import BAUD_RATE, STOP, VERSION_REQUEST, Joystick
+from mbot_protocol.mcore import ARM_REQUEST, BAUD_RATE, STOP, VERSION_REQUEST, Joystick
 from mbot_workstation.virtual.emulated.emulated_board import EmulatedBoard
 
 from .frames import ACKNOWLEDGED, VERSION_REPLY
@@ -43,7 +43,7 @@ def is_up(port: serial.Serial, version: bytes = VERSION_REPLY) -> bool:
 def test_a_serial_port_asks_and_drives_until_it_is_silent(firmware_folder: Path, name: str) -> None:
     with EmulatedBoard(firmware_folder / name) as board, opened(board.path) as port:
         assert is_up(port)
-        assert answers(port, STOP.to_bytes(), ACKNOWLEDGED)
+        assert answers(port, ARM_REQUEST, ACKNOWLEDGED)
         assert answers(port, DRIVE.to_bytes(), ACKNOWLEDGED)
         assert until(lambda: board.state.commands == 2)
         assert until(lambda: board.state.motors == STOP)

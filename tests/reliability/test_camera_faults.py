@@ -5,43 +5,66 @@ from collections.abc import Callable
 
 import pytest
 
-from ..end_to_end.processes import Daemon
+from ..end_to_end.processes import LONGER_THAN_FORGIVEN_S, Daemon, until
 from ..robot.fake_board import FakeBoard
-from .effort import REPEATS
+from .effort import within
 from .faulty_camera import HEIGHT_PX, WIDTH_PX, FaultyCamera, Mood
 from .motion import FORWARD, FORWARD_BOARD, configure, driven_since, driving, stopped_s
 
 Record = Callable[[str, object], None]
 
-LONGEST_BACK_OFF_S = 2.5
-"""So long the camera is away: the daemon's attempts have then become as rare as they do."""
-
 
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize("end", ["stalls", "dies"])
-def test_the_robot_stops_for_a_camera_that_ends_and_drives_on_with_it(
+def test_the_robot_stops_for_a_camera_that_ends(
     daemon: Daemon, board: FakeBoard, end: str, record_property: Record
 ) -> None:
-    stopped_ms: list[float] = []
+    """For longer than is forgiven: with the camera back it is ready, and waits for a word."""
     recovered_s: list[float] = []
     with FaultyCamera(daemon.camera_port) as camera, driving(daemon, board, daemon.start()):
-        for _ in range(REPEATS):
+
+        def stopped_ms() -> float:
             last_s = camera.change("silent") if end == "stalls" else camera.die()
             assert board.wait_for(0, 0, timeout_s=10)
-            time.sleep(LONGEST_BACK_OFF_S)
-            stopped_ms.append((stopped_s(board, last_s) - last_s) * 1000)
+            time.sleep(LONGER_THAN_FORGIVEN_S)
+            found_ms = (stopped_s(board, last_s) - last_s) * 1000
             back_s = time.monotonic()
             if end == "stalls":
                 camera.change("good")
             else:
                 camera.revive()
-            assert board.wait_for(*FORWARD_BOARD, timeout_s=30)
+            assert until(lambda: not daemon.status().faults, 30)
             recovered_s.append(time.monotonic() - back_s)
             time.sleep(0.5)
-    record_property("stopped ms", round(max(stopped_ms)))
+            assert not driven_since(board, back_s)
+            daemon.run()
+            assert board.wait_for(*FORWARD_BOARD, timeout_s=30)
+            return found_ms
+
+        found = within(600, stopped_ms)
+    record_property("stopped ms", round(max(found)))
     record_property("recovered s", round(max(recovered_s), 2))
-    assert max(stopped_ms) < 3000
-    assert max(recovered_s) < 20
+    assert min(recovered_s) <= 5
+
+
+@pytest.mark.timeout(300)
+def test_a_short_gap_of_the_camera_is_forgiven(
+    daemon: Daemon, board: FakeBoard, record_property: Record
+) -> None:
+    with FaultyCamera(daemon.camera_port) as camera, driving(daemon, board, daemon.start()):
+
+        def recovered_s() -> float:
+            camera.change("silent")
+            assert board.wait_for(0, 0, timeout_s=10)
+            time.sleep(0.5)
+            back_s = time.monotonic()
+            camera.change("good")
+            assert board.wait_for(*FORWARD_BOARD, timeout_s=30)
+            return time.monotonic() - back_s
+
+        found = within(5, recovered_s)
+        assert daemon.status().last_stop.count == 1
+    record_property("drives on s", round(max(found), 2))
 
 
 @pytest.mark.timeout(300)
@@ -52,7 +75,6 @@ def test_nothing_is_driven_by_a_bad_picture(
     # As for a real sensor, whose noise makes each picture different.
     shape = f"width_px = {WIDTH_PX}\nheight_px = {HEIGHT_PX}"
     configure(daemon, "camera", f'identical_frames = "refuse"\n{shape}')
-    stopped_ms: list[float] = []
     with FaultyCamera(daemon.camera_port, mood) as camera, daemon.start():
         assert daemon.is_up()
         daemon.push(FORWARD)
@@ -63,12 +85,15 @@ def test_nothing_is_driven_by_a_bad_picture(
         assert kinds == {f"camera-{mood}"}
         record_property("motor frames", driven_since(board, 0.0))
         assert not board.moved
-        for _ in range(REPEATS):
+
+        def stopped_ms() -> float:
             camera.reopen("good")
+            daemon.run()
             assert board.wait_for(*FORWARD_BOARD, timeout_s=30)
             last_s = camera.change(mood)
             assert board.wait_for(0, 0, timeout_s=10)
             time.sleep(1.0)
-            stopped_ms.append((stopped_s(board, last_s) - last_s) * 1000)
-    record_property("stopped ms", round(max(stopped_ms)))
-    assert max(stopped_ms) < 3000
+            return (stopped_s(board, last_s) - last_s) * 1000
+
+        found = within(600, stopped_ms)
+    record_property("stopped ms", round(max(found)))

@@ -137,7 +137,8 @@ class Rough:
 
     def stop_and_run(self) -> None:
         with self.daemon.link() as link:
-            RemoteControl(link).stop()
+            with suppress(MbotError):  # the board may be away
+                RemoteControl(link).stop()
             time.sleep(0.1)
 
     def settle(self) -> None:

@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 
-from mbot_agent.arming import Mode
+from mbot_agent.arming import Mode, Orders
 from mbot_agent.configuration import Configuration
 from mbot_agent.control_loop import ControlLoop
 from mbot_agent.faults import Fault
@@ -23,6 +23,9 @@ class ObedientBoard:
         fault: what the test says is wrong with it.
         commands: all that it was given.
         asked: their speeds and the stops, in order.
+        resets: as often as the test says.
+        armed, disarmed: how often it was.
+        answers: whether it acknowledges a stop.
 
     """
 
@@ -33,6 +36,9 @@ class ObedientBoard:
         self.fault: Fault | None = None
         self.commands: list[DriveCommand] = []
         self.asked: list[Joystick | str] = []
+        self.resets = 0
+        self.armed = self.disarmed = 0
+        self.answers = True
 
     @property
     def stops(self) -> int:
@@ -50,6 +56,16 @@ class ObedientBoard:
 
     def stop(self) -> None:
         self.asked.append("stop")
+
+    def arm(self) -> None:
+        self.armed += 1
+
+    def disarm(self) -> None:
+        self.disarmed += 1
+
+    def stands(self, timeout_s: float) -> bool:
+        assert timeout_s > 0
+        return self.answers
 
 
 class StillCamera:
@@ -80,10 +96,18 @@ class Bench:
     def __init__(self) -> None:
         self.board = ObedientBoard()
         self.camera = StillCamera()
-        self.helm = Helm(self.board, Mode.IDLE)
+        self.helm = Helm(self.board, Orders(Mode.IDLE))
         self.pilot = Pilot()
         configuration = Configuration(robot_id="mbot-1")
         self.loop = ControlLoop(configuration, self.camera, self.board, self.helm, self.pilot)
+
+    def run(self) -> None:
+        """As a person does who has just looked."""
+        self.helm.run(self.stops)
+
+    @property
+    def stops(self) -> int:
+        return self.helm.orders.stop.count
 
     def tick(self) -> Tick:
         return self.loop.tick(time.monotonic_ns())

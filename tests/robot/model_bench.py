@@ -73,6 +73,7 @@ class Robot:
         self.directory = directory
         self.robot_id = robot_id
         self.used: list[tuple[Policy, Trial]] = []
+        self.changes: list[str] = []
         settings = Trust((KEY.public.line,)) if trust is None else trust
         configuration = Configuration(
             robot_id=robot_id, models=Models(str(directory), keep=keep), trust=settings
@@ -85,6 +86,7 @@ class Robot:
             self.trust,
             CLEAN_DECISIONS,
             lambda policy, trial: self.used.append((policy, trial)),
+            self.changes.append,
         )
         self.keeper.load_active()
         self.service = ModelService(configuration, self.store, self.keeper, self.trust, try_model)

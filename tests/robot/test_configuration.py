@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mbot_agent.camera.picture_check import PictureCheck
-from mbot_agent.configuration import Camera, Configuration, Intrinsics, decode, load
+from mbot_agent.configuration import Camera, Configuration, Intrinsics, decode, load, load_board
 from mbot_agent.configuration_files import calibrated
 from mbot_agent.doctor import examine_lens
 from mbot_protocol.actions import MotorMap, Steps
@@ -259,3 +259,36 @@ def test_check_says_what_it_takes_the_lens_for(robot_toml: Path) -> None:
     lens = examine_lens(configuration)
     assert (lens.verdict, lens.detail) == ("ok", "calibrated at 2028 x 1520, from calibration")
     assert examine_lens(decode('robot_id = "a"', "x")).verdict == "warning"
+
+
+@pytest.mark.parametrize(
+    ("text", "port", "baud_rate"),
+    [
+        ('robot_id = "x"\n[board]\nport = "/dev/ttyUSB7"\n', "/dev/ttyUSB7", 115_200),
+        ('[board]\nport = "/dev/ttyUSB7"\nbaud_rate = 9600\n', "/dev/ttyUSB7", 9600),
+        (
+            'robot_id = "x"\n[camera]\nsourc = 1\n[board]\nport = "/dev/ttyUSB7"\n',
+            "/dev/ttyUSB7",
+            115_200,
+        ),
+        (
+            "robot_id = ???\n  [board]\n port='/dev/ttyUSB7' # ours\n[motors",
+            "/dev/ttyUSB7",
+            115_200,
+        ),
+        ('[board\nport = "/dev/ttyUSB7"\n', "auto", 115_200),
+        ('[camera]\nport = "/dev/ttyUSB7"\n[board]\n[x]\nport = "/dev/ttyUSB8"\n', "auto", 115_200),
+        ("", "auto", 115_200),
+    ],
+)
+def test_the_boards_port_is_found_in_a_broken_configuration(
+    tmp_path: Path, text: str, port: str, baud_rate: int
+) -> None:
+    path = tmp_path / "config.toml"
+    path.write_text(text)
+    board = load_board(path)
+    assert (board.port, board.baud_rate) == (port, baud_rate)
+
+
+def test_without_a_configuration_the_board_is_looked_for_on_usb(tmp_path: Path) -> None:
+    assert load_board(tmp_path / "missing.toml").port == "auto"

@@ -21,9 +21,21 @@ def bench() -> Bench:
     return Bench()
 
 
+class Clock:
+    """Time that passes as the test says."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self._ahead_ns = 0
+        monotonic_ns = time.monotonic_ns
+        monkeypatch.setattr(time, "monotonic_ns", lambda: monotonic_ns() + self._ahead_ns)
+
+    def advance(self, seconds: float) -> None:
+        self._ahead_ns += round(seconds * 1e9)
+
+
 def drive_with(bench: Bench, left: float, right: float) -> None:
     bench.pilot.use(Policy(constant_model(left, right)))
-    bench.helm.run()
+    bench.run()
 
 
 def test_idle_looks_but_does_not_drive(bench: Bench) -> None:
@@ -82,13 +94,88 @@ def test_with_a_fault_nothing_is_driven_and_it_is_said_why(bench: Bench, where: 
         bench.board.fault = fault
     else:
         bench = Bench()
-        bench.helm.run()
+        bench.run()
     driven = len(bench.board.commands)
     tick = bench.tick()
     assert len(bench.board.commands) == driven
     assert bench.board.stops >= 1
     assert tick.state is State.FAULT
     assert tick.faults[0].kind == ("no-model" if where == "model" else "broken")
+
+
+@pytest.mark.parametrize("where", ["camera", "board"])
+def test_a_gap_that_is_longer_than_forgiven_disarms(
+    bench: Bench, where: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive_with(bench, 1.0, 1.0)
+    clock = Clock(monkeypatch)
+    bench.tick()
+    part = bench.camera if where == "camera" else bench.board
+    for gap_s, state in ((1.9, State.RUNNING), (2.1, State.STOPPED)):
+        part.fault = Fault("gone", "nobody knows where")
+        assert bench.tick().state is State.FAULT
+        for _ in range(10):
+            clock.advance(gap_s / 10)
+            bench.tick()
+        part.fault = None
+        driven = len(bench.board.commands)
+        assert bench.tick().state is state
+        assert len(bench.board.commands) == driven + (state is State.RUNNING)
+    assert bench.helm.orders.stop.why == "nobody knows where"
+    bench.run()
+    assert bench.tick().state is State.RUNNING
+
+
+def test_a_loop_that_stood_still_disarms(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    drive_with(bench, 1.0, 1.0)
+    clock = Clock(monkeypatch)
+    bench.tick()
+    for paused_s, state in ((1.3, State.RUNNING), (1.5, State.STOPPED)):
+        clock.advance(paused_s)
+        assert bench.tick().state is state
+    assert "stood still for 1.5 s" in bench.helm.orders.stop.why
+
+
+@pytest.mark.parametrize("mode", [Mode.RUNNING, Mode.MANUAL, Mode.WAITING])
+def test_a_board_that_was_reset_disarms(bench: Bench, mode: Mode) -> None:
+    if mode is Mode.MANUAL:
+        bench.helm.steer_by_hand(Joystick(-50, 50), 10**9, bench.stops)
+    else:
+        if mode is Mode.RUNNING:
+            bench.pilot.use(Policy(constant_model()))
+        bench.helm.run(bench.stops, when_ready=mode is Mode.WAITING)
+    bench.tick()
+    assert bench.helm.orders.is_armed
+    bench.board.resets += 1
+    assert bench.tick().state is State.STOPPED
+    assert bench.helm.orders.stop.why == "the board was reset"
+
+
+def test_a_reset_of_a_board_that_stands_counts_for_nobody(bench: Bench) -> None:
+    bench.board.resets += 1
+    bench.tick()
+    assert bench.stops == 1
+
+
+def test_told_to_wait_it_begins_when_nothing_is_in_the_way(bench: Bench) -> None:
+    bench.helm.run(bench.stops, when_ready=True)
+    assert bench.tick().state is State.FAULT
+    assert bench.board.commands == []
+    bench.pilot.use(Policy(constant_model(0.5, 0.5)))
+    bench.camera.fault = Fault("camera-starting", "no frame has come yet")
+    assert bench.tick().state is State.FAULT
+    bench.camera.fault = None
+    assert bench.tick().state is State.RUNNING
+    assert len(bench.board.commands) == 1
+
+
+def test_waiting_is_not_a_gap(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench.helm.run(bench.stops, when_ready=True)
+    clock = Clock(monkeypatch)
+    for _ in range(5):
+        bench.tick()
+        clock.advance(10)
+    assert bench.helm.orders.mode is Mode.WAITING
 
 
 def test_driving_goes_on_by_itself_when_the_fault_is_gone(bench: Bench) -> None:
@@ -103,13 +190,16 @@ def test_driving_goes_on_by_itself_when_the_fault_is_gone(bench: Bench) -> None:
 @pytest.mark.parametrize("bad", [float("nan"), float("inf")])
 def test_a_model_that_answers_nonsense_stops_and_is_given_up(bench: Bench, bad: float) -> None:
     drive_with(bench, bad, 0.0)
-    for _ in range(4):
+    for _ in range(3):
         tick = bench.tick()
         assert tick.state is State.FAULT
         assert tick.faults[-1].kind == "model-failed"
     assert bench.board.commands == []
-    assert bench.board.stops == 4
+    assert bench.tick().state is State.STOPPED
+    assert "two finite numbers" in bench.helm.orders.stop.why
     bench.pilot.use(Policy(constant_model(0.5, 0.5)))
+    assert bench.tick().state is State.STOPPED, "another model must not set it in motion"
+    bench.run()
     assert bench.tick().state is State.RUNNING
 
 
@@ -130,7 +220,7 @@ def test_a_model_on_trial_is_asked_even_while_the_robot_stands(bench: Bench, mod
     hearing = Hearing()
     bench.pilot.use(Policy(constant_model(0.5, 0.5)), hearing.trial)
     if mode is Mode.RUNNING:
-        bench.helm.run()
+        bench.run()
     elif mode is Mode.STOPPED:
         bench.helm.stop()
     for _ in range(4):
@@ -147,7 +237,7 @@ def test_a_model_that_fails_its_trial_is_given_up_before_it_drove(bench: Bench) 
         bench.tick()
     assert hearing.findings == [Finding.BROKEN]
     assert "(nan, 0.0)" in hearing.verdicts[0].reason
-    bench.helm.run()
+    bench.run()
     assert bench.tick().faults[0].kind == "model-failed"
     assert bench.board.commands == []
 
@@ -155,7 +245,7 @@ def test_a_model_that_fails_its_trial_is_given_up_before_it_drove(bench: Bench) 
 def test_a_persons_hand_is_not_disturbed_by_a_trial(bench: Bench) -> None:
     hearing = Hearing()
     bench.pilot.use(Policy(constant_model(float("nan"), 0.0)), hearing.trial)
-    bench.helm.steer_by_hand(Joystick(-50, 50), 10**9)
+    bench.helm.steer_by_hand(Joystick(-50, 50), 10**9, bench.stops)
     for _ in range(4):
         assert bench.tick().faults == ()
     assert hearing.findings == [Finding.SURVIVED]
@@ -208,7 +298,7 @@ def test_stop_during_inference_wins(bench: Bench, monkeypatch: pytest.MonkeyPatc
 
 def test_a_hand_needs_neither_camera_nor_model(bench: Bench) -> None:
     bench.camera.fault = Fault("camera-lost", "gone")
-    bench.helm.steer_by_hand(Joystick(-50, 50), 10**9)
+    bench.helm.steer_by_hand(Joystick(-50, 50), 10**9, bench.stops)
     tick = bench.tick()
     assert tick.faults == ()
     assert bench.board.stops == 0

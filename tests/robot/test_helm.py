@@ -2,8 +2,7 @@ import time
 
 import pytest
 
-from mbot_agent.arming import Mode, State, state_of
-from mbot_agent.faults import Fault
+from mbot_agent.arming import Mode, Orders
 from mbot_agent.hardware import DriveCommand
 from mbot_agent.helm import Helm
 from mbot_protocol.mcore import Joystick
@@ -11,7 +10,6 @@ from mbot_protocol.mcore import Joystick
 from .loop_bench import ObedientBoard
 
 FORWARD = Joystick(-100, 100)
-WRONG = (Fault("camera-stalled", "no frame"),)
 
 
 @pytest.fixture
@@ -20,29 +18,12 @@ def motors() -> ObedientBoard:
 
 
 def helm_of(motors: ObedientBoard, mode: Mode = Mode.IDLE) -> Helm:
-    return Helm(motors, mode)
-
-
-@pytest.mark.parametrize(
-    ("mode", "faults", "state"),
-    [
-        (Mode.IDLE, (), State.IDLE),
-        (Mode.IDLE, WRONG, State.IDLE),
-        (Mode.STOPPED, WRONG, State.STOPPED),
-        (Mode.RUNNING, (), State.RUNNING),
-        (Mode.RUNNING, WRONG, State.FAULT),
-        (Mode.MANUAL, WRONG, State.FAULT),
-    ],
-)
-def test_a_fault_shows_only_where_the_robot_should_drive(
-    mode: Mode, faults: tuple[Fault, ...], state: State
-) -> None:
-    assert state_of(mode, faults) is state
+    return Helm(motors, Orders(mode))
 
 
 def test_a_decision_begun_before_a_stop_never_reaches_the_motors(motors: ObedientBoard) -> None:
     helm = helm_of(motors)
-    helm.run()
+    helm.run(helm.orders.stop.count)
     orders = helm.orders
     helm.stop()
     assert helm.steer_by_policy(orders, DriveCommand(FORWARD, 0)) is None
@@ -55,7 +36,7 @@ def test_a_decision_begun_before_stop_and_run_again_is_outdated_too(
     helm = helm_of(motors, Mode.RUNNING)
     orders = helm.orders
     helm.stop()
-    helm.run()
+    helm.run(helm.orders.stop.count)
     assert helm.steer_by_policy(orders, DriveCommand(FORWARD, 0)) is None
     assert helm.steer_by_policy(helm.orders, DriveCommand(FORWARD, 0)) is not None
 
@@ -63,7 +44,7 @@ def test_a_decision_begun_before_stop_and_run_again_is_outdated_too(
 def test_resting_for_old_orders_does_not_stop_a_hand(motors: ObedientBoard) -> None:
     helm = helm_of(motors, Mode.RUNNING)
     orders = helm.orders
-    helm.steer_by_hand(FORWARD, 10**9)
+    helm.steer_by_hand(FORWARD, 10**9, helm.orders.stop.count)
     helm.rest(orders)
     assert motors.asked == [FORWARD]
 
@@ -72,7 +53,7 @@ def test_a_hand_that_lets_go_has_stopped(
     motors: ObedientBoard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     helm = helm_of(motors, Mode.RUNNING)
-    helm.steer_by_hand(FORWARD, 200_000_000)
+    helm.steer_by_hand(FORWARD, 200_000_000, helm.orders.stop.count)
     helm.end_manual_if_due()
     assert helm.orders.mode is Mode.MANUAL
     later_ns = time.monotonic_ns() + 200_000_000
@@ -84,7 +65,22 @@ def test_a_hand_that_lets_go_has_stopped(
 
 def test_run_takes_over_from_a_hand_standing(motors: ObedientBoard) -> None:
     helm = helm_of(motors)
-    helm.steer_by_hand(FORWARD, 10**9)
-    helm.run()
+    helm.steer_by_hand(FORWARD, 10**9, helm.orders.stop.count)
+    helm.run(helm.orders.stop.count)
     assert motors.asked == [FORWARD, "stop"]
     assert helm.orders.mode is Mode.RUNNING
+
+
+def test_what_is_latched_says_why_and_stops(motors: ObedientBoard) -> None:
+    helm = helm_of(motors, Mode.RUNNING)
+    helm.latch("the board was reset")
+    assert motors.asked == ["stop"]
+    assert helm.orders.mode is Mode.STOPPED
+    assert helm.orders.stop.why == "the board was reset"
+
+
+@pytest.mark.parametrize("mode", [Mode.IDLE, Mode.STOPPED])
+def test_a_robot_that_is_not_armed_has_nothing_to_disarm(motors: ObedientBoard, mode: Mode) -> None:
+    helm = helm_of(motors, mode)
+    helm.latch("the board was reset")
+    assert (helm.orders.mode, helm.orders.stop.count) == (mode, 1)

@@ -141,6 +141,21 @@ def test_a_rollback_during_the_dry_run_is_not_undone_either(tmp_path: Path) -> N
     assert robot.active == "first"
 
 
+def test_a_push_that_trickles_is_forgotten_after_a_minute(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock_s = began_s = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: clock_s)
+    begun = robot.begin(FIRST)
+    sent = 0
+    while robot.chunk(begun.push_id, sent, FIRST[sent : sent + 1]).accepted:
+        sent += 1
+        clock_s += 5.0  # never silent for long
+        robot.service.expire_staging()
+    assert 55 <= clock_s - began_s <= 65
+    assert robot.push(SECOND).accepted
+
+
 def test_a_push_whose_sender_died_is_forgotten(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,6 +1,7 @@
 import os
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -88,6 +89,29 @@ def test_stop_and_halt(motors: Motors, board: FakeBoard) -> None:
     assert board.speeds == (0, 0)
 
 
+def test_that_it_stands_is_the_boards_word(motors: Motors, board: FakeBoard) -> None:
+    assert motors.stands(1.0)
+    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    assert board.wait_for(-100, 100)
+    motors.stop()
+    assert motors.stands(1.0)
+    assert board.speeds == (0, 0)
+    board.acknowledge = False
+    assert not motors.stands(0.1)
+
+
+def test_a_lost_board_stands_for_nobody_and_says_so_at_once(
+    motors: Motors, board: FakeBoard
+) -> None:
+    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    assert board.wait_for(-100, 100)
+    board.unplug()
+    assert until(lambda: motors.fault is not None)
+    began_s = time.monotonic()
+    assert not motors.stands(5.0)
+    assert time.monotonic() - began_s < 1.0
+
+
 def test_leaving_the_context_stops_the_motors(board: FakeBoard) -> None:
     with Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
         assert until(lambda: motors.fault is None)
@@ -121,6 +145,7 @@ def test_a_reset_board_is_not_driven_before_a_new_handshake(
     mark = len(board.received)
     board.reset()
     assert until(lambda: b"\xff\x55\x03\x00\x01\x00" in bytes(board.received[mark:]))
+    assert motors.resets == 1
     assert until(lambda: motors.fault is None)
     # The command in force is forgotten: whoever wants to drive on must say so again.
     time.sleep(0.3)
@@ -207,6 +232,40 @@ def test_garbage_from_the_board_ends_stopped(garbage: bytes) -> None:
         motors.halt()
         assert motors.wait_stopped(2.0)
         assert board.speeds == (0, 0)
+
+
+def test_waiting_for_a_board_is_not_spinning(
+    board: FakeBoard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Somebody wants to drive meanwhile, which wakes the thread when it serves."""
+    looks = 0
+    read = board_session.BoardSession._read  # pyright: ignore[reportPrivateUsage]
+
+    def counted(*arguments: Any, **named: Any) -> Any:
+        nonlocal looks
+        looks += 1
+        return read(*arguments, **named)
+
+    monkeypatch.setattr(board_session, "HANDSHAKE_TIMEOUT_S", 0.6)
+    monkeypatch.setattr(board_session.BoardSession, "_read", counted)
+    board.mute = True
+    with Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
+        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        assert until(lambda: motors.fault is not None and "baud" in motors.fault.detail)
+    assert looks < 20
+
+
+def test_only_the_last_delivery_is_kept(motors: Motors, board: FakeBoard) -> None:
+    """A hand asks for none of them."""
+    for _ in range(20):
+        motors.drive(DriveCommand(FORWARD, for_ms(500)))
+        time.sleep(0.005)
+    ticket = motors.drive(DriveCommand(FORWARD, for_ms(500)))
+    assert motors.delivery(ticket, 1.0) is not None
+    kept = motors._delivery  # pyright: ignore[reportPrivateUsage]
+    assert kept is not None
+    assert kept[0] == ticket
+    assert motors.delivery(ticket - 1, 0.01) is None
 
 
 def test_find_port_explains_an_empty_bus(monkeypatch: pytest.MonkeyPatch) -> None:

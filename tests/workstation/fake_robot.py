@@ -31,6 +31,7 @@ from mbot_protocol.v1.messages_pb2 import (
     Command,
     CommandReply,
     Decision,
+    LastStop,
     Model,
     ModelList,
     Notice,
@@ -81,6 +82,7 @@ class FakeRobot:
         self.active = OLD_MODEL
         self.trusted_keys: list[str] = []
         self.notices: list[Notice] = []
+        self.stops = 1
         self.replies: dict[str, Callable[[bytes], Reply]] = {
             STATUS.name: lambda _data: self.status(),
             COMMAND.name: self._command,
@@ -142,6 +144,7 @@ class FakeRobot:
             notices=self.notices,
             trusted_keys=self.trusted_keys,
             accepts_unsigned_models=not self.trusted_keys,
+            last_stop=LastStop(count=self.stops),
         )
 
     def now_ns(self) -> int:
@@ -186,12 +189,20 @@ class FakeRobot:
             "stop": State.STATE_STOPPED,
         }
         kind = command.WhichOneof("action")
-        late = kind != "stop" and command.expires_monotonic_ns < self.now_ns()
+        reason = ""
+        if kind == "stop":
+            self.stops += 1
+        elif command.expires_monotonic_ns < self.now_ns():
+            reason = "it came too late"
+        elif command.stop_count != self.stops:
+            reason = "stopped by max 0.4 s ago; look, then run again"
         return CommandReply(
             schema_version=1,
-            accepted=not late,
-            reason="it came too late" if late else "",
+            accepted=not reason,
+            reason=reason,
             state=states[str(kind)],
+            stop_count=self.stops,
+            standing=kind == "stop",
         )
 
     def _models(self) -> ModelList:

@@ -5,9 +5,14 @@ import pytest
 
 from mbot_protocol.errors import RefusedError, UnreachableError
 from mbot_protocol.keys import COMMAND, STOP
-from mbot_protocol.v1.messages_pb2 import CommandReply
+from mbot_protocol.v1.messages_pb2 import CommandReply, State
 from mbot_workstation.link import remote_control
-from mbot_workstation.link.remote_control import TIME_TO_LIVE_S, RemoteControl, RobotClock
+from mbot_workstation.link.remote_control import (
+    TIME_TO_LIVE_S,
+    NotStandingError,
+    RemoteControl,
+    RobotClock,
+)
 from mbot_workstation.link.robot_link import RobotLink
 
 from .fake_robot import SESSION_ID, FakeRobot
@@ -35,6 +40,10 @@ def test_run_and_drive_carry_session_and_expiry(robot: FakeRobot, control: Remot
         left_ns = command.expires_monotonic_ns - robot.now_ns()
         assert left_ns <= TIME_TO_LIVE_S * 1e9
         assert left_ns > -10e9  # on the robot's clock, which is hours ahead of ours
+        assert command.stop_count == robot.stops
+        assert command.sender
+    assert (run.number, drive.number) == (1, 2)
+    assert run.sender_id == drive.sender_id != 0
     assert (drive.drive.wheels.left, drive.drive.wheels.right) == (0.5, -0.25)
     assert drive.drive.hold_ms == 300
     assert robot.names() == ["status", "command", "command"]
@@ -50,6 +59,38 @@ def test_a_command_that_was_held_up_is_refused(robot: FakeRobot, control: Remote
     robot.replies[COMMAND.name] = late
     with pytest.raises(RefusedError, match="mbot-1 refused: it came too late"):
         control.run()
+
+
+def test_nobody_drives_on_through_somebodys_stop(robot: FakeRobot, control: RemoteControl) -> None:
+    control.drive(0.5, 0.5, 300)
+    robot.stops += 1
+    for _ in range(2):  # and not on the second try either
+        with pytest.raises(RefusedError, match="stopped by max"):
+            control.drive(0.5, 0.5, 300)
+    control.synchronise()
+    assert control.drive(0.5, 0.5, 300) == "manual"
+
+
+def test_after_a_stop_of_ones_own_one_looks_again(robot: FakeRobot, control: RemoteControl) -> None:
+    control.run()
+    control.stop()
+    assert control.run() == "running"
+    assert robot.names() == ["status", "command", "stop", "status", "command"]
+
+
+def test_a_robot_that_does_not_confirm_that_it_stands(
+    robot: FakeRobot, control: RemoteControl, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(remote_control, "STOP_PAUSE_S", 0.01)
+    robot.replies[STOP.name] = lambda _data: CommandReply(
+        schema_version=1, accepted=True, state=State.STATE_STOPPED, reason="the board is lost"
+    )
+    with pytest.raises(
+        NotStandingError, match="not confirmed that it stands: the board is"
+    ) as raised:
+        control.stop()
+    assert raised.value.exit_code == 1
+    assert len(robot.commands()) == 3
 
 
 def test_stop_needs_no_status_and_never_expires(robot: FakeRobot, control: RemoteControl) -> None:

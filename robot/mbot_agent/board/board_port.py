@@ -1,6 +1,8 @@
 """Finding and opening the mCore board's serial port."""
 
+import fcntl
 import os
+import termios
 from pathlib import Path
 
 import serial
@@ -8,6 +10,9 @@ from serial.tools import list_ports
 
 from mbot_protocol.errors import UnreachableError
 from mbot_protocol.mcore import CH340
+
+PSEUDO_TERMINALS = "/dev/pts/"
+"""A simulated board holds its end open when we die, and the port would stay exclusive for ever."""
 
 _BY_ID = Path("/dev/serial/by-id")
 
@@ -53,14 +58,19 @@ def _stable_name(device: str) -> str:
 def open_port(path: str, baud_rate: int) -> serial.Serial:
     """Open the port for this process alone. On a real board this resets the microcontroller.
 
+    pyserial's lock keeps out who asks for it, TIOCEXCL everybody but root.
+
     Raises:
         UnreachableError: it does not exist, may not be opened, or another process holds it.
 
     """
     try:
-        return serial.Serial(
+        port = serial.Serial(
             path, baud_rate, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True
         )
+        if not os.path.realpath(path).startswith(PSEUDO_TERMINALS):
+            fcntl.ioctl(port.fileno(), termios.TIOCEXCL)
+        return port
     except serial.SerialException as error:
         raise UnreachableError(_explain(path, error)) from None
     except (OSError, ValueError) as error:

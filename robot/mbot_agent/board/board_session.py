@@ -106,8 +106,9 @@ class BoardSession:
         while time.monotonic() < deadline and not giving_up():
             self._write(mcore.VERSION_REQUEST)
             again = time.monotonic() + VERSION_INTERVAL_S
+            # Not wakeable: whoever wants to drive meanwhile has to wait, and must not be spun for.
             while time.monotonic() < again:
-                for reply in self._read(again - time.monotonic()):
+                for reply in self._read(again - time.monotonic(), wakeable=False):
                     if isinstance(reply, VersionReply):
                         self.version = reply.version
                         self.stop()
@@ -150,6 +151,21 @@ class BoardSession:
             if acknowledged == STOP_REPEATS:
                 return
         raise BoardLostError(f"{self.path} does not acknowledge the stop command")
+
+    @property
+    def may_latch(self) -> bool:
+        """Whether the firmware refuses to drive after a reset or a silence until it is armed."""
+        return mcore.wants_arming(self.version)
+
+    def arm(self) -> None:
+        """Let a board that has latched drive again; nothing is sent to firmware that never does.
+
+        Raises:
+            BoardLostError, BoardResetError: as `send`.
+
+        """
+        if self.may_latch:
+            self._exchange(mcore.ARM_REQUEST)
 
     def wait(self, timeout_s: float) -> None:
         """Sleep until the time-out, a wake-up or news from the board; take in what it says.

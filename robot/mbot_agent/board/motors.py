@@ -35,21 +35,34 @@ IDLE_HEARTBEAT_S = 0.5
 """While standing, STOP is repeated this often: it keeps the last word a stop and finds a dead
 board before it is needed."""
 
+LATCHED_AFTER_REFUSALS = 2
+"""Drive commands that were not acknowledged, though the stops between them were."""
+
 LOST_AFTER_FAILURES = 2
 """Unacknowledged commands in a row (50 ms each) until the port is closed and opened anew."""
 
 
 class Motors:
-    """Owns the serial port in a thread of its own. Use as a context manager."""
+    """Owns the serial port in a thread of its own. Use as a context manager.
+
+    Attributes:
+        progress_ns: when the thread was last seen to work, monotonic.
+
+    """
 
     def __init__(self, board: Board) -> None:
         self._board = board
         self._news = threading.Condition()
         self._command: DriveCommand | None = None
         self._fresh = False  # the command has not been written yet
-        self._deliveries: dict[int, Delivery] = {}
+        self._delivery: tuple[int, Delivery] | None = None  # the last one, and its ticket
         self._ticket = 0
         self._halted = False
+        self._resets = 0
+        self._arm = False  # ARM is to be sent before the next command
+        self.progress_ns = time.monotonic_ns()
+        self._asked_to_stand = False
+        self._stood_ns = 0  # when a stop was last written that the board has acknowledged
         self._closing = False
         self._stopped = threading.Event()
         self._fault: Fault | None = Fault("board-starting", "the board has not answered yet")
@@ -80,6 +93,11 @@ class Motors:
         return self._version
 
     @property
+    def resets(self) -> int:
+        """How often the board has reset or latched by itself since the daemon's start."""
+        return self._resets
+
+    @property
     def has_deadman(self) -> bool:
         """Whether the firmware stops by itself when commands cease."""
         return has_deadman(self._version)
@@ -95,6 +113,16 @@ class Motors:
                 "flash one with a time-out, or accept it by board.accept_no_deadman = true",
             )
         return fault
+
+    def arm(self) -> None:
+        """A person wants to drive: a board that has latched may be told so, once."""
+        with self._news:
+            self._arm = True
+
+    def disarm(self) -> None:
+        """Nobody wants to drive any more: what `arm` left to be said must not be said."""
+        with self._news:
+            self._arm = False
 
     def drive(self, command: DriveCommand) -> int:
         """Make this the command in force. Returns a ticket for `delivery`.
@@ -114,10 +142,13 @@ class Motors:
     def delivery(self, ticket: int, timeout_s: float) -> Delivery | None:
         """Wait for a command's acknowledgement; None if it does not come in time."""
         with self._news:
-            self._news.wait_for(lambda: ticket in self._deliveries, timeout_s)
-            delivery = self._deliveries.get(ticket)
-            self._deliveries.clear()
-            return delivery
+            self._news.wait_for(lambda: self._delivered_ticket() >= ticket, timeout_s)
+            if self._delivery is None or self._delivery[0] != ticket:
+                return None
+            return self._delivery[1]
+
+    def _delivered_ticket(self) -> int:
+        return self._delivery[0] if self._delivery is not None else 0
 
     def stop(self) -> None:
         """End any command; the thread stops the motors at once if they were driven."""
@@ -126,6 +157,20 @@ class Motors:
                 return
             self._command = None
         self._wake()
+
+    def stands(self, timeout_s: float) -> bool:
+        """Whether the board acknowledges, from now on and within the time, that its motors are off;
+        false at once if it is lost.
+        """
+        asked_ns = time.monotonic_ns()
+        with self._news:
+            self._asked_to_stand = True
+        self._wake()
+        with self._news:
+            self._news.wait_for(
+                lambda: self._stood_ns >= asked_ns or self._fault is not None, timeout_s
+            )
+            return self._stood_ns >= asked_ns
 
     def halt(self) -> None:
         """Stop now and accept no command ever after: the daemon is going down."""
@@ -146,6 +191,7 @@ class Motors:
         """Wait without a board, unless the daemon closes."""
         end = time.monotonic() + seconds
         while not self._closing and (left := end - time.monotonic()) > 0:
+            self.progress_ns = time.monotonic_ns()
             time.sleep(min(left, 0.05))
 
     def _run(self) -> None:
@@ -155,12 +201,13 @@ class Motors:
                 with BoardSession.open(
                     self._board.port, self._board.baud_rate, self._wake_reader
                 ) as session:
-                    while not self._closing and session.handshake(lambda: self._closing):
+                    while not self._closing and session.handshake(self._gives_up):
                         back_off.succeeded()
                         self._connected(session)
                         try:
                             self._serve(session)
                         except BoardResetError as error:
+                            self._resets += 1
                             self._lost(error)  # the port still stands: shake hands again
             except UnreachableError as error:
                 self._lost(error)
@@ -172,6 +219,11 @@ class Motors:
                 self._stopped.set()
                 self._sleep(back_off.next_s())
 
+    def _gives_up(self) -> bool:
+        """Whether the handshake shall end; it asks five times a second."""
+        self.progress_ns = time.monotonic_ns()
+        return self._closing
+
     def _connected(self, session: BoardSession) -> None:
         with self._news:
             self._version, self._command, self._fault = session.version, None, None
@@ -182,24 +234,26 @@ class Motors:
 
     def _lost(self, error: Exception) -> None:
         fault = Fault("board-lost", str(error))
+        if self._fault != fault:
+            log.warning("%s", error)
         with self._news:
-            if self._fault != fault:
-                log.warning("%s", error)
             self._fault, self._version, self._command = fault, "", None
+            self._arm = False
             self._news.notify_all()
 
     def _serve(self, session: BoardSession) -> None:
         """Keep the board doing what is in force until the daemon closes or the board is lost."""
         driving = False
         next_write = 0.0
-        failures = 0
+        failures = refused = 0
         while not self._closing:
+            self.progress_ns = time.monotonic_ns()
             command, ticket, fresh = self._in_force()
             now = time.monotonic()
             try:
                 if command is None:
-                    if driving:
-                        session.stop()
+                    if driving or self._is_asked_to_stand():
+                        self._stop(session)
                         driving = False
                         next_write = now + IDLE_HEARTBEAT_S
                     elif now >= next_write:
@@ -208,20 +262,26 @@ class Motors:
                     self._stopped.set()
                 elif fresh or now >= next_write:
                     driving = driving or not command.joystick.is_stop
+                    if self._is_to_be_armed():
+                        session.arm()
                     written_ns, acknowledged_ns = session.send(command.joystick)
+                    refused = 0
                     next_write = now + REFRESH_S
                     if fresh:
                         self._delivered(ticket, Delivery(written_ns, acknowledged_ns))
                 failures = 0
             except UnacknowledgedError as error:
                 failures += 1
+                refused += command is not None
                 if failures >= LOST_AFTER_FAILURES:
                     raise BoardLostError(str(error)) from None
                 self._drop(ticket)
-                # It may or may not have obeyed. Stop it for certain before anything newer is
-                # sent; that also arms a board again whose dead man's switch has latched.
-                session.stop()
+                # It may or may not have obeyed. Stop it for certain before anything newer is sent.
+                self._stop(session)
                 driving = False
+                if refused >= LATCHED_AFTER_REFUSALS and session.may_latch:
+                    # It obeys stops and no drive command: its dead man's switch has latched.
+                    self._resets, refused = self._resets + 1, 0
                 continue
             self._wait(session, command, next_write)
 
@@ -238,6 +298,23 @@ class Motors:
                 self._stopped.clear()
             return command, self._ticket, fresh
 
+    def _is_asked_to_stand(self) -> bool:
+        with self._news:
+            asked, self._asked_to_stand = self._asked_to_stand, False
+            return asked
+
+    def _is_to_be_armed(self) -> bool:
+        with self._news:
+            arm, self._arm = self._arm, False
+            return arm
+
+    def _stop(self, session: BoardSession) -> None:
+        began_ns = time.monotonic_ns()
+        session.stop()
+        with self._news:
+            self._stood_ns = began_ns
+            self._news.notify_all()
+
     def _drop(self, ticket: int) -> None:
         """Forget a command, unless a newer one has come meanwhile."""
         with self._news:
@@ -246,7 +323,7 @@ class Motors:
 
     def _delivered(self, ticket: int, delivery: Delivery) -> None:
         with self._news:
-            self._deliveries[ticket] = delivery
+            self._delivery = ticket, delivery
             self._news.notify_all()
 
     def _wait(self, session: BoardSession, command: DriveCommand | None, next_write: float) -> None:

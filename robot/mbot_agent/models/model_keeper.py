@@ -29,6 +29,9 @@ END_WAIT_S = 1.0
 Use = Callable[[Policy, Trial], None]
 """Hands a policy to the control loop, which switches between two decisions."""
 
+Changes = Callable[[str], None]
+"""Hears why another model is about to be used: that must never set a standing robot in motion."""
+
 
 @dataclass(frozen=True, slots=True)
 class InUse:
@@ -56,12 +59,20 @@ class ModelKeeper:
 
     """
 
-    def __init__(self, store: ModelDirectory, trust: Trust, clean_decisions: int, use: Use) -> None:
-        """`clean_decisions` in a row prove a model."""
+    def __init__(
+        self,
+        store: ModelDirectory,
+        trust: Trust,
+        clean_decisions: int,
+        use: Use,
+        changes: Changes,
+    ) -> None:
+        """`clean_decisions` in a row prove a model; `changes` hears before another one is used."""
         self._store = store
         self._trust = trust
         self._clean_decisions = clean_decisions
         self._use = use
+        self._changes = changes
         self._lock = threading.Lock()
         self._in_use: InUse | None = None
         self._unusable = ""
@@ -138,6 +149,7 @@ class ModelKeeper:
             self._store.add(policy.sha256, data, label)
             self._trust.note(admission)
             self._store.activate(policy.sha256, self.active_sha256)
+            self._changes("another model was pushed")
             self._adopt(policy, admission.signer)
         return policy
 
@@ -157,6 +169,7 @@ class ModelKeeper:
             except MbotError as error:
                 raise RefusedError(f"the model {sha256[:12]} cannot be used: {error}") from None
             self._store.activate(sha256, self.active_sha256)
+            self._changes("another model was made active")
             self._adopt(policy, signer)
 
     def carry_out(self, verdict: Verdict) -> None:
@@ -244,6 +257,7 @@ class ModelKeeper:
         policy, signer = loaded
         log.error("model %s is rolled back: %s", sha256[:12], reason)
         self._change("roll-back", lambda a: a.rolled_back(sha256, policy.sha256, reason))
+        self._changes("the model failed and was rolled back")
         self._adopt(policy, signer)
 
     def _first_usable(self, digests: Sequence[str]) -> tuple[Policy, str] | None:

@@ -39,6 +39,11 @@ class Pilot:
             self._incoming.popleft()
 
     @property
+    def has_given_up(self) -> bool:
+        """It has failed so often that it is not asked any more; the loop's thread only."""
+        return self._given_up is not None
+
+    @property
     def policy(self) -> Policy | None:
         """The model in use."""
         return self._policy

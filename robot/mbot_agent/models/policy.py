@@ -19,6 +19,7 @@ from mbot_protocol.policy_contract import (
     PolicyMetadata,
     check_tensor,
 )
+from mbot_protocol.static_shapes import check_static_shapes
 
 onnxruntime = cast(Any, untyped_onnxruntime)
 
@@ -49,7 +50,7 @@ class Policy:
 
         Raises:
             ContractError: too large, not ONNX, made of what is not allowed (see
-                `mbot_protocol.model_structure`), or not following the contract.
+                `mbot_protocol.model_structure` and `static_shapes`), or not following the contract.
             NewerSchemaError: it follows a newer contract.
 
         """
@@ -58,6 +59,7 @@ class Policy:
                 f"the model has {len(data)} bytes, expected at most {LARGEST_MODEL_BYTES}"
             )
         check_structure(data)
+        check_static_shapes(data)
         self.sha256 = hashlib.sha256(data).hexdigest()
         self.size_bytes = len(data)
         options = onnxruntime.SessionOptions()

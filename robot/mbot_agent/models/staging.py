@@ -14,6 +14,11 @@ STAGING_EXPIRES_S = 15.0
 """Silence after which an unfinished push is forgotten and another one may begin."""
 
 
+LONGEST_S = 60.0
+"""A push may take no longer, whatever it sends: one that trickles would keep others out for ever.
+The largest model (16 MiB) needs 280 kB/s."""
+
+
 class Staging:
     """One push.
 
@@ -34,7 +39,7 @@ class Staging:
         self.expected_active = expected_active
         self.admission = admission
         self._data = bytearray()
-        self._touched_s = time.monotonic()
+        self._began_s = self._touched_s = time.monotonic()
 
     @property
     def received_bytes(self) -> int:
@@ -43,8 +48,9 @@ class Staging:
 
     @property
     def has_expired(self) -> bool:
-        """Whether the sender has fallen silent."""
-        return time.monotonic() - self._touched_s > STAGING_EXPIRES_S
+        """Whether the sender has fallen silent, or takes too long."""
+        now_s = time.monotonic()
+        return now_s - self._touched_s > STAGING_EXPIRES_S or now_s - self._began_s > LONGEST_S
 
     def add(self, offset_bytes: int, data: bytes) -> None:
         """Take the next chunk.

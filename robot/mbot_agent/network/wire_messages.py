@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from mbot_agent.arming import State
+from mbot_agent.arming import State, Stop
 from mbot_agent.faults import Fault, Notice
 from mbot_agent.tick import Tick
 from mbot_protocol.actions import MotorMap
@@ -33,6 +33,11 @@ def wire_motor(motor: MotorMap) -> messages.MotorMap:
     return messages.MotorMap(reversed=motor.reversed, trim=motor.trim, dead_band=motor.dead_band)
 
 
+def wire_stop(stop: Stop) -> messages.LastStop:
+    """The last stop."""
+    return messages.LastStop(count=stop.count, by=stop.by, why=stop.why, monotonic_ns=stop.at_ns)
+
+
 def wire_decision(
     tick: Tick, robot_id: str, session_id: int, notices: Iterable[Notice]
 ) -> messages.Decision:
@@ -54,6 +59,7 @@ def wire_decision(
         board_m2=tick.joystick.m2,
         missed_ticks=tick.missed_ticks,
         model_sha256=tick.model_sha256,
+        stop_count=tick.stop_count,
     )
     if tick.action is not None:
         decision.action.left, decision.action.right = tick.action.left, tick.action.right

@@ -12,6 +12,7 @@ from typing import Self
 import zenoh
 
 from mbot_agent.configuration import Configuration
+from mbot_agent.network.session_guard import Visitor
 from mbot_agent.network.zenoh_settings import zenoh_configuration
 from mbot_protocol.errors import UnreachableError
 from mbot_protocol.keys import ALIVE, DOORS, PRESENCE, ROOT, Topic
@@ -35,6 +36,8 @@ class Link:
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._queryables: list[zenoh.Queryable[zenoh.handlers.Handler[zenoh.Query]]] = []
         self._tokens: list[zenoh.LivelinessToken] = []
+        self._listeners: list[zenoh.LinkEventsListener[zenoh.handlers.Handler[zenoh.LinkEvent]]]
+        self._listeners = []
 
     def __enter__(self) -> Self:
         """Open the session.
@@ -84,6 +87,34 @@ class Link:
         )
         # All replies, not just the first: a query that is dropped half-way is warned about.
         return any([reply.ok is not None for reply in replies])
+
+    def answers(self, name: str, timeout_s: float) -> bool:
+        """Whether a service of our own replies on this key below the robot's prefix."""
+        replies = self._open_session.get(f"{ROOT}/{self._robot_id}/{name}", timeout=timeout_s)
+        return any([reply.ok is not None for reply in replies])
+
+    def visitors(self) -> list[Visitor]:
+        """All links there are now."""
+        found: list[Visitor] = []
+        for link in self._open_session.info.links():
+            host, _, port = link.dst.partition("/")[2].partition("?")[0].rpartition(":")
+            if port.isdecimal():
+                name = link.auth_identifier
+                found.append(Visitor(name, (host.strip("[]"), int(port)), str(link.zid)))
+        return found
+
+    def watch_visitors(self, hear: Callable[[], None]) -> None:
+        """Call `hear` whenever a link opens or closes, on a thread of its own."""
+        listener = self._open_session.info.declare_link_events_listener(
+            zenoh.handlers.RingChannel(MOST_WAITING)
+        )
+
+        def run() -> None:
+            for _ in listener:
+                hear()
+
+        self._listeners.append(listener)
+        threading.Thread(target=run, name="visitors", daemon=True).start()
 
     def publish(self, topic: Topic, payload: bytes) -> None:
         """Send to whoever listens; dropped if the link is slow (BLOCK held a put for 5 s)."""

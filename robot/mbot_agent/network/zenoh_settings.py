@@ -14,7 +14,8 @@ LARGEST_MESSAGE_BYTES = 128 * 1024
 """A message is put together from fragments up to this size, for each of 16 priorities of each
 session; the largest anybody needs is a chunk of a model, 64 KiB."""
 
-MOST_SESSIONS = 16
+MOST_SESSIONS = 32
+"""Those who have to go (session_guard) need a place until they are shown out."""
 
 MOST_PENDING = 8
 """Handshakes of Zenoh under way at a time."""

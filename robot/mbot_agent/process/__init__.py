@@ -1,4 +1,4 @@
-"""The daemon as a process: the signals that end it, and what systemd wants to hear.
+"""The daemon as a process: how it ends and has ended, its log, and what systemd hears of it.
 
-For others: `termination` and `service_manager`.
+For others: `termination`, `last_end`, `journal`, `watchdog` and `service_manager`.
 """

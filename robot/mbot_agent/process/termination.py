@@ -1,17 +1,24 @@
-"""SIGTERM and SIGINT: a thread that waits for them and stops the motors before anything else.
+"""Ends of the process that nobody planned: the motors are stopped before anything else.
 
-Python runs ordinary signal handlers only between bytecodes of the main thread: behind a 2.5 s
-inference that took 2.2 s; a waiting thread took 1 ms (measured).
+Signals: a thread waits for them. Python runs ordinary signal handlers only between bytecodes of the
+main thread: behind a 2.5 s inference that took 2.2 s; a waiting thread took 1 ms (measured).
+
+Exceptions that end a thread: a daemon with a thread missing looks alive and is not.
 """
 
 import logging
+import os
 import signal
 import threading
 from collections.abc import Callable
 
 log = logging.getLogger(__name__)
 
-SIGNALS = frozenset({signal.SIGTERM, signal.SIGINT})
+SIGNALS = frozenset({signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT})
+"""What a service manager, a person at a terminal, and a terminal that is closed may send."""
+
+THREAD_DIED = 70
+"""Exit code, as for an internal error (sysexits.h: EX_SOFTWARE)."""
 
 
 def block_signals() -> None:
@@ -29,3 +36,26 @@ def watch(stop_motors: Callable[[], None], closing: threading.Event) -> None:
         closing.set()
 
     threading.Thread(target=wait, name="signals", daemon=True).start()
+
+
+def end_with_any_thread(stop_motors: Callable[[], None], last_words: Callable[[], None]) -> None:
+    """From now on an exception that ends any thread ends the process, motors first."""
+
+    def fell_over(arguments: threading.ExceptHookArgs) -> None:
+        name = arguments.thread.name if arguments.thread is not None else "?"
+        try:
+            stop_motors()
+            log.critical(
+                "the thread %r died: motors stopped, ending",
+                name,
+                exc_info=(
+                    arguments.exc_type,
+                    arguments.exc_value or arguments.exc_type(),
+                    arguments.exc_traceback,
+                ),
+            )
+            last_words()
+        finally:
+            os._exit(THREAD_DIED)
+
+    threading.excepthook = fell_over

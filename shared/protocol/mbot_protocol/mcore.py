@@ -8,6 +8,7 @@ whatever arrives: a frame that is torn can turn the next one into full speed. He
 which first flushes the board's parser with zero bytes.
 """
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -23,6 +24,7 @@ END = b"\r\n"
 
 _GET, _RUN, _RESET = 1, 2, 4
 _VERSION, _JOYSTICK = 0, 5
+_RESET_CAUSE, _ARM = 0x70, 0x71
 
 FLUSH_PADDING = bytes(52)
 """Zero bytes that end any half-read frame: the stock parser's buffer holds 52 bytes (measured)."""
@@ -67,6 +69,10 @@ class Joystick:
 STOP = Joystick(0, 0)
 VERSION_REQUEST = HEADER + bytes((0x03, 0x00, _GET, _VERSION))
 RESET_REQUEST = HEADER + bytes((0x02, 0x00, _RESET))
+
+# Our own firmware's, deploy/firmware; the stock firmware has no such devices.
+ARM_REQUEST = HEADER + bytes((0x03, 0x00, _RUN, _ARM))
+RESET_CAUSE_REQUEST = HEADER + bytes((0x03, 0x00, _GET, _RESET_CAUSE))
 
 
 def stop_burst() -> bytes:
@@ -207,3 +213,27 @@ def has_deadman(version: str) -> bool:
     Makeblock's stock firmware keeps the last command for ever (180 s of silence measured).
     """
     return version.startswith(_DEADMAN_PREFIX)
+
+
+_OURS = re.compile(rf"{_DEADMAN_PREFIX} (?P<generation>\d+)(?: (?P<timeout_ms>\d+)ms)?")
+
+
+def wants_arming(version: str) -> bool:
+    """Whether a firmware of this name refuses to drive until ARM has come."""
+    found = _OURS.match(version)
+    return found is not None and int(found["generation"]) >= 2
+
+
+def deadman_timeout_ms(version: str) -> int | None:
+    """After how long a silence a firmware of this name stops; None where it does not tell."""
+    found = _OURS.match(version)
+    return int(found["timeout_ms"]) if found is not None and found["timeout_ms"] else None
+
+
+_RESET_CAUSES = {1: "power", 2: "reset pin", 4: "brown-out", 8: "watchdog"}
+
+
+def reset_cause(flags: int) -> str:
+    """The ATmega328P's MCUSR in words (data sheet, 11.9.1); a boot loader may have cleared it."""
+    found = [word for bit, word in _RESET_CAUSES.items() if flags & bit]
+    return ", ".join(found) or "unknown"

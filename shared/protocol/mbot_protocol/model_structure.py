@@ -2,8 +2,9 @@
 
 Every field of the ONNX format that a plain network needs is allowed by name; everything else,
 known or not, is refused. So there are no loops and branches, no graphs inside nodes, no functions,
-no operators of other domains, no weights in other files. The operators allowed compute a bounded
-result of a size that does not depend on the picture, so that a trial run shows what they cost.
+no operators of other domains, no weights in other files. With `static_shapes.py` the operators
+allowed compute a result of a size that does not depend on the picture, so that a trial run shows
+what they cost.
 """
 
 from collections.abc import Callable

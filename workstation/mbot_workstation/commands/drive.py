@@ -10,9 +10,18 @@ HOLD_MS = 500
 """Two commands in a row may be lost before the robot stops between them."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOptions(LinkOptions):
+    """What `run` takes."""
+
+    when_ready: bool = option(
+        False, "Also if it cannot drive yet: begin as soon as it can.", "--when-ready"
+    )
+
+
 @with_options
-def run(options: LinkOptions) -> None:
-    """Let the robot's active model drive; it begins as soon as there is no fault.
+def run(options: RunOptions) -> None:
+    """Let the robot's active model drive. With a fault in the way it refuses and says which.
 
     Example: `workstation run --robot mbot-1.local`
     """
@@ -22,7 +31,7 @@ def run(options: LinkOptions) -> None:
     from mbot_workstation.wording import fault_lines
 
     with options.link() as link:
-        state = RemoteControl(link).run()
+        state = RemoteControl(link).run(when_ready=options.when_ready)
         print(f"{link.robot_id}: {state}")
         if state == "fault":
             for line in fault_lines(link.status().faults):
@@ -31,7 +40,7 @@ def run(options: LinkOptions) -> None:
 
 @with_options
 def stop(options: LinkOptions) -> None:
-    """Stop the robot. Exit code 0 means that it has confirmed.
+    """Stop the robot. Exit code 0 means that its board has confirmed that it stands.
 
     Example: `workstation stop --robot mbot-1.local`
     """

@@ -194,7 +194,7 @@ def _drive(
         output.refresh(stream.state, stream.silence_s)
         recording.save_if_due()
 
-    control.run()
+    control.run(when_ready=True)
     until_s = time.monotonic() + settings.seconds
     try:
         while time.monotonic() < until_s and _touches(folder) < ENOUGH_TOUCHES:

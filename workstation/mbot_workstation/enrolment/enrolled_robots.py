@@ -4,6 +4,7 @@ import sys
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 
+from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.link.address import parse_address
 from mbot_workstation.link.destination import Destination
 from mbot_workstation.link.security import LinkSecurity
@@ -17,10 +18,16 @@ def find_destination(
     """The enrolled robot of that name, or else an address; certificates given by hand win.
 
     Raises:
-        ConfigurationError: the text is neither, or the fleet's folder is damaged.
+        ConfigurationError: the text is neither, it names another robot than `robot_id`, or the
+            fleet's folder is damaged.
 
     """
     if security is None and (enrolled := _enrolled(text)) is not None:
+        if robot_id not in (None, enrolled.robot_id):
+            raise ConfigurationError(
+                f"--robot is the enrolled robot {text}, but --id is {robot_id}: leave --id out, or "
+                f"give --robot {robot_id}"
+            )
         return enrolled
     return Destination(parse_address(text, secured=security is not None), robot_id, security)
 

@@ -55,7 +55,7 @@ class Image:
     @property
     def deadman_version(self) -> str | None:
         """The version that this image will answer with, if it is our own firmware."""
-        found = re.search(rb"mbot-deadman \d+", self.content)
+        found = re.search(rb"mbot-deadman \d+( \d+ms)?", self.content)
         return found.group().decode() if found else None
 
 

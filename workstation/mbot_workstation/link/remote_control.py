@@ -1,14 +1,18 @@
 """Commands to a robot: run, stop, drive by hand.
 
 A command that arrives late is dangerous: a link that hung for five seconds delivers what was meant
-five seconds ago. So each one carries its expiry on the robot's own clock; only STOP never expires.
+five seconds ago. So each one carries its expiry on the robot's own clock, and the last stop that
+its sender knows of: what was sent before somebody's STOP is refused after it. Only STOP never
+expires.
 """
 
+import itertools
+import secrets
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from mbot_protocol.errors import RefusedError, UnreachableError
+from mbot_protocol.errors import MbotError, RefusedError, UnreachableError
 from mbot_protocol.keys import COMMAND, STOP, Topic
 from mbot_protocol.schema import SCHEMA_VERSION
 from mbot_protocol.v1.messages_pb2 import (
@@ -30,6 +34,10 @@ STOP_ATTEMPTS = 3
 STOP_TIMEOUT_S = 1.0
 STOP_PAUSE_S = 0.3
 """While a link is down a query fails at once; the pause gives it time to come back."""
+
+
+class NotStandingError(MbotError):
+    """The robot is disarmed, but its board has not confirmed that the motors are off (exit 1)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +62,9 @@ class RobotClock:
 class RemoteControl:
     """Commands one robot over a link.
 
-    The robot's session and clock are asked for once, before the first command that expires. If
-    the robot restarts meanwhile it refuses further commands: nobody should drive on unawares.
+    The robot's session, clock and last stop are asked for once, before the first command that
+    expires, and again after a stop of one's own. If the robot restarts meanwhile, or somebody else
+    stops it, it refuses further commands: nobody should drive on unawares.
     """
 
     def __init__(
@@ -64,24 +73,31 @@ class RemoteControl:
         self._link = link
         self._monotonic_ns = monotonic_ns
         self._session_id = 0
+        self._stop_count = 0
+        self._sender_id = secrets.randbits(63) | 1
+        self._numbers = itertools.count(1)
         self._clock: RobotClock | None = None
 
     def synchronise(self) -> Status:
-        """Learn the robot's session and clock anew; raises as `RobotLink.query` does."""
+        """Learn the robot's session, clock and last stop anew; raises as `RobotLink.query` does."""
         status = self._link.status()
         self._clock = RobotClock(status.now_monotonic_ns, self._monotonic_ns())
         self._session_id = status.session_id
+        self._stop_count = status.last_stop.count
         return status
 
-    def run(self) -> str:
+    def run(self, *, when_ready: bool = False) -> str:
         """Let the policy drive; the robot's state afterwards, as a word.
+
+        Args:
+            when_ready: also if something is in the way now: begin when that is mended.
 
         Raises:
             RefusedError: the robot says why not.
             UnreachableError, NewerSchemaError, MalformedMessageError: as `RobotLink.query`.
 
         """
-        return self._send(Command(run=Run()))
+        return self._send(Command(run=Run(when_ready=when_ready)))
 
     def drive(self, left: float, right: float, hold_ms: int) -> str:
         """Drive by hand for `hold_ms` (at most 1000); then the robot stops by itself.
@@ -102,20 +118,32 @@ class RemoteControl:
 
         Raises:
             UnreachableError: no reply, so the robot may still be driving.
+            NotStandingError: the robot is disarmed, but its board has not confirmed.
 
         """
-        for attempt in range(1, STOP_ATTEMPTS + 1):
+        self._clock = None  # whatever comes after this has to look first
+        problem: MbotError | None = None
+        for attempt in range(STOP_ATTEMPTS):
+            if attempt:
+                time.sleep(STOP_PAUSE_S)
             try:
                 # On a key of its own, open to everybody who may look.
-                return self._ask(STOP, Command(stop=Stop()), STOP_TIMEOUT_S)
+                reply = self._ask(STOP, Command(stop=Stop()), STOP_TIMEOUT_S)
             except UnreachableError as error:
-                if attempt == STOP_ATTEMPTS:
-                    raise UnreachableError(
-                        f"STOP was not confirmed, the robot may be driving; switch it off by "
-                        f"hand: {error}"
-                    ) from None
-                time.sleep(STOP_PAUSE_S)
-        raise AssertionError("unreachable")
+                problem = UnreachableError(
+                    f"STOP was not confirmed, the robot may be driving; switch it off by hand: "
+                    f"{error}"
+                )
+                continue
+            if reply.standing:
+                return state_word(reply.state)
+            problem = NotStandingError(
+                f"robot {self._link.robot_id} has not confirmed that it stands: "
+                f"{one_line(reply.reason) or 'it does not say why, upgrade its mbot-agent'}; "
+                "switch it off by hand"
+            )
+        assert problem is not None
+        raise problem
 
     def _send(self, command: Command) -> str:
         if self._clock is None:
@@ -123,12 +151,16 @@ class RemoteControl:
         assert self._clock is not None
         command.session_id = self._session_id
         command.expires_monotonic_ns = self._clock.expiry_ns(self._monotonic_ns(), TIME_TO_LIVE_S)
-        return self._ask(COMMAND, command, TIME_TO_LIVE_S + 1.0)
+        command.stop_count = self._stop_count
+        command.sender_id = self._sender_id
+        command.number = next(self._numbers)
+        return state_word(self._ask(COMMAND, command, TIME_TO_LIVE_S + 1.0).state)
 
-    def _ask(self, topic: Topic, command: Command, timeout_s: float) -> str:
+    def _ask(self, topic: Topic, command: Command, timeout_s: float) -> CommandReply:
         command.schema_version = SCHEMA_VERSION
         command.robot_id = self._link.robot_id
+        command.sender = self._link.sender
         reply = self._link.query(topic, command, CommandReply, timeout_s)
         if not reply.accepted:
             raise RefusedError(f"robot {self._link.robot_id} refused: {one_line(reply.reason)}")
-        return state_word(reply.state)
+        return reply

@@ -1,5 +1,6 @@
 """The workstation's end of the link to one robot: queries with decoded replies, subscriptions."""
 
+import getpass
 import os
 from contextlib import ExitStack
 from types import TracebackType
@@ -82,6 +83,11 @@ class RobotLink:
         """The robot's identifier; the link must be open."""
         self._open_session()
         return self._robot_id
+
+    @property
+    def sender(self) -> str:
+        """Who sends what goes over this link, for people to read: no proof of anything."""
+        return person(self._security) or getpass.getuser()
 
     def __enter__(self) -> Self:
         """Connect and find the robot.

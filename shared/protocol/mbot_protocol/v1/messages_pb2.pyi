@@ -55,7 +55,7 @@ class Steps(_message.Message):
     def __init__(self, left: _Optional[int] = ..., right: _Optional[int] = ...) -> None: ...
 
 class Decision(_message.Message):
-    __slots__ = ("schema_version", "robot_id", "session_id", "sequence", "state", "faults", "unix_time_ns", "captured_monotonic_ns", "due_monotonic_ns", "started_monotonic_ns", "observed_monotonic_ns", "decided_monotonic_ns", "written_monotonic_ns", "acknowledged_monotonic_ns", "action", "steps", "board_m1", "board_m2", "model_sha256", "missed_ticks", "cpu_temperature_c", "load_1min", "resident_memory_bytes", "dropped_records", "notices")
+    __slots__ = ("schema_version", "robot_id", "session_id", "sequence", "state", "faults", "unix_time_ns", "captured_monotonic_ns", "due_monotonic_ns", "started_monotonic_ns", "observed_monotonic_ns", "decided_monotonic_ns", "written_monotonic_ns", "acknowledged_monotonic_ns", "action", "steps", "board_m1", "board_m2", "model_sha256", "missed_ticks", "cpu_temperature_c", "load_1min", "resident_memory_bytes", "dropped_records", "notices", "stop_count")
     SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
     ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
     SESSION_ID_FIELD_NUMBER: _ClassVar[int]
@@ -81,6 +81,7 @@ class Decision(_message.Message):
     RESIDENT_MEMORY_BYTES_FIELD_NUMBER: _ClassVar[int]
     DROPPED_RECORDS_FIELD_NUMBER: _ClassVar[int]
     NOTICES_FIELD_NUMBER: _ClassVar[int]
+    STOP_COUNT_FIELD_NUMBER: _ClassVar[int]
     schema_version: int
     robot_id: str
     session_id: int
@@ -106,10 +107,11 @@ class Decision(_message.Message):
     resident_memory_bytes: int
     dropped_records: int
     notices: _containers.RepeatedCompositeFieldContainer[Notice]
-    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., sequence: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., faults: _Optional[_Iterable[_Union[Fault, _Mapping[str, object]]]] = ..., unix_time_ns: _Optional[int] = ..., captured_monotonic_ns: _Optional[int] = ..., due_monotonic_ns: _Optional[int] = ..., started_monotonic_ns: _Optional[int] = ..., observed_monotonic_ns: _Optional[int] = ..., decided_monotonic_ns: _Optional[int] = ..., written_monotonic_ns: _Optional[int] = ..., acknowledged_monotonic_ns: _Optional[int] = ..., action: _Optional[_Union[Wheels, _Mapping[str, object]]] = ..., steps: _Optional[_Union[Steps, _Mapping[str, object]]] = ..., board_m1: _Optional[int] = ..., board_m2: _Optional[int] = ..., model_sha256: _Optional[str] = ..., missed_ticks: _Optional[int] = ..., cpu_temperature_c: _Optional[float] = ..., load_1min: _Optional[float] = ..., resident_memory_bytes: _Optional[int] = ..., dropped_records: _Optional[int] = ..., notices: _Optional[_Iterable[_Union[Notice, _Mapping[str, object]]]] = ...) -> None: ...
+    stop_count: int
+    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., sequence: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., faults: _Optional[_Iterable[_Union[Fault, _Mapping[str, object]]]] = ..., unix_time_ns: _Optional[int] = ..., captured_monotonic_ns: _Optional[int] = ..., due_monotonic_ns: _Optional[int] = ..., started_monotonic_ns: _Optional[int] = ..., observed_monotonic_ns: _Optional[int] = ..., decided_monotonic_ns: _Optional[int] = ..., written_monotonic_ns: _Optional[int] = ..., acknowledged_monotonic_ns: _Optional[int] = ..., action: _Optional[_Union[Wheels, _Mapping[str, object]]] = ..., steps: _Optional[_Union[Steps, _Mapping[str, object]]] = ..., board_m1: _Optional[int] = ..., board_m2: _Optional[int] = ..., model_sha256: _Optional[str] = ..., missed_ticks: _Optional[int] = ..., cpu_temperature_c: _Optional[float] = ..., load_1min: _Optional[float] = ..., resident_memory_bytes: _Optional[int] = ..., dropped_records: _Optional[int] = ..., notices: _Optional[_Iterable[_Union[Notice, _Mapping[str, object]]]] = ..., stop_count: _Optional[int] = ...) -> None: ...
 
 class Status(_message.Message):
-    __slots__ = ("schema_version", "robot_id", "session_id", "now_monotonic_ns", "state", "faults", "software_version", "board_version", "board_has_deadman", "decision_rate_hz", "active_model", "missed_ticks", "decisions", "camera", "notices", "trusted_keys", "accepts_unsigned_models", "left_motor", "right_motor")
+    __slots__ = ("schema_version", "robot_id", "session_id", "now_monotonic_ns", "state", "faults", "software_version", "board_version", "board_has_deadman", "decision_rate_hz", "active_model", "missed_ticks", "decisions", "camera", "notices", "trusted_keys", "accepts_unsigned_models", "left_motor", "right_motor", "last_stop")
     SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
     ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
     SESSION_ID_FIELD_NUMBER: _ClassVar[int]
@@ -129,6 +131,7 @@ class Status(_message.Message):
     ACCEPTS_UNSIGNED_MODELS_FIELD_NUMBER: _ClassVar[int]
     LEFT_MOTOR_FIELD_NUMBER: _ClassVar[int]
     RIGHT_MOTOR_FIELD_NUMBER: _ClassVar[int]
+    LAST_STOP_FIELD_NUMBER: _ClassVar[int]
     schema_version: int
     robot_id: str
     session_id: int
@@ -148,7 +151,20 @@ class Status(_message.Message):
     accepts_unsigned_models: bool
     left_motor: MotorMap
     right_motor: MotorMap
-    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., now_monotonic_ns: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., faults: _Optional[_Iterable[_Union[Fault, _Mapping[str, object]]]] = ..., software_version: _Optional[str] = ..., board_version: _Optional[str] = ..., board_has_deadman: bool = ..., decision_rate_hz: _Optional[float] = ..., active_model: _Optional[_Union[Model, _Mapping[str, object]]] = ..., missed_ticks: _Optional[int] = ..., decisions: _Optional[int] = ..., camera: _Optional[str] = ..., notices: _Optional[_Iterable[_Union[Notice, _Mapping[str, object]]]] = ..., trusted_keys: _Optional[_Iterable[str]] = ..., accepts_unsigned_models: bool = ..., left_motor: _Optional[_Union[MotorMap, _Mapping[str, object]]] = ..., right_motor: _Optional[_Union[MotorMap, _Mapping[str, object]]] = ...) -> None: ...
+    last_stop: LastStop
+    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., now_monotonic_ns: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., faults: _Optional[_Iterable[_Union[Fault, _Mapping[str, object]]]] = ..., software_version: _Optional[str] = ..., board_version: _Optional[str] = ..., board_has_deadman: bool = ..., decision_rate_hz: _Optional[float] = ..., active_model: _Optional[_Union[Model, _Mapping[str, object]]] = ..., missed_ticks: _Optional[int] = ..., decisions: _Optional[int] = ..., camera: _Optional[str] = ..., notices: _Optional[_Iterable[_Union[Notice, _Mapping[str, object]]]] = ..., trusted_keys: _Optional[_Iterable[str]] = ..., accepts_unsigned_models: bool = ..., left_motor: _Optional[_Union[MotorMap, _Mapping[str, object]]] = ..., right_motor: _Optional[_Union[MotorMap, _Mapping[str, object]]] = ..., last_stop: _Optional[_Union[LastStop, _Mapping[str, object]]] = ...) -> None: ...
+
+class LastStop(_message.Message):
+    __slots__ = ("count", "by", "why", "monotonic_ns")
+    COUNT_FIELD_NUMBER: _ClassVar[int]
+    BY_FIELD_NUMBER: _ClassVar[int]
+    WHY_FIELD_NUMBER: _ClassVar[int]
+    MONOTONIC_NS_FIELD_NUMBER: _ClassVar[int]
+    count: int
+    by: str
+    why: str
+    monotonic_ns: int
+    def __init__(self, count: _Optional[int] = ..., by: _Optional[str] = ..., why: _Optional[str] = ..., monotonic_ns: _Optional[int] = ...) -> None: ...
 
 class MotorMap(_message.Message):
     __slots__ = ("reversed", "trim", "dead_band")
@@ -161,11 +177,15 @@ class MotorMap(_message.Message):
     def __init__(self, reversed: bool = ..., trim: _Optional[float] = ..., dead_band: _Optional[int] = ...) -> None: ...
 
 class Command(_message.Message):
-    __slots__ = ("schema_version", "robot_id", "session_id", "expires_monotonic_ns", "run", "stop", "drive")
+    __slots__ = ("schema_version", "robot_id", "session_id", "expires_monotonic_ns", "stop_count", "sender", "sender_id", "number", "run", "stop", "drive")
     SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
     ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
     SESSION_ID_FIELD_NUMBER: _ClassVar[int]
     EXPIRES_MONOTONIC_NS_FIELD_NUMBER: _ClassVar[int]
+    STOP_COUNT_FIELD_NUMBER: _ClassVar[int]
+    SENDER_FIELD_NUMBER: _ClassVar[int]
+    SENDER_ID_FIELD_NUMBER: _ClassVar[int]
+    NUMBER_FIELD_NUMBER: _ClassVar[int]
     RUN_FIELD_NUMBER: _ClassVar[int]
     STOP_FIELD_NUMBER: _ClassVar[int]
     DRIVE_FIELD_NUMBER: _ClassVar[int]
@@ -173,14 +193,20 @@ class Command(_message.Message):
     robot_id: str
     session_id: int
     expires_monotonic_ns: int
+    stop_count: int
+    sender: str
+    sender_id: int
+    number: int
     run: Run
     stop: Stop
     drive: Drive
-    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., expires_monotonic_ns: _Optional[int] = ..., run: _Optional[_Union[Run, _Mapping[str, object]]] = ..., stop: _Optional[_Union[Stop, _Mapping[str, object]]] = ..., drive: _Optional[_Union[Drive, _Mapping[str, object]]] = ...) -> None: ...
+    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., expires_monotonic_ns: _Optional[int] = ..., stop_count: _Optional[int] = ..., sender: _Optional[str] = ..., sender_id: _Optional[int] = ..., number: _Optional[int] = ..., run: _Optional[_Union[Run, _Mapping[str, object]]] = ..., stop: _Optional[_Union[Stop, _Mapping[str, object]]] = ..., drive: _Optional[_Union[Drive, _Mapping[str, object]]] = ...) -> None: ...
 
 class Run(_message.Message):
-    __slots__ = ()
-    def __init__(self) -> None: ...
+    __slots__ = ("when_ready",)
+    WHEN_READY_FIELD_NUMBER: _ClassVar[int]
+    when_ready: bool
+    def __init__(self, when_ready: bool = ...) -> None: ...
 
 class Stop(_message.Message):
     __slots__ = ()
@@ -195,16 +221,20 @@ class Drive(_message.Message):
     def __init__(self, wheels: _Optional[_Union[Wheels, _Mapping[str, object]]] = ..., hold_ms: _Optional[int] = ...) -> None: ...
 
 class CommandReply(_message.Message):
-    __slots__ = ("schema_version", "accepted", "reason", "state")
+    __slots__ = ("schema_version", "accepted", "reason", "state", "stop_count", "standing")
     SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
     ACCEPTED_FIELD_NUMBER: _ClassVar[int]
     REASON_FIELD_NUMBER: _ClassVar[int]
     STATE_FIELD_NUMBER: _ClassVar[int]
+    STOP_COUNT_FIELD_NUMBER: _ClassVar[int]
+    STANDING_FIELD_NUMBER: _ClassVar[int]
     schema_version: int
     accepted: bool
     reason: str
     state: State
-    def __init__(self, schema_version: _Optional[int] = ..., accepted: bool = ..., reason: _Optional[str] = ..., state: _Optional[_Union[State, str]] = ...) -> None: ...
+    stop_count: int
+    standing: bool
+    def __init__(self, schema_version: _Optional[int] = ..., accepted: bool = ..., reason: _Optional[str] = ..., state: _Optional[_Union[State, str]] = ..., stop_count: _Optional[int] = ..., standing: bool = ...) -> None: ...
 
 class Model(_message.Message):
     __slots__ = ("sha256", "name", "size_bytes", "stored_unix_time_ns", "active", "previous", "decision_rate_hz", "signed_by", "proven", "rejected")

@@ -1,0 +1,56 @@
+"""How the daemon ended the last time: `control.start = "running"` holds for a clean start only."""
+
+import contextlib
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from mbot_protocol import atomic_file
+
+BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+"""A new one at each start of the computer: a robot that was switched off has not crashed."""
+
+
+class LastEnd:
+    """A file that is there while the daemon runs. A context manager; leaving it is an orderly end.
+
+    Attributes:
+        was_crash: the daemon before this one, since the computer's start, did not end in order: it
+            was killed, replaced by the watchdog, or fell over.
+
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self._path = directory / "running"
+        self._boot = _boot()
+        self.was_crash = self._read() == self._boot
+
+    def __enter__(self) -> Self:
+        """Leave the mark. A disk that refuses must not keep the robot from starting: without a mark
+        the next start is taken for a clean one, as with a new card.
+        """
+        with contextlib.suppress(OSError):
+            atomic_file.replace(self._path, self._boot.encode())
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            atomic_file.remove(self._path)
+
+    def _read(self) -> str:
+        try:
+            return self._path.read_text()
+        except (OSError, UnicodeDecodeError):
+            return ""
+
+
+def _boot() -> str:
+    try:
+        return BOOT_ID.read_text().strip()
+    except OSError:
+        return "unknown"

@@ -1,0 +1,231 @@
+"""Commands as bytes, against the real loop, helm and arming among fakes."""
+
+import time
+from typing import Any
+
+import pytest
+
+from mbot_agent.arming import Mode
+from mbot_agent.command_service import CommandService
+from mbot_agent.configuration import Configuration
+from mbot_agent.faults import Fault
+from mbot_agent.models.policy import Policy
+from mbot_protocol.schema import SCHEMA_VERSION
+from mbot_protocol.v1 import messages_pb2 as messages
+
+from .loop_bench import Bench
+from .tiny_models import constant_model
+
+SESSION = 42
+
+
+class Service:
+    """A command service, and a person who sends what the test says."""
+
+    def __init__(self) -> None:
+        self.bench = Bench()
+        self.heard = 0
+        self.numbers = 0
+        self.service = CommandService(
+            Configuration(robot_id="mbot-1"),
+            SESSION,
+            self.bench.helm,
+            self.bench.board,
+            self.bench.loop,
+            lambda: None,
+            lambda: (),
+            self._hear,
+        )
+
+    def _hear(self) -> None:
+        self.heard += 1
+
+    def command(self, **changes: Any) -> messages.Command:
+        self.numbers += 1
+        fields: dict[str, Any] = {
+            "schema_version": SCHEMA_VERSION,
+            "robot_id": "mbot-1",
+            "session_id": SESSION,
+            "expires_monotonic_ns": time.monotonic_ns() + 10**9,
+            "stop_count": self.bench.stops,
+            "sender_id": 17,
+            "number": self.numbers,
+        }
+        return messages.Command(**(fields | changes))
+
+    def send(self, command: messages.Command) -> messages.CommandReply:
+        return messages.CommandReply.FromString(self.service.command(command.SerializeToString()))
+
+    def run(self, **changes: Any) -> messages.CommandReply:
+        return self.send(self.command(run=messages.Run(), **changes))
+
+    def drive(self, **changes: Any) -> messages.CommandReply:
+        wheels = messages.Wheels(left=0.5, right=0.5)
+        return self.send(self.command(drive=messages.Drive(wheels=wheels, hold_ms=300), **changes))
+
+    def stop(self, payload: bytes = b"") -> messages.CommandReply:
+        return messages.CommandReply.FromString(self.service.stop(payload))
+
+    @property
+    def status(self) -> messages.Status:
+        return messages.Status.FromString(self.service.status(b""))
+
+
+@pytest.fixture
+def service() -> Service:
+    service = Service()
+    service.bench.pilot.use(Policy(constant_model(0.5, 0.5)))
+    service.bench.tick()
+    return service
+
+
+def test_run_and_drive_that_know_the_last_stop_are_obeyed(service: Service) -> None:
+    reply = service.run()
+    assert (reply.accepted, reply.state) == (True, messages.STATE_RUNNING)
+    reply = service.drive()
+    assert (reply.accepted, reply.state) == (True, messages.STATE_MANUAL)
+    assert service.heard == 2
+
+
+@pytest.mark.parametrize("what", ["run", "drive"])
+def test_nothing_that_was_sent_before_a_stop_moves_the_robot_after_it(
+    service: Service, what: str
+) -> None:
+    early = (
+        service.command(run=messages.Run())
+        if what == "run"
+        else service.command(
+            drive=messages.Drive(wheels=messages.Wheels(left=1, right=1), hold_ms=1000)
+        )
+    )
+    service.stop(messages.Command(sender="max").SerializeToString())
+    reply = service.send(early)
+    assert not reply.accepted
+    assert reply.reason.startswith("stopped by max 0.")
+    assert reply.reason.endswith("s ago; look, then run again")
+    assert reply.stop_count == service.bench.stops == 2
+    assert not service.bench.helm.orders.is_armed
+    assert service.bench.board.commands == []
+
+
+def test_no_hand_drives_on_through_somebodys_stop(service: Service) -> None:
+    seen = service.bench.stops
+    assert service.drive(stop_count=seen).accepted
+    driven = len(service.bench.board.commands)
+    service.stop()
+    for _ in range(10):
+        assert not service.drive(stop_count=seen).accepted
+    assert len(service.bench.board.commands) == driven
+    assert service.drive().accepted
+
+
+def test_every_stop_counts_and_shows_everywhere(service: Service) -> None:
+    for count in (2, 3, 4):
+        reply = service.stop(messages.Command(sender="max").SerializeToString())
+        assert (reply.accepted, reply.standing, reply.stop_count) == (True, True, count)
+        assert service.status.last_stop.count == count
+        assert service.status.last_stop.by == "max"
+        assert service.bench.tick().stop_count == count
+
+
+@pytest.mark.parametrize("payload", [b"", b"\xff\xff", b"\x4a\xff", bytes(4000)])
+def test_a_damaged_stop_stops(service: Service, payload: bytes) -> None:
+    service.run()
+    assert service.stop(payload).stop_count == 2
+    assert service.bench.helm.orders.mode is Mode.STOPPED
+
+
+def test_a_stop_by_the_command_key_never_expires(service: Service) -> None:
+    service.run()
+    late = service.command(stop=messages.Stop(), expires_monotonic_ns=1, session_id=7, stop_count=0)
+    assert service.send(late).accepted
+    assert service.bench.stops == 2
+
+
+def test_a_senders_name_is_one_short_line(service: Service) -> None:
+    name = "max\n\x1b[2J" + "x" * 1000
+    service.stop(messages.Command(sender=name).SerializeToString())
+    shown = service.status.last_stop.by
+    assert shown.startswith("max[2Jxx")
+    assert len(shown) == 48
+
+
+def test_a_stop_is_confirmed_by_the_board_or_not_at_all(service: Service) -> None:
+    service.bench.board.answers = False
+    reply = service.stop()
+    assert (reply.accepted, reply.standing) == (True, False)
+    assert "not confirmed by the board" in reply.reason
+    service.bench.board.fault = Fault("board-lost", "the cable is out")
+    assert "the cable is out" in service.stop().reason
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"session_id": 7}, "before the robot's last start"),
+        ({"expires_monotonic_ns": 1}, "expired"),
+        ({"robot_id": "mbot-2"}, "for robot 'mbot-2'"),
+        ({"number": 0}, "repeated or overtaken"),
+        ({"stop_count": 0}, "upgrade the workstation"),
+        ({"stop_count": 99}, "look, then run again"),
+    ],
+)
+def test_what_was_meant_for_another_moment_is_refused(
+    service: Service, changes: dict[str, Any], reason: str
+) -> None:
+    for reply in (service.run(**changes), service.drive(**changes)):
+        assert not reply.accepted
+        assert reason in reply.reason
+    assert not service.bench.helm.orders.is_armed
+
+
+def test_nobody_has_a_command_for_later_in_his_pocket(service: Service) -> None:
+    now_ns = time.monotonic_ns()
+    assert "at most 2 s" in service.run(expires_monotonic_ns=now_ns + 3 * 10**9).reason
+    assert service.run(expires_monotonic_ns=now_ns + 19 * 10**8).accepted
+
+
+def test_the_same_bytes_are_obeyed_once(service: Service) -> None:
+    once = service.command(run=messages.Run())
+    assert service.send(once).accepted
+    assert "repeated or overtaken" in service.send(once).reason
+
+
+@pytest.mark.parametrize("missing", ["model", "camera", "board"])
+def test_run_with_a_fault_arms_nothing_and_says_why(missing: str) -> None:
+    service = Service()
+    if missing != "model":
+        service.bench.pilot.use(Policy(constant_model()))
+    if missing == "camera":
+        service.bench.camera.fault = Fault("camera-lost", "the camera is gone")
+    if missing == "board":
+        service.bench.board.fault = Fault("board-lost", "the board is gone")
+    service.bench.tick()
+    reply = service.run()
+    assert not reply.accepted
+    assert reply.reason.startswith("not armed: ")
+    assert {"model": "no model yet"}.get(missing, f"the {missing} is gone") in reply.reason
+    assert not service.bench.helm.orders.is_armed
+    # And nothing moves when it is mended.
+    service.bench.pilot.use(Policy(constant_model()))
+    service.bench.camera.fault = service.bench.board.fault = None
+    service.bench.tick()
+    assert service.bench.board.commands == []
+
+
+def test_asked_to_wait_it_waits(service: Service) -> None:
+    service.bench.camera.fault = Fault("camera-lost", "gone")
+    command = service.command(run=messages.Run(when_ready=True))
+    reply = service.send(command)
+    assert (reply.accepted, reply.state) == (True, messages.STATE_FAULT)
+    service.bench.camera.fault = None
+    service.bench.tick()
+    assert len(service.bench.board.commands) == 1
+
+
+@pytest.mark.parametrize("hold_ms", [0, 1001])
+def test_a_hand_holds_for_a_second_at_most(service: Service, hold_ms: int) -> None:
+    wheels = messages.Wheels(left=1, right=1)
+    drive = messages.Drive(wheels=wheels, hold_ms=hold_ms)
+    assert "expected 1 to 1000" in service.send(service.command(drive=drive)).reason
+    assert service.bench.board.commands == []
