@@ -3,7 +3,6 @@
 import getpass
 import os
 from contextlib import ExitStack
-from types import TracebackType
 from typing import Self, TypeVar
 
 import zenoh
@@ -106,12 +105,7 @@ class RobotLink:
             self._stack = stack.pop_all()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._session = None
         self._stack.close()
 

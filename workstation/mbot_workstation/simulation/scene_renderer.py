@@ -1,7 +1,6 @@
 """Draws a simulated scene from one of its cameras, off-screen, with MuJoCo's OpenGL renderer."""
 
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -134,10 +133,5 @@ class SceneRenderer:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()

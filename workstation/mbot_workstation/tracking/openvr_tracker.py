@@ -1,7 +1,6 @@
 """A SteamVR tracker through the `openvr` package, which only some machines have."""
 
 import importlib
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -76,12 +75,7 @@ class OpenVrTracker:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._openvr.shutdown()
 
     def pose(self) -> tuple[Array, Array] | None:

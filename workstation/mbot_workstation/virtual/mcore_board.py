@@ -9,7 +9,6 @@ import tty
 from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from mbot_protocol.errors import ConfigurationError
@@ -87,12 +86,7 @@ class McoreBoard:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._closing = True
         os.write(self._wake_writer, b"x")
         self._thread.join()

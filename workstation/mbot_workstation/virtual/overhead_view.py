@@ -1,7 +1,6 @@
 """The arena from above with the robot's path drawn in."""
 
 import math
-from types import TracebackType
 from typing import Self
 
 import cv2
@@ -55,12 +54,7 @@ class OverheadView:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._renderer.close()
 
 

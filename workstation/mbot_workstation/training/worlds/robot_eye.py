@@ -1,7 +1,6 @@
 """Draws what robots see: one OpenGL context, one loaded room after another, any robot in them."""
 
 from collections.abc import Sequence
-from types import TracebackType
 from typing import Any, Self
 
 from mbot_protocol.picture import Picture
@@ -73,10 +72,5 @@ class RobotEye:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()

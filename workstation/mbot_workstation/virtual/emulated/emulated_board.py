@@ -4,7 +4,6 @@ import time
 from collections import deque
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from mbot_protocol.errors import MbotError
@@ -76,12 +75,7 @@ class EmulatedBoard:
             self._resources = resources.pop_all()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._resources.close()
 
     def _note_end(self, failure: MbotError) -> None:
