@@ -115,6 +115,8 @@ def study(options: StudyOptions) -> None:
 
 def _how(options: StudyOptions, episodes: int, rooms: int, *, photographed: bool) -> str:
     """How it was tried, for the page."""
+    from mbot_workstation.training.evaluation.provenance import provenance
+
     kind = "photographed" if photographed else "made-up"
     # A calibration's own room may be one the policy was trained in.
     seen = "" if options.calibration else " never trained in"
@@ -122,7 +124,7 @@ def _how(options: StudyOptions, episodes: int, rooms: int, *, photographed: bool
     return (
         f"Lesson {options.lesson}, {episodes} episodes a line, {rooms} {kind} rooms{seen}, seed "
         f"{options.seed}; "
-        f"intervals of 95 %.{robot}"
+        f"intervals of 95 %.{robot}\n\n{provenance(options.contestants)}"
     )
 
 
