@@ -179,7 +179,9 @@ install_configuration() {
         step "Configuration: $configuration/config.toml is kept"
     else
         step "Configuration: $configuration/config.toml for the robot '$(robot_id)'"
-        run install -D -m 0644 "$checkout/deploy/config.toml" "$configuration/config.toml"
+        # Not for everybody: a camera's address may hold a password.
+        run install -D -m 0640 "$checkout/deploy/config.toml" "$configuration/config.toml"
+        run chown "root:$user" "$configuration/config.toml"
         run sed -i "s/^robot_id = .*/robot_id = \"$(robot_id)\"/" "$configuration/config.toml"
         [ "$(robot_id)" != raspberrypi ] ||
             note "that is every Pi's name: with a second robot, change robot_id there"

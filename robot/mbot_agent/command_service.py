@@ -7,7 +7,7 @@ from google.protobuf.message import DecodeError
 
 from mbot_agent import installed_version
 from mbot_agent.arming import Mode, state_of
-from mbot_agent.configuration import Configuration
+from mbot_agent.configuration import Configuration, shown_source
 from mbot_agent.control_loop import ControlLoop
 from mbot_agent.faults import Notice
 from mbot_agent.hardware import Board
@@ -62,7 +62,7 @@ class CommandService:
         """`heard` learns of every command that is obeyed."""
         self._version = installed_version()
         self._robot_id = configuration.robot_id
-        self._camera_source = configuration.camera.source
+        self._camera_source = shown_source(configuration.camera.source)
         self._trust = configuration.trust
         self._rate_hz = configuration.control.decision_rate_hz
         self._wheels = configuration.motors.to_maps()

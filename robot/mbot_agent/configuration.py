@@ -40,6 +40,15 @@ Pixels = Annotated[int, Meta(ge=16, le=8192)]
 Degrees = Annotated[float, Meta(ge=1, le=170)]
 
 
+_LOGIN = re.compile(r"//[^/@]*@")
+_QUERY = re.compile(r"\?.*", re.DOTALL)
+
+
+def shown_source(source: str) -> str:
+    """A camera's source for people to read: passwords in addresses are left out."""
+    return _QUERY.sub("?...", _LOGIN.sub("//...@", source)) if "://" in source else source
+
+
 class Intrinsics(Struct, frozen=True, forbid_unknown_fields=True):
     """A calibrated camera, at the resolution the calibration was made at."""
 
@@ -64,6 +73,14 @@ class Camera(Struct, frozen=True, forbid_unknown_fields=True):
     intrinsics: Intrinsics | None = None
     stale_after_ms: Annotated[float, Meta(ge=50, le=600)] = 300.0
     identical_frames: Literal["auto", "refuse", "refuse-while-driving"] = "auto"
+
+    def __post_init__(self) -> None:
+        is_address = "://" in self.source and not self.source.startswith("ffmpeg:")
+        if is_address and not self.source.startswith("http://"):
+            raise ValueError(
+                f"source is {shown_source(self.source)!r}, expected picamera2, a device, a file or "
+                f'http://; FFmpeg opens other addresses, by source = "ffmpeg:ADDRESS"'
+            )
 
     def model_at(self, width_px: int, height_px: int) -> CameraModel:
         """The intrinsics for frames of this size: calibrated, or from the field of view."""
@@ -179,6 +196,12 @@ class Tls(Struct, frozen=True, forbid_unknown_fields=True):
     key: str
 
 
+class Telemetry(Struct, frozen=True, forbid_unknown_fields=True):
+    """What the robot tells of itself."""
+
+    pictures: bool | Literal["while-watched"] = "while-watched"
+
+
 class Network(Struct, frozen=True, forbid_unknown_fields=True):
     """Where the daemon listens for workstations. Plain TCP is for loopback only."""
 
@@ -212,6 +235,7 @@ class Configuration(Struct, frozen=True, forbid_unknown_fields=True):
     control: Control = Control()
     models: Models = Models()
     trust: Trust = Trust()
+    telemetry: Telemetry = Telemetry()
     network: Network = Network()
     access: Access = Access()
 

@@ -190,7 +190,11 @@ def _telemetry(
 
     robot_id = configuration.robot_id
     telemetry = parts.enter_context(
-        Telemetry(link, lambda tick: wire_decision(tick, robot_id, session_id, keeper.notices))
+        Telemetry(
+            link,
+            lambda tick: wire_decision(tick, robot_id, session_id, keeper.notices),
+            configuration.telemetry,
+        )
     )
     return telemetry.offer
 

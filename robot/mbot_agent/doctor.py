@@ -10,7 +10,7 @@ from pathlib import Path
 
 from mbot_agent.camera.frame_sources import frame_source
 from mbot_agent.camera.picture_check import PictureCheck
-from mbot_agent.configuration import Configuration
+from mbot_agent.configuration import Configuration, shown_source
 from mbot_protocol.errors import MbotError
 from mbot_protocol.mcore import has_deadman
 
@@ -67,10 +67,9 @@ def _camera(configuration: Configuration) -> Finding:
             if (fault := check.judge(shot.picture(), shot.captured_ns)) is not None:
                 return Finding("camera", "failed", fault.detail)
         rate_hz = FRAMES / (time.monotonic() - started_s)
+    shown = shown_source(configuration.camera.source)
     return Finding(
-        "camera",
-        "ok",
-        f"{configuration.camera.source}: {width_px} x {height_px}, about {rate_hz:.0f} frames/s",
+        "camera", "ok", f"{shown}: {width_px} x {height_px}, about {rate_hz:.0f} frames/s"
     )
 
 

@@ -13,10 +13,12 @@ import numpy as np
 import pytest
 
 from mbot_agent.camera import mjpeg_source
+from mbot_agent.camera.capture import CaptureThread
 from mbot_agent.camera.frame_sources import frame_source
-from mbot_agent.camera.mjpeg_source import MjpegSource, NotMjpegError
+from mbot_agent.camera.mjpeg_source import MjpegSource
 from mbot_agent.camera.source_contract import CameraError, Shot
-from mbot_agent.configuration import Camera
+from mbot_agent.configuration import Camera, decode
+from mbot_protocol.errors import ConfigurationError
 
 GREETING = b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=frame\r\n\r\n"
 
@@ -220,7 +222,7 @@ def test_name_and_password_of_the_address_are_shown() -> None:
     assert not any(b"@" in line for line in lines)
 
 
-def test_what_is_no_stream_of_jpegs_is_left_to_opencv(tmp_path: Path) -> None:
+def test_what_is_no_stream_of_jpegs_is_opened_by_ffmpeg_only_if_told_so(tmp_path: Path) -> None:
     clip = tmp_path / "clip.avi"
     writer = cv2.VideoWriter(str(clip), cv2.VideoWriter.fourcc(*"MJPG"), 30.0, (64, 48))
     for level in range(0, 250, 10):
@@ -229,7 +231,52 @@ def test_what_is_no_stream_of_jpegs_is_left_to_opencv(tmp_path: Path) -> None:
     film = clip.read_bytes()
     greeting = b"HTTP/1.0 200 OK\r\nContent-Type: video/x-msvideo\r\nContent-Length: %d\r\n\r\n"
     with server(ends_after(greeting % len(film), film)) as url:
-        with pytest.raises(NotMjpegError, match="status 200"):
-            MjpegSource(url).__enter__()
-        with frame_source(Camera(source=url)) as source:
+        with pytest.raises(CameraError, match=r'status 200.*set camera.source = "ffmpeg:'):
+            frame_source(Camera(source=url)).__enter__()
+        with frame_source(Camera(source=f"ffmpeg:{url}")) as source:
             assert source.read().picture().shape == (48, 64, 3)
+
+
+@pytest.mark.parametrize("prefix", ["", "ffmpeg:"])
+def test_nobody_sends_us_to_another_address(prefix: str) -> None:
+    asked: list[bytes] = []
+
+    def other(connection: socket.socket, request: bytes) -> None:
+        asked.append(request)
+        sends(part(jpeg(90)))(connection, request)
+
+    with server(other) as elsewhere:
+        moved = f"HTTP/1.0 302 Found\r\nLocation: {elsewhere}\r\n\r\n".encode()
+        with (
+            server(ends_after(moved)) as url,
+            pytest.raises(CameraError),
+            frame_source(Camera(source=f"{prefix}{url}")) as source,
+        ):
+            source.read()
+    assert asked == []
+
+
+@pytest.mark.parametrize("prefix", ["", "ffmpeg:"])
+def test_a_password_is_shown_to_the_camera_and_to_nobody_else(
+    prefix: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    source = f"{prefix}http://anna:geheim@127.0.0.1:1/stream?token=geheim"
+    with pytest.raises(CameraError) as caught:
+        frame_source(Camera(source=source)).__enter__()
+    with CaptureThread(Camera(source=source)) as capture:
+        deadline_s = time.monotonic() + 5
+        while capture.fault is None or capture.fault.kind != "camera-lost":
+            assert time.monotonic() < deadline_s
+            time.sleep(0.01)
+        fault = capture.fault
+    for words in (str(caught.value), fault.detail, caplog.text):
+        assert "geheim" not in words
+        assert "anna" not in words
+    assert "http://...@127.0.0.1:1/stream?..." in fault.detail
+
+
+@pytest.mark.parametrize("source", ["rtsp://anna:geheim@10.0.0.5/x", "https://10.0.0.5/x"])
+def test_ffmpeg_is_reached_by_name_only(source: str) -> None:
+    with pytest.raises(ConfigurationError, match="ffmpeg:ADDRESS") as caught:
+        decode(f'robot_id = "x"\n[camera]\nsource = "{source}"', "robot.toml")
+    assert "geheim" not in str(caught.value)

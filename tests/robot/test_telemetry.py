@@ -1,10 +1,13 @@
 import threading
 import time
+from typing import Any
 
 import cv2
 import numpy as np
+import pytest
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 
+from mbot_agent import configuration
 from mbot_agent.arming import Mode, Orders
 from mbot_agent.faults import Notice
 from mbot_agent.network.telemetry_publisher import BACKLOG, Telemetry
@@ -21,6 +24,10 @@ class Wire:
         self.sent: list[tuple[Topic, bytes]] = []
         self.open = threading.Event()
         self.open.set()
+        self.watched = True
+
+    def is_watched(self, topic: Topic) -> bool:
+        return self.watched and topic is OBSERVATION
 
     def publish(self, topic: Topic, payload: bytes) -> None:
         self.open.wait(10)
@@ -39,8 +46,25 @@ def to_message(tick: Tick) -> Decision:
     return wire_decision(tick, "mbot-1", 42, (NOTICE,))
 
 
-def telemetry_to(wire: Wire) -> Telemetry:
-    return Telemetry(wire, to_message)
+def telemetry_to(wire: Wire, **settings: Any) -> Telemetry:
+    return Telemetry(wire, to_message, configuration.Telemetry(**settings))
+
+
+@pytest.mark.parametrize("watched", [True, False])
+@pytest.mark.parametrize("pictures", [True, False, "while-watched"])
+def test_pictures_are_made_for_whom_they_are_for(
+    pictures: Any, watched: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wire = Wire()
+    wire.watched = watched
+    encoded: list[str] = []
+    encode = cv2.imencode
+    monkeypatch.setattr(cv2, "imencode", lambda *a: encoded.append("one") or encode(*a))
+    with telemetry_to(wire, pictures=pictures) as telemetry:
+        telemetry.offer(tick(1, np.full((64, 64, 3), 90, np.uint8)))
+    wanted = pictures is True or (pictures == "while-watched" and watched)
+    assert len(encoded) == wanted
+    assert [topic for topic, _ in wire.sent] == ([DECISION, OBSERVATION] if wanted else [DECISION])
 
 
 def test_a_record_and_its_picture_are_published() -> None:

@@ -10,7 +10,7 @@ from mbot_agent.camera.frame_sources import frame_source
 from mbot_agent.camera.jpeg_picture import JpegError
 from mbot_agent.camera.picture_check import PictureCheck, is_black
 from mbot_agent.camera.source_contract import CameraError, FrameSource, Shot
-from mbot_agent.configuration import Camera
+from mbot_agent.configuration import Camera, shown_source
 from mbot_agent.faults import Fault
 from mbot_agent.hardware import Frame
 from mbot_protocol.back_off import BackOff
@@ -106,7 +106,7 @@ class CaptureThread:
         while not self._closing.is_set():
             try:
                 with frame_source(self._camera) as source:
-                    log.info("camera %r is open", self._camera.source)
+                    log.info("camera %r is open", shown_source(self._camera.source))
                     # A server hands its newest picture to whoever connects, however long ago the
                     # camera stalled; only what comes after it is known to be of now.
                     source.read()

@@ -16,12 +16,9 @@ from urllib.parse import SplitResult, unquote, urlsplit
 from mbot_agent.camera.jpeg_picture import JpegError, check_jpeg, decode_jpeg
 from mbot_agent.camera.multipart import MultipartError, MultipartParser, Part
 from mbot_agent.camera.source_contract import OPEN_TIMEOUT_S, READ_TIMEOUT_S, CameraError, Shot
+from mbot_agent.configuration import shown_source
 
 RECEIVE_BYTES = 64 << 10
-
-
-class NotMjpegError(Exception):
-    """Something else answered: a redirection, a password prompt, a film."""
 
 
 class MjpegSource:
@@ -33,14 +30,15 @@ class MjpegSource:
 
     def __init__(self, url: str) -> None:
         self._url = url
+        self._shown = shown_source(url)
         self._connection: _Connection | None = None
 
     def __enter__(self) -> Self:
         """Open it.
 
         Raises:
-            CameraError: nobody answers, or not in HTTP.
-            NotMjpegError: the answer is no such stream.
+            CameraError: nobody answers, or with something else: a redirection, a password
+                prompt, a film.
 
         """
         self._connection = _Connection(self._url)
@@ -66,11 +64,11 @@ class MjpegSource:
             try:
                 part = self._connection.receive(deadline_s)
             except TimeoutError:
-                raise CameraError(f"the camera {self._url!r} {problem}") from None
+                raise CameraError(f"the camera {self._shown!r} {problem}") from None
             except MultipartError as error:
-                raise CameraError(f"the camera {self._url!r} {error}") from None
+                raise CameraError(f"the camera {self._shown!r} {error}") from None
             except (OSError, http.client.HTTPException):
-                raise CameraError(f"the camera {self._url!r} has broken the connection") from None
+                raise CameraError(f"the camera {self._shown!r} has broken the connection") from None
             if part is not None:
                 try:
                     return _shot(part)
@@ -94,7 +92,8 @@ class _Connection:
             self._socket = socket.create_connection(address, OPEN_TIMEOUT_S)
         except (OSError, ValueError) as error:
             raise CameraError(
-                f"cannot open the camera {url!r}: {error}; is it running? (camera.source)"
+                f"cannot open the camera {shown_source(url)!r}: {error}; is it running? "
+                "(camera.source)"
             ) from None
         try:
             self._bytes = _DeadlineReader(self._socket, deadline_s)
@@ -102,7 +101,7 @@ class _Connection:
             self._response = http.client.HTTPResponse(cast(socket.socket, self._bytes))
             self._response.begin()
             self._parser = _parser(self._response)
-        except NotMjpegError:
+        except CameraError:
             self.close()
             raise
         except (OSError, ValueError, http.client.HTTPException) as error:
@@ -110,7 +109,9 @@ class _Connection:
             # Other errors may quote what came, whatever that is.
             known = isinstance(error, OSError | MultipartError)
             reason = error if known else "what answers there does not speak HTTP"
-            raise CameraError(f"cannot open the camera {url!r}: {reason} (camera.source)") from None
+            raise CameraError(
+                f"cannot open the camera {shown_source(url)!r}: {reason} (camera.source)"
+            ) from None
 
     def close(self) -> None:
         self._socket.close()
@@ -167,5 +168,8 @@ def _parser(response: http.client.HTTPResponse) -> MultipartParser:
     kind = response.msg.get_content_maintype()
     boundary = response.msg.get_boundary()
     if response.status != http.HTTPStatus.OK or kind != "multipart" or boundary is None:
-        raise NotMjpegError(f"answers with no stream of JPEGs (status {response.status})")
+        raise CameraError(
+            f"what answers at the camera's address sends no stream of JPEGs (status "
+            f'{response.status}); for a film or H.264 set camera.source = "ffmpeg:http://..."'
+        )
     return MultipartParser(boundary)

@@ -14,6 +14,7 @@ from typing import Protocol, Self
 import cv2
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 
+from mbot_agent import configuration
 from mbot_agent.network.health import read_health
 from mbot_agent.tick import Tick
 from mbot_protocol.keys import DECISION, OBSERVATION, Topic
@@ -35,12 +36,22 @@ class Publisher(Protocol):
         """Send one message, or drop it when the link is slow."""
         ...
 
+    def is_watched(self, topic: Topic) -> bool:
+        """Whether anybody listens now."""
+        ...
+
 
 class Telemetry:
     """The publishing thread. A context manager."""
 
-    def __init__(self, publisher: Publisher, to_message: Callable[[Tick], Decision]) -> None:
+    def __init__(
+        self,
+        publisher: Publisher,
+        to_message: Callable[[Tick], Decision],
+        settings: configuration.Telemetry,
+    ) -> None:
         self._publisher = publisher
+        self._pictures = settings.pictures
         self._to_message = to_message
         self._backlog: queue.Queue[Tick | None] = queue.Queue(BACKLOG)
         self._dropped = 0
@@ -97,9 +108,15 @@ class Telemetry:
         decision.dropped_records = self._dropped
         decision.unix_time_ns = _unix_time_ns(decision.started_monotonic_ns)
         self._publisher.publish(DECISION, decision.SerializeToString())
-        if tick.observation is not None:
+        if tick.observation is not None and self._shows_pictures():
             picture = _compressed(tick.observation, decision)
             self._publisher.publish(OBSERVATION, picture.SerializeToString())
+
+    def _shows_pictures(self) -> bool:
+        """Pictures cost most of what telemetry does, and not everybody wants to be filmed."""
+        if isinstance(self._pictures, bool):
+            return self._pictures
+        return self._publisher.is_watched(OBSERVATION)
 
 
 def _unix_time_ns(monotonic_ns: int) -> int:

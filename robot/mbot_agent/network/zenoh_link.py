@@ -118,6 +118,13 @@ class Link:
 
     def publish(self, topic: Topic, payload: bytes) -> None:
         """Send to whoever listens; dropped if the link is slow (BLOCK held a put for 5 s)."""
+        self._publisher(topic).put(payload)
+
+    def is_watched(self, topic: Topic) -> bool:
+        """Whether anybody listens to it now."""
+        return self._publisher(topic).matching_status
+
+    def _publisher(self, topic: Topic) -> zenoh.Publisher:
         publisher = self._publishers.get(topic.name)
         if publisher is None:
             publisher = self._open_session.declare_publisher(
@@ -127,7 +134,7 @@ class Link:
                 reliability=zenoh.Reliability.BEST_EFFORT,
             )
             self._publishers[topic.name] = publisher
-        publisher.put(payload)
+        return publisher
 
     def serve(self, below: str, answers: Mapping[str, Answer]) -> None:
         """Answer queries on some keys, one after another, on a thread of their own.
