@@ -22,13 +22,13 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # for the truths in tests/
 from identification_page import page
 
 from mbot_protocol.actions import WheelMaps
-from mbot_workstation.identification.estimate import Identification
-from mbot_workstation.identification.identify import identify
-from mbot_workstation.identification.parameters import with_values
-from mbot_workstation.identification.run_simulation import simulate_run
+from mbot_workstation.identification.fit import identify
+from mbot_workstation.identification.model import simulate_run
+from mbot_workstation.identification.result import Identification
 from mbot_workstation.recordings.maneuver import MANEUVERS
 from mbot_workstation.recordings.run import CommandSeries, Recording, Run
 from mbot_workstation.recordings.track import Track
+from mbot_workstation.simulation.parameter_table import with_values
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from tests.workstation.mujoco_truth import record_simulated
 from tests.workstation.planar_robot import PlanarRobot, Session, record
@@ -65,7 +65,8 @@ MUJOCO = with_values(
         "track_m": 0.117,
         "mass_ahead_m": 0.018,
         "inertia_scale": 1.2,
-        "dry_friction": 0.1,
+        "left_dry_friction": 0.1,
+        "right_dry_friction": 0.1,
     },
 )
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mbot_workstation.identification.run_simulation import (
+from mbot_workstation.identification.model import (
     simulate_paths,
     step_count,
     wheel_volts,

@@ -8,14 +8,16 @@ import pytest
 
 from mbot_protocol.actions import WheelMaps
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.identification.estimate import Identification
-from mbot_workstation.identification.identify import identify
-from mbot_workstation.identification.motion_file import motion_calibration, straight_maps
-from mbot_workstation.identification.parameters import with_values
+from mbot_workstation.identification.fit import identify
+from mbot_workstation.identification.handicap import handicap
+from mbot_workstation.identification.model import simulate_run
+from mbot_workstation.identification.motion_file import motion_calibration
 from mbot_workstation.identification.report import backward_lines, error_lines
-from mbot_workstation.identification.run_simulation import simulate_run
+from mbot_workstation.identification.result import Identification
+from mbot_workstation.recordings.maneuver import maneuver_named
 from mbot_workstation.recordings.run import CommandSeries, Recording, Run
 from mbot_workstation.recordings.track import Array, Track
+from mbot_workstation.simulation.parameter_table import with_values
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 
 from .mujoco_truth import record_simulated
@@ -102,7 +104,7 @@ def test_clock_and_tracker_are_recovered(found: Identification) -> None:
 
 
 def test_held_out_runs_are_nearer_than_before(found: Identification) -> None:
-    assert len(found.errors) == found.fitted == 8
+    assert (len(found.errors), found.fitted) == (8, 16)
     straight = [e for e in found.errors if e.maneuver in {"forward-forward", "backward-backward"}]
     assert all(e.before_m > 0.2 > 4 * e.after_m for e in straight)
     assert np.median([e.after_rad for e in found.errors]) < 0.2 * np.median(
@@ -113,18 +115,17 @@ def test_held_out_runs_are_nearer_than_before(found: Identification) -> None:
 def test_what_full_speed_cannot_tell_keeps_its_value_and_says_why(found: Identification) -> None:
     estimates = {one.name: one for one in found.estimates}
     for name in ("left_dead_band", "right_dead_band"):
-        assert estimates[name].value == estimates[name].before
+        assert estimates[name].value == pytest.approx(estimates[name].before)
         assert "changes nothing" in str(estimates[name].why_not)
     for name in ("wheel_radius_m", "free_speed_rpm", "load_loss"):
         assert estimates[name].value == estimates[name].before
-        assert "motor gain" in str(estimates[name].why_not)
+        assert "motors' gains" in str(estimates[name].why_not)
     assert "clock" in str(found.latency.why_not)
-    for name in ("left_gain", "right_gain", "left_time_constant_s", "track_m", "inertia_scale"):
+    for name in ("left_gain", "right_gain", "left_time_constant_s", "inertia_scale"):
         one = estimates[name]
         assert one.low is not None
         assert one.high is not None
         assert one.low < one.value < one.high
-    assert min(found.singular_values) > 3
 
 
 def test_errors_of_heading_are_told_in_plain_words(found: Identification) -> None:
@@ -134,21 +135,30 @@ def test_errors_of_heading_are_told_in_plain_words(found: Identification) -> Non
         if "neutral" not in error.maneuver
         and error.maneuver not in {"forward-forward", "backward-backward"}
     )
-    calm = replace(found, scatter=replace(found.scatter, moment_s=0.0005))
-    (line,) = error_lines(calm)
+    (line,) = error_lines(found)
     assert "% of the angle turned, before" in line
-    _, why = error_lines(replace(found, scatter=replace(found.scatter, moment_s=0.02)))
-    assert why.startswith("runs begin 20 ms (standard deviation) sooner or later")
     straight = [error for error in found.errors if abs(error.turned_rad) < 3]
     assert error_lines(replace(found, errors=tuple(straight))) == []
 
 
+def test_what_is_true_is_within_what_is_told(found: Identification) -> None:
+    inside = []
+    for one in found.steady:
+        maneuver = maneuver_named(one.maneuver)
+        speed, turn = TRUTH.steady(maneuver.left, maneuver.right)
+        inside.append(abs(one.speed_m_s - speed) < 1.96 * one.speed_sd)
+        inside.append(abs(one.turn_rad_s - turn) < 1.96 * one.turn_sd)
+    assert len(inside) == 16
+    assert np.mean(inside) >= 0.9
+
+
+@pytest.mark.slow
 def test_motors_that_are_weaker_backward_are_simulated_and_named() -> None:
     truth = replace(TRUTH, backward=(0.98, 0.95), repeat=0.001)
     found = identify([record(truth, SHORT, seed=6)], RobotParameters(), robot_id="one way")
     for direction in (1, -1):
         speed, _, lag_s = simulated_rates(found.robot, direction, direction)
-        assert speed == pytest.approx(truth.steady(direction, direction)[0], rel=0.01)
+        assert speed == pytest.approx(truth.steady(direction, direction)[0], rel=0.02)
         assert lag_s == pytest.approx(true_lag_s(truth, direction, direction), rel=0.15)
     assert found.robot.track_m == pytest.approx(truth.track, rel=0.03)
     assert found.robot.left_motor.backward_share == pytest.approx(0.98, abs=0.01)
@@ -156,6 +166,7 @@ def test_motors_that_are_weaker_backward_are_simulated_and_named() -> None:
     assert "backward the right motor is" in backward_lines(found)[-1]
 
 
+@pytest.mark.slow
 def test_a_weak_motor_turns_the_robot_as_slowly_as_it_does() -> None:
     truth = replace(TRUTH, top_speed=(TRUTH.top_speed[0], TRUTH.top_speed[1] / 2), repeat=0.001)
     found = identify([record(truth, SHORT, seed=7)], RobotParameters(), robot_id="weak")
@@ -165,7 +176,7 @@ def test_a_weak_motor_turns_the_robot_as_slowly_as_it_does() -> None:
 
 
 def test_the_trim_drives_straight(found: Identification) -> None:
-    maps = straight_maps(found, WheelMaps())
+    maps = handicap(found, WheelMaps()).straight
     assert maps.left.trim < 1 == maps.right.trim
     commands = CommandSeries(np.array([0.0, 4.0]), np.array([1.0, 0]), np.array([1.0, 0]))
     still = Track(np.array([0.0, 1.0]), np.zeros((2, 3)), np.tile([1.0, 0, 0, 0], (2, 1)))
@@ -175,13 +186,14 @@ def test_the_trim_drives_straight(found: Identification) -> None:
     )
     assert straight < 0.05
     assert askew > 0.5
-    motion = motion_calibration(found, WheelMaps())
+    motion = motion_calibration(found, maps)
     assert motion.left_motor.trim == maps.left.trim
     assert motion.left_motor.dead_band_compensation == 40
     assert motion.intervals["left_motor.time_constant_ms"].low > 60
     assert set(motion.undetermined) >= {"left_motor.dead_band", "wheel_radius_m", "latency_ms"}
 
 
+@pytest.mark.slow
 def test_dead_bands_are_told_from_gains_at_several_speeds() -> None:
     truth = with_values(
         RobotParameters(),
@@ -195,11 +207,16 @@ def test_dead_bands_are_told_from_gains_at_several_speeds() -> None:
     assert estimates["left_dead_band"].value == pytest.approx(38 / 255, abs=2 / 255)
     assert estimates["right_dead_band"].value == pytest.approx(63 / 255, abs=2 / 255)
     assert estimates["left_dead_band"].low is not None
-    assert estimates["left_gain"].value == pytest.approx(0.93, rel=0.01)
-    maps = straight_maps(found, WheelMaps())
+    for left, right in ((1.0, 1.0), (0.5, 0.5)):
+        speed, rate, _ = simulated_rates(found.robot, left, right)
+        true_speed, true_rate, _ = simulated_rates(truth, left, right)
+        assert speed == pytest.approx(true_speed, rel=0.02)
+        assert rate == pytest.approx(true_rate, abs=0.1)
+    maps = handicap(found, WheelMaps()).straight
     assert (maps.left.dead_band, maps.right.dead_band) == pytest.approx((38, 63), abs=2)
 
 
+@pytest.mark.slow
 def test_clocks_of_single_runs_and_two_trackers_are_no_obstacle() -> None:
     own = record(TRUTH, FOUR, Tracker(drift=0.0), seed=2)
     rng = np.random.default_rng(0)
@@ -207,7 +224,7 @@ def test_clocks_of_single_runs_and_two_trackers_are_no_obstacle() -> None:
     other = record(TRUTH, FOUR, Tracker(ahead=0.05, left=-0.03, mount_deg=(-120.0, 1.0, 4.0)))
     both = [replace(own, runs=runs, tracker_ahead_s=None), other]
     found = identify(both, RobotParameters(), robot_id="both")
-    assert found.fitted == 8
+    assert found.fitted == 16
     speed, rate, lag_s = simulated_rates(found.robot, 1, 1)
     assert speed == pytest.approx(TRUTH.steady(1, 1)[0], rel=0.02)
     assert lag_s == pytest.approx(true_lag_s(TRUTH, 1, 1), rel=0.15)
@@ -216,6 +233,7 @@ def test_clocks_of_single_runs_and_two_trackers_are_no_obstacle() -> None:
     assert abs(rate) > 0.1
 
 
+@pytest.mark.slow
 def test_the_delay_is_told_with_one_clock() -> None:
     truth = RobotParameters()
     recording = record_simulated(truth, FOUR, Tracker(ahead_s=0.0, drift=0.0), delay_s=0.045)
@@ -229,6 +247,7 @@ def test_the_delay_is_told_with_one_clock() -> None:
         identify([later], RobotParameters(), robot_id="x", same_clock=True)
 
 
+@pytest.mark.slow
 def test_spoilt_runs_are_named_and_left_out(recording: Recording) -> None:
     runs = list(recording.runs)
     runs[0] = _held_at(runs[0], 1.5)  # a fitted one

@@ -1,7 +1,6 @@
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,9 +11,9 @@ from mbot_protocol.calibration import read_motion
 from mbot_protocol.errors import ConfigurationError, MbotError
 from mbot_workstation.calibration_files.calibration_folder import read_calibration
 from mbot_workstation.commands.identify import identify
-from mbot_workstation.identification.estimate import Identification
-from mbot_workstation.identification.identify import identify as real_identify
-from mbot_workstation.recordings.recording_folder import write_recording
+from mbot_workstation.identification.fit import identify as real_identify
+from mbot_workstation.identification.result import Identification
+from mbot_workstation.recordings.recording_folder import read_recording, write_recording
 from mbot_workstation.recordings.run import Recording
 from mbot_workstation.recordings.track import Track
 from mbot_workstation.simulation.robot_parameters import RobotParameters
@@ -55,6 +54,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write(record(PlanarRobot(), session(), calm, seed=3), made)
 
 
+@pytest.fixture(scope="module")
+def found(folder: Path) -> Identification:
+    return real_identify([read_recording(folder)], RobotParameters(), robot_id="mbot-7")
+
+
+def answering(monkeypatch: pytest.MonkeyPatch, found: Identification) -> None:
+    """Let the command take this for the fit's result: one fit is enough for several tests."""
+    monkeypatch.setattr("mbot_workstation.identification.fit.identify", lambda *_, **__: found)
+
+
 def invoke(*arguments: str | Path) -> Result:
     app = typer.Typer()
     app.command()(identify)
@@ -70,36 +79,51 @@ def test_a_recording_becomes_motion_toml(
     monkeypatch.chdir(tmp_path)
     told = invoke(folder)
     assert told.exit_code == 0, told.output
-    assert "planar-1: fitted 4 runs, 4 held out" in told.output
+    assert "planar-1: fitted 8 runs, 4 held out" in told.output
     assert "left motor gain" in told.output
     assert "left dead band [of 255] stays 50: it changes nothing in these runs" in told.output
+    assert "model misses" in told.output
     assert "the left motor is the stronger one: trim 0.9" in told.output
     assert f"wrote {Path('calibration/planar-1/motion.toml')}" in told.output
     motion = read_motion(Path("calibration/planar-1"))
     assert motion is not None
     assert motion.track_m == pytest.approx(0.117, abs=0.004)
     assert motion.left_motor.trim < 1 == motion.right_motor.trim
-    assert motion.intervals["track_m"].low < motion.track_m < motion.intervals["track_m"].high
     robot = read_calibration(Path("calibration/planar-1")).robot
     assert robot.left_motor.gain == motion.left_motor.gain
     assert robot.inertia_scale == motion.inertia_scale != 1
     assert robot.centre_of_mass_m == motion.mass_ahead_m
 
 
-def test_json_holds_all_and_the_folder_is_where_it_is_told(folder: Path, tmp_path: Path) -> None:
+def test_json_holds_all_and_the_folder_is_where_it_is_told(
+    folder: Path, found: Identification, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answering(monkeypatch, found)
     result = invoke(folder, "--calibration", tmp_path / "mine", "--json", "--robot", "mbot-7")
-    found = json.loads(result.stdout)
-    assert found["robot"] == "mbot-7"
-    assert found["written"] == [str(tmp_path / "mine" / "motion.toml")]
-    assert found["runs_fitted"] == found["runs_held_out"] == 4
-    gain = found["parameters"]["left_gain"]
+    told = json.loads(result.stdout)
+    assert told["robot"] == "mbot-7"
+    assert told["written"] == [str(tmp_path / "mine" / "motion.toml")]
+    assert (told["runs_fitted"], told["runs_held_out"]) == (8, 4)
+    gain = told["parameters"]["left_time_constant_s"]
     assert gain["low"] < gain["value"] < gain["high"]
-    assert found["parameters"]["left_dead_band"]["undetermined"]
-    assert found["latency_s"]["low"] is None
-    straight, *others = found["held_out"]
+    assert told["parameters"]["left_dead_band"]["undetermined"]
+    assert told["latency_s"]["low"] is None
+    straight, *others = told["held_out"]
     assert straight["after_m"] < straight["before_m"]
     assert sum(one["after_rad"] < one["before_rad"] for one in others) >= 2
-    assert len(found["singular_values"]) >= 5
+    assert {one["maneuver"] for one in told["misfit"]} == set(NAMES)
+    assert all(one["speed_sd"] > 0 for one in told["steady"])
+    assert told["uneven_motors"]["straight"]["left"]["trim"] < 1
+
+
+def test_uneven_motors_can_be_left_to_the_policy(
+    folder: Path, found: Identification, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answering(monkeypatch, found)
+    assert "trim" in invoke(folder, "--calibration", tmp_path, "--no-trim").output
+    motion = read_motion(tmp_path)
+    assert motion is not None
+    assert motion.left_motor.trim == motion.right_motor.trim == 1
 
 
 def test_recordings_of_two_robots_are_not_mixed(folder: Path, tmp_path: Path) -> None:
@@ -109,15 +133,10 @@ def test_recordings_of_two_robots_are_not_mixed(folder: Path, tmp_path: Path) ->
 
 
 def test_a_fit_that_is_worse_than_nothing_is_not_written(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    folder: Path, found: Identification, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def spoilt(*arguments: Any, **options: Any) -> Identification:
-        found = real_identify(*arguments, **options)
-        errors = [replace(e, after_m=e.before_m + 1, after_rad=9.0) for e in found.errors]
-        return replace(found, errors=tuple(errors))
-
-    module = "mbot_workstation.identification.identify"
-    monkeypatch.setattr(f"{module}.identify", spoilt)
+    errors = [replace(e, after_m=e.before_m + 1, after_rad=9.0) for e in found.errors]
+    answering(monkeypatch, replace(found, errors=tuple(errors)))
     with pytest.raises(MbotError, match="further off than before, so nothing was written"):
         invoke(folder, "--calibration", tmp_path / "mine")
     assert not (tmp_path / "mine").exists()

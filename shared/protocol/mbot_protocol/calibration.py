@@ -164,7 +164,11 @@ class MotionCalibration(Struct, frozen=True, forbid_unknown_fields=True):
         track_m: between the wheels' centres, effective.
         wheel_friction: of the wheels on the floor, sliding.
         load_loss: share of the free speed lost under the robot's own load.
+        rolling_drag_n: force with which caster and bearings resist driving.
         turning_drag_n_m: torque with which caster and tyres resist a turn.
+        turning_knee_rad_s: turn rate from which on they do so in full.
+        battery_sag: share of the voltage lost while both motors drive at full duty.
+        battery_fade: share of their strength that a session takes from a fresh battery.
         mass_ahead_m: the robot's centre of mass ahead of the axle; None is what its body makes.
         inertia_scale: its moments of inertia against what its body makes.
         latency_ms: from a command's sending until the wheels' voltage changes.
@@ -188,7 +192,11 @@ class MotionCalibration(Struct, frozen=True, forbid_unknown_fields=True):
     made_on: str
     mass_ahead_m: float | None = None
     inertia_scale: float = 1.0
+    rolling_drag_n: float = 0.0
     turning_drag_n_m: float = 0.0
+    turning_knee_rad_s: float = 2.5
+    battery_sag: float = 0.0
+    battery_fade: float = 0.0
     intervals: dict[str, Interval] = {}
     undetermined: dict[str, str] = {}
 
@@ -202,7 +210,11 @@ class MotionCalibration(Struct, frozen=True, forbid_unknown_fields=True):
         if self.mass_ahead_m is not None:
             check_range("mass_ahead_m", self.mass_ahead_m, -0.05, 0.1)
         check_range("inertia_scale", self.inertia_scale, 0.2, 5)
+        check_range("rolling_drag_n", self.rolling_drag_n, 0, 10)
         check_range("turning_drag_n_m", self.turning_drag_n_m, 0, 1)
+        check_range("turning_knee_rad_s", self.turning_knee_rad_s, 0.1, 20)
+        check_range("battery_sag", self.battery_sag, 0, 0.9)
+        check_range("battery_fade", self.battery_fade, 0, 0.9)
         check_date(self.made_on)
 
     def wheel_maps(self) -> WheelMaps:

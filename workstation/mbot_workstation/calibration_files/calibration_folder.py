@@ -15,7 +15,6 @@ from mbot_protocol.calibration import (
     MOTION_FILE,
     CameraCalibration,
     MotionCalibration,
-    MotorCalibration,
     read_camera,
     read_motion,
     read_part,
@@ -24,10 +23,10 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.calibration_files.body_calibration import BODY_FILE, BodyCalibration
 from mbot_workstation.calibration_files.light_calibration import LIGHT_FILE, LightCalibration
 from mbot_workstation.calibration_files.toml_writer import write_toml
+from mbot_workstation.simulation.parameter_table import PARAMETERS, Parameter, exactly
 from mbot_workstation.simulation.robot_parameters import (
     BoxBody,
     CameraMount,
-    MotorParameters,
     RobotParameters,
 )
 from mbot_workstation.simulation.scene_parameters import Light, SceneParameters
@@ -245,27 +244,16 @@ def _with_body(robot: RobotParameters, body: BodyCalibration) -> RobotParameters
 
 
 def _with_motion(robot: RobotParameters, motion: MotionCalibration) -> RobotParameters:
-    return replace(
-        robot,
-        mass_ahead_m=motion.mass_ahead_m,
-        inertia_scale=motion.inertia_scale,
-        wheel_radius_m=motion.wheel_radius_m,
-        wheel_friction=motion.wheel_friction,
-        track_m=motion.track_m,
-        turning_drag_n_m=motion.turning_drag_n_m,
-        load_loss=motion.load_loss,
-        free_speed_rpm=motion.free_speed_rpm,
-        left_motor=_motor(motion.left_motor),
-        right_motor=_motor(motion.right_motor),
-        wheel_maps=motion.wheel_maps(),
-    )
+    values = {one.name: motion_value(motion, one) for one in PARAMETERS}
+    known = {name: number for name, number in values.items() if number is not None}
+    return replace(exactly(robot, known), wheel_maps=motion.wheel_maps())
 
 
-def _motor(motor: MotorCalibration) -> MotorParameters:
-    return MotorParameters(
-        gain=motor.gain,
-        backward_share=motor.backward_share,
-        dead_band=motor.dead_band / 255,
-        time_constant_s=motor.time_constant_ms / 1000,
-        dry_friction=motor.dry_friction,
-    )
+def motion_value(motion: MotionCalibration, parameter: Parameter) -> float | None:
+    """A parameter of a motion.toml, in the model's unit; None if it leaves it to the body."""
+    holder: object = motion
+    *sections, field = parameter.file_key.split(".")
+    for section in sections:
+        holder = getattr(holder, section)
+    number: float | None = getattr(holder, field)
+    return None if number is None else number / parameter.file_factor

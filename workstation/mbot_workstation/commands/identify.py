@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbot_protocol.actions import WheelMaps
-    from mbot_workstation.identification.estimate import Identification
+    from mbot_workstation.identification.handicap import Handicap
+    from mbot_workstation.identification.result import Identification
     from mbot_workstation.recordings.run import Recording
     from mbot_workstation.simulation.robot_parameters import RobotParameters
 
@@ -43,14 +44,20 @@ class IdentifyOptions:
         "wheel can be told.",
         "--same-clock",
     )
+    no_trim: bool = option(
+        False,
+        "Leave uneven motors to the policy: motion.toml trims neither. A trim drives straight, at "
+        "the weaker motor's speed.",
+        "--no-trim",
+    )
     as_json: bool = json_option()
 
 
 @with_options
 def identify(options: IdentifyOptions) -> None:
-    """Fit the simulated robot to half of the repetitions, try it on the other half.
+    """Fit the simulated robot to half of the repetitions, try it on the other half, then fit all.
 
-    What the recordings can't tell keeps its value and is listed with the reason. The tracker's
+    What the recordings can't tell is taken as usual and listed with the reason. The tracker's
     place on the robot, its floor, and its clock are estimated on the way.
 
     Examples:
@@ -61,7 +68,8 @@ def identify(options: IdentifyOptions) -> None:
     import json
 
     from mbot_workstation.calibration_files.calibration_folder import write_motion
-    from mbot_workstation.identification.motion_file import motion_calibration, straight_maps
+    from mbot_workstation.identification.handicap import handicap
+    from mbot_workstation.identification.motion_file import motion_calibration
     from mbot_workstation.identification.report import as_fields
     from mbot_workstation.recordings.recording_folder import read_recording
 
@@ -70,13 +78,15 @@ def identify(options: IdentifyOptions) -> None:
     folder = options.calibration or Path("calibration") / robot_id
     maps = _maps(read)
     found = _identified(read, _known(folder), robot_id, same_clock=options.same_clock)
+    uneven = handicap(found, maps)
     written: list[str] = []
     if not found.is_worse:
-        written = [str(write_motion(folder, motion_calibration(found, maps)))]
+        chosen = uneven.left_alone if options.no_trim else uneven.straight
+        written = [str(write_motion(folder, motion_calibration(found, chosen)))]
     if options.as_json:
-        print(json.dumps(as_fields(found, written)))
+        print(json.dumps(as_fields(found, uneven, written)))
     else:
-        _show(found, straight_maps(found, maps), written)
+        _show(found, uneven, written)
     if found.is_worse:
         raise MbotError(
             "on the held-out runs the identified robot is further off than before, so nothing was "
@@ -128,7 +138,7 @@ def _identified(
     from rich.console import Console
     from rich.progress import Progress
 
-    from mbot_workstation.identification.identify import identify as run
+    from mbot_workstation.identification.fit import identify as run
 
     console = Console(stderr=True)
     runs = sum(len(recording.runs) for recording in recordings)
@@ -143,15 +153,16 @@ def _identified(
         )
 
 
-def _show(found: "Identification", maps: "WheelMaps", written: "Sequence[str]") -> None:
+def _show(found: "Identification", uneven: "Handicap", written: "Sequence[str]") -> None:
     from rich.console import Console
 
     from mbot_workstation.identification.report import (
         backward_lines,
         error_lines,
         error_table,
-        map_lines,
+        handicap_lines,
         parameter_table,
+        steady_table,
         undetermined_lines,
     )
 
@@ -166,11 +177,13 @@ def _show(found: "Identification", maps: "WheelMaps", written: "Sequence[str]") 
     for line in undetermined_lines(found):
         console.print(f"  {line}", highlight=False, markup=False, soft_wrap=True)
     print()
+    console.print(steady_table(found))
+    print()
     console.print(error_table(found))
     for line in error_lines(found):
         print(line)
     print()
-    for line in (*map_lines(maps.left, maps.right), *backward_lines(found)):
+    for line in (*handicap_lines(uneven), *backward_lines(found)):
         print(line)
     for path in written:
         print(f"wrote {path}")

@@ -6,23 +6,31 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
-from mbot_workstation.gap_report.body_path import Setting, body_path
 from mbot_workstation.gap_report.compared_run import ComparedRun
-from mbot_workstation.identification.held_out import is_held_out
-from mbot_workstation.identification.mixed_fit import MixedFit, begin
-from mbot_workstation.identification.preparation import prepare
-from mbot_workstation.identification.run_view import RunView, simulate_views
-from mbot_workstation.identification.stray_runs import stray_runs
+from mbot_workstation.identification.data import prepare
+from mbot_workstation.identification.fit import aligned, begins_s
+from mbot_workstation.identification.held_out import driven, is_held_out
+from mbot_workstation.identification.increments import Observed
+from mbot_workstation.identification.model import drive_plans
+from mbot_workstation.identification.stray import stray_runs
 from mbot_workstation.recordings.run import Recording
 from mbot_workstation.recordings.track import Array
+from mbot_workstation.simulation.parameter_table import with_values
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.timestep import TIMESTEP_S
 
 GRID_S = 0.02
 """Between the moments compared."""
 
-ROUNDS = 8
-"""Clock and tracker settle within as many: the robot is not fitted."""
+MIDDLE = 0.5
+"""Of a session: how far the battery has run down in a run that one knows nothing of."""
+
+REACH_S = 0.05
+"""To each side of a moment; a straight line through the poses there is the place at the moment. A
+tenth of a second of 90 Hz makes 1.3 mm of 4, and bends a robot's smallest circle by 0.3."""
+
+FEWEST = 4
+"""Poses for such a line; with fewer the moment lies in a gap, which is bridged."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,83 +65,52 @@ def compare(recordings: Sequence[Recording], files: CalibrationFiles) -> Compari
         ConfigurationError: the recordings can't be used; the text says why.
 
     """
-    prepared = prepare(recordings, files.robot)
+    data = prepare(recordings, files.robot)
     # Without identified motors, those of the first guess are nearer than the nominal ones.
-    robot = prepared.robot if files.motion is None else files.robot
-    away = is_held_out(prepared.views)
-    fitted = [view for view, out in zip(prepared.views, away, strict=True) if not out]
-    shown = [view for view, out in zip(prepared.views, away, strict=True) if out]
-    words = "Every other repetition of each manoeuvre: those that were not fitted."
-    if files.motion is None or not shown:
-        shown = list(prepared.views)
-        words = "All runs: nothing was fitted to them."
+    calibrated = files.robot.discharged(MIDDLE)
+    robot = with_values(data.robot, data.guessed) if files.motion is None else calibrated
+    away = np.array(is_held_out(data.runs))
+    problem, solution = aligned(data, robot, np.flatnonzero(~away).tolist())
+    chosen, words = away, "Every other repetition of each manoeuvre: those that were held out."
+    if files.motion is None or not away.any():
+        chosen, words = np.ones_like(away), "All runs: nothing was fitted to them."
         if files.motion is not None:
             words = "All runs: none was repeated, so none could be held out of the fit."
-    fit = MixedFit(fitted, prepared.fixed, begin(fitted, robot, prepared.fixed.guess))
-    fit.run((), ROUNDS)
-    settings = fit.state.settings
-    left_out = dict(prepared.left_out)
-    if files.motion is not None:
-        # As `identify` does: a run with a blocked wheel or a hand on the robot is no measurement.
-        stray = stray_runs(fit, shown)
-        numbered = list(enumerate(shown, start=len(fitted)))
-        if any(number not in stray for number, _view in numbered):
-            shown = [view for number, view in numbered if number not in stray]
-            left_out |= {view.flat.name: stray[n] for n, view in numbered if n in stray}
-    first = min(prepared.views, key=lambda view: view.flat.run.commands.start_s)
-    compared = _compared([*shown, first], recordings, settings, files.robot)
+    # As `identify` does: a run with a blocked wheel or a hand on the robot is no measurement.
+    stray = {} if files.motion is None else stray_runs(problem, solution)
+    shown = [index for index in np.flatnonzero(chosen).tolist() if index not in stray]
+    first = min(range(len(away)), key=lambda i: data.runs[i].flat.run.commands.start_s)
+    # Apart: a batch takes robots of the same parts only.
+    paths = [drive_plans([one], problem.plans)[0] for one in (calibrated, RobotParameters())]
+    later_s, settings = begins_s(problem, solution), solution.state.settings
+
+    def beside(index: int) -> ComparedRun:
+        run = data.runs[index]
+        setting, plan = settings[run.flat.recording], problem.which[index]
+        return _beside(run, setting, float(later_s[index]), *(path[plan] for path in paths))
+
+    is_first = data.runs[first].flat.run.number == recordings[0].runs[0].number
     return Comparison(
-        tuple(compared[:-1]),
-        compared[-1] if first.flat.run.number == recordings[0].runs[0].number else None,
+        tuple(beside(index) for index in shown),
+        beside(first) if is_first else None,
         words,
-        left_out,
+        data.left_out | {data.named(data.runs[index]): why for index, why in stray.items()},
     )
 
 
-def _compared(
-    views: Sequence[RunView],
-    recordings: Sequence[Recording],
-    settings: Array,
-    calibrated: RobotParameters,
-) -> list[ComparedRun]:
-    calm = [np.zeros(view.deviations) for view in views]
-    paths = [
-        simulate_views(views, [robot] * len(views), calm)
-        for robot in (calibrated, RobotParameters())
-    ]
-    middles_s = [
-        float(np.mean([run.commands.start_s for run in recording.runs])) for recording in recordings
-    ]
-    return [
-        _beside(
-            view,
-            _setting(settings[view.flat.recording]),
-            view.flat.run.commands.start_s - middles_s[view.flat.recording],
-            mine,
-            nominal,
-        )
-        for view, mine, nominal in zip(views, *paths, strict=True)
-    ]
-
-
-def _setting(values: Array) -> Setting:
-    """In the order of `run_view.SETTING`."""
-    ahead_s, drift, ahead_m, left_m, yaw_rad = (float(value) for value in values)
-    return Setting(ahead_s, drift, complex(ahead_m, left_m), yaw_rad)
-
-
 def _beside(
-    view: RunView, setting: Setting, since_middle_s: float, calibrated: Array, nominal: Array
+    observed: Observed, setting: Array, later_s: float, calibrated: Array, nominal: Array
 ) -> ComparedRun:
-    run = view.flat.run
-    # The track may end before the drive does, by a little: see `preparation.LEAST_COVERED`.
-    tracked_s = float(view.flat.time_s[-1]) - view.ahead_s - run.commands.start_s
-    until_s = min(view.drive_s, tracked_s)
+    run = observed.flat.run
+    axle, heading, when_s = driven(observed, setting, later_s)
+    # The track may end before the drive does, by a little: see `data.LEAST_COVERED`.
+    until_s = min(observed.drive_s, float(when_s[-1]))
     time_s = np.linspace(0, until_s, max(2, round(until_s / GRID_S) + 1))
-    measured = body_path(view, setting, since_middle_s, time_s)
+    columns = (axle.real, axle.imag, heading)
+    measured = np.stack([line_at(when_s, column, time_s) for column in columns], axis=1)
     simulated = [_at(path, time_s) for path in (calibrated, nominal)]
     return ComparedRun(
-        run.number, run.maneuver, run.repetition, view.drive_s, time_s, measured, *simulated
+        run.number, run.maneuver, run.repetition, observed.drive_s, time_s, measured, *simulated
     )
 
 
@@ -141,3 +118,22 @@ def _at(path: Array, time_s: Array) -> Array:
     """A simulated path at these moments. Shape (n, 3)."""
     grid_s = TIMESTEP_S * np.arange(len(path))
     return np.stack([np.interp(time_s, grid_s, column) for column in path.T], axis=1)
+
+
+def line_at(seen_s: Array, values: Array, time_s: Array) -> Array:
+    """At each moment the least-squares line through the samples within `REACH_S`."""
+    first = np.searchsorted(seen_s, time_s - REACH_S)
+    last = np.searchsorted(seen_s, time_s + REACH_S, side="right")
+    middle_s = float(np.median(seen_s))  # near the moments, for the sums' sake
+    t = seen_s - middle_s
+    sums = [
+        np.append(0, np.cumsum(terms)) for terms in (np.ones_like(t), t, t * t, values, t * values)
+    ]
+    count, st, stt, sv, stv = (one[last] - one[first] for one in sums)
+    spread = stt * count - st * st
+    enough = (count >= FEWEST) & (spread > 1e-9)
+    safe = np.where(enough, spread, 1.0)
+    slope = (stv * count - st * sv) / safe
+    level = (sv - slope * st) / np.maximum(count, 1)
+    line = level + slope * (time_s - middle_s)
+    return np.where(enough, line, np.interp(time_s, seen_s, values))

@@ -9,16 +9,14 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from mbot_protocol.actions import MotorMap
-from mbot_workstation.identification.estimate import Estimate, Identification, RunError
+from mbot_workstation.identification.conclusions import QUANTILE_95
+from mbot_workstation.identification.handicap import Handicap
 from mbot_workstation.identification.held_out import LEAST_TURNS_RAD, heading_share
-from mbot_workstation.identification.parameters import BY_NAME
+from mbot_workstation.identification.result import Estimate, Identification, RunError
+from mbot_workstation.simulation.parameter_table import BY_NAME
 
 TELLING_SHARE = 0.01
 """Of a motor's strength: a difference between forward and backward worth telling."""
-
-TELLING_RAD = math.radians(1)
-"""A heading's error that is worth an explanation."""
 
 
 def error_table(found: Identification) -> Table:
@@ -53,19 +51,10 @@ def error_lines(found: Identification) -> list[str]:
     if before is None or after is None:
         return []
     turns = median(abs(error.turned_rad) for error in turning) / (2 * math.pi)
-    lines = [
+    return [
         f"of runs that turn, {turns:.1f} times in the middle, the heading is off by "
         f"{100 * after:.2f} % of the angle turned, before {100 * before:.1f} %"
     ]
-    fastest = max(turning, key=lambda error: abs(error.turned_rad) / error.at_s)
-    late_rad = found.scatter.moment_s * abs(fastest.turned_rad) / fastest.at_s
-    if late_rad > TELLING_RAD:
-        lines.append(
-            f"runs begin {1000 * found.scatter.moment_s:.0f} ms (standard deviation) sooner or "
-            f"later than their commands say: in {fastest.maneuver} that alone is "
-            f"{math.degrees(late_rad):.1f} degrees, which no simulation can foresee"
-        )
-    return lines
 
 
 def parameter_table(found: Identification) -> Table:
@@ -78,7 +67,7 @@ def parameter_table(found: Identification) -> Table:
         if one.low is not None and one.high is not None:
             known = BY_NAME[one.name]
             before, value, low, high = (
-                f"{known.factor * number:.4g}"
+                f"{known.shown_factor * number:.4g}"
                 for number in (one.before, one.value, one.low, one.high)
             )
             table.add_row(escape(known.words), before, value, f"{low} to {high}")
@@ -108,20 +97,49 @@ def undetermined_lines(found: Identification) -> list[str]:
 
 
 def _value_words(one: Estimate) -> str:
-    factor = BY_NAME[one.name].factor
-    verb = "stays" if one.value == one.before else "is taken as"
+    factor = BY_NAME[one.name].shown_factor
+    verb = "stays" if math.isclose(one.value, one.before) else "is taken as"
     return f"{verb} {factor * one.value:.4g}"
 
 
-def map_lines(left: MotorMap, right: MotorMap) -> list[str]:
-    """What the daemon should do to drive straight, and why."""
+def steady_table(found: Identification) -> Table:
+    """How the robot drives at full speed, how sure that is, and what the model misses."""
+    misfits = {one.maneuver: one for one in found.misfits}
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    table.add_column("at speed, fresh battery")
+    for heading in ("speed, mm/s", "±", "turn rate, rad/s", "±", "model misses"):
+        table.add_column(heading, justify="right")
+    for one in found.steady:
+        missed = misfits.get(one.maneuver)
+        table.add_row(
+            one.maneuver,
+            f"{1000 * one.speed_m_s:.0f}",
+            f"{1000 * QUANTILE_95 * one.speed_sd:.0f}",
+            f"{one.turn_rad_s:.2f}",
+            f"{QUANTILE_95 * one.turn_sd:.2f}",
+            "" if missed is None else f"{100 * missed.size:.1f} %",
+        )
+    return table
+
+
+def handicap_lines(uneven: Handicap) -> list[str]:
+    """What the daemon can do about uneven motors, and what each way costs."""
+    left, right = uneven.straight.left, uneven.straight.right
     if left.trim == right.trim:
         return ["both motors are equally strong: no trim"]
     side, trim = ("left", left.trim) if left.trim < 1 else ("right", right.trim)
-    return [
-        f"the {side} motor is the stronger one: trim {trim:.3f}, and both wheels roll alike at "
-        "full command"
+    lines = [
+        f"the {side} motor is the stronger one: trim {trim:.3f} drives straight at full command, "
+        f"at {1000 * uneven.straight_m_s:.0f} mm/s"
     ]
+    if uneven.is_a_choice:
+        lines.append(
+            f"that takes {100 * uneven.cost:.0f} % of the speed: with --no-trim it drives "
+            f"{1000 * uneven.alone_m_s:.0f} mm/s, turning at {uneven.alone_turn_rad_s:+.2f} rad/s, "
+            "and the policy has to steer against it; `workstation evaluate --calibration` with "
+            "each says which your policy does better with"
+        )
+    return lines
 
 
 def backward_lines(found: Identification) -> list[str]:
@@ -137,7 +155,7 @@ def backward_lines(found: Identification) -> list[str]:
     ]
 
 
-def as_fields(found: Identification, written: Sequence[str]) -> dict[str, Any]:
+def as_fields(found: Identification, uneven: Handicap, written: Sequence[str]) -> dict[str, Any]:
     """For programs. Units are in the names, or the parameters' own as in `RobotParameters`."""
     return {
         "robot": found.robot_id,
@@ -146,7 +164,9 @@ def as_fields(found: Identification, written: Sequence[str]) -> dict[str, Any]:
         "left_out": found.left_out,
         "parameters": {one.name: _fields(one) for one in found.estimates},
         "latency_s": _fields(found.latency),
-        "singular_values": found.singular_values,
+        "steady": [asdict(one) for one in found.steady],
+        "misfit": [asdict(one) for one in found.misfits],
+        "uneven_motors": asdict(uneven),
         "scatter": asdict(found.scatter),
         "clock_drift": found.clock_drift,
         "tracker_ahead_left_yaw": found.tracker,

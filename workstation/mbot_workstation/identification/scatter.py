@@ -1,134 +1,123 @@
-"""How much runs differ from the simulation and from each other, learnt from the runs themselves."""
+"""How much repetitions differ, how much a model misses, how noisy a tracker is: learnt from a fit.
+
+Scatter comes from repetitions of the same manoeuvre only: what is wrong in all of them is the
+model's fault, and is kept apart as misfit.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
-from mbot_workstation.identification.binning import ROBUST
-from mbot_workstation.identification.run_terms import MOMENT, OWN, PLACE, SIDES, STRENGTH, Residual
-from mbot_workstation.identification.run_view import RunView
+from mbot_workstation.identification.increments import BIN_S, Observed, maneuvers
+from mbot_workstation.identification.prediction import OWN, Noise
+from mbot_workstation.identification.solver import Scatter, Solution
 from mbot_workstation.recordings.track import Array
 
+ASSUMED = Scatter()
+ASSUMED_COUNT = 2.0
+"""The usual scatter counts as much as so many runs: two repetitions alone say little."""
 
-def usual_scatter() -> "Scatter":
-    """Of good runs, before anything is known about these."""
+SUMMED = 10
+"""Increments in a sum: over a second, what the robot does by chance outweighs the tracker."""
+
+ROBUST = 1.4826
+"""Standard deviation of normal numbers by their median distance from 0."""
+
+
+def learn_scatter(runs: Sequence[Observed], solution: Solution) -> Scatter:
+    """From the deviations of runs from their manoeuvre's mean, and of manoeuvres from the model."""
+    own = solution.state.own
+    off, freedom = np.zeros_like(own), np.zeros(len(own))
+    for members in maneuvers(runs).values():
+        if len(members) > 1:
+            off[members] = own[members] - own[members].mean(axis=0)
+            freedom[members] = 1 - 1 / len(members)
+    driven = np.array([_driven(run) for run in runs])
+    both = driven.all(axis=1)
+    alike = _mean(off[both, 0] * off[both, 1], freedom[both], ASSUMED.battery**2)
+    each = _mean(
+        (off[:, :2] ** 2)[driven],
+        np.repeat(freedom[:, None], 2, axis=1)[driven],
+        ASSUMED.battery**2 + ASSUMED.motor**2,
+    )
+    shared = np.array([not run.own_clock for run in runs])
+    later = OWN.index("later")
     return Scatter(
-        place_floor_m=0.002,
-        heading_floor_rad=0.005,
-        load=0.005,
-        strength=0.003,
-        wander=0.005,
-        moment_s=0.001,
+        battery=float(np.sqrt(max(alike, 1e-7))),
+        motor=float(np.sqrt(max(each - max(alike, 0.0), 1e-7))),
+        sideways=float(np.sqrt(_mean(off[:, 2] ** 2, freedom, ASSUMED.sideways**2))),
+        moment_s=float(
+            np.sqrt(_mean(off[shared, later] ** 2, freedom[shared], ASSUMED.moment_s**2))
+        ),
+        misfit=ASSUMED.misfit,
     )
 
 
-OWN_CLOCK_S = 0.1
-"""How uncertain a run's beginning is when its clock is its own."""
-
-
-@dataclass(frozen=True, slots=True)
-class Scatter:
-    """Standard deviations. The defaults are wide, for a fit that has just begun.
-
-    Attributes:
-        place_m, heading_rad: of a single sample.
-        place_floor_m, heading_floor_rad: of a bin, however many samples it has: what the model
-            can't follow.
-        load: of both motors' strength alike, from run to run and from manoeuvre to manoeuvre: a
-            turn loads motors otherwise than a straight line, which the model may not know.
-        strength: of each motor, from run to run, as a share.
-        wander: likewise from second to second.
-        moment_s: of a run's beginning.
-        centre_m: of the point about which the robot turns.
-
-    """
-
-    place_m: float = 0.004
-    heading_rad: float = 0.005
-    place_floor_m: float = 0.02
-    heading_floor_rad: float = 0.05
-    load: float = 0.02
-    strength: float = 0.02
-    wander: float = 0.01
-    moment_s: float = 0.005
-    centre_m: float = 0.002
-
-    def own(self, view: RunView) -> Array:
-        """Of a run's own deviations. Shape (deviations,)."""
-        moment_s = OWN_CLOCK_S if view.own_clock else self.moment_s
-        sides = [self.strength, self.strength]
-        whole = [self.load, *sides, moment_s, self.centre_m, self.centre_m]
-        return np.concatenate([whole, np.full(2 * view.pieces, self.wander)])
-
-    def bins(self, residual: Residual) -> Array:
-        """Of a run's bins. Shape (3, bins)."""
-        single = np.array([self.place_m, self.place_m, self.heading_rad])[:, None]
-        floor = np.array([self.place_floor_m, self.place_floor_m, self.heading_floor_rad])[:, None]
-        return np.sqrt(single**2 / residual.samples + floor**2)
-
-
-def learn_scatter(
-    views: Sequence[RunView],
-    residuals: Sequence[Residual],
-    deviations: Sequence[Array],
-    unknown: Sequence[Array],
-    *,
-    about_maneuvers: bool,
-) -> Scatter:
-    """What the runs say, after a fit.
+def learn_misfit(solution: Solution, told: float) -> float:
+    """What the model gets wrong in a manoeuvre, as a share of the faster wheel's speed.
 
     Args:
-        views, residuals: the runs.
-        deviations: of each run.
-        unknown: which share of its variance each deviation keeps, given the run's data.
-        about_maneuvers: take strengths and moments from the mean of the same manoeuvre. What all
-            repetitions have in common is then the model's fault and counts in full against the
-            parameters, as it should in the fit. Otherwise it is taken for scatter, as it should in
-            intervals: nobody knows what the model would get wrong in the next manoeuvre.
+        solution: at the end.
+        told: how many numbers of the steady motion the parameters follow freely.
 
     """
-    own = np.array([deviation[: len(OWN)] for deviation in deviations])
-    known = np.array([1 - share[: len(OWN)].clip(0, 1) for share in unknown])
-    wander = np.concatenate([deviation[len(OWN) :] for deviation in deviations])
-    wander_known = np.concatenate([1 - share[len(OWN) :].clip(0, 1) for share in unknown])
-    repeated = _about_maneuvers(views, own) if about_maneuvers else own
-    shared = np.array([not view.own_clock for view in views])
-    place = float(np.median([one.scatter[0] for one in residuals]))
-    heading = float(np.median([one.scatter[1] for one in residuals]))
-    return Scatter(
-        place,
-        heading,
-        max(_floor([one.value[:2] for one in residuals], place, residuals), 0.0003),
-        max(_floor([one.value[2:] for one in residuals], heading, residuals), 0.0003),
-        load=_size(own[:, STRENGTH], known[:, STRENGTH], 0.0005, 0.2),
-        strength=_size(repeated[:, SIDES], known[:, SIDES], 0.0005, 0.2),
-        wander=_size(wander, wander_known, 0.0005, 0.1),
-        moment_s=_size(repeated[shared, MOMENT], known[shared, MOMENT], 0.0005, 0.05),
-        centre_m=_size(own[:, PLACE], known[:, PLACE], 0.0002, 0.02),
-    )
+    wheels = np.array([misfit[:2] for misfit in solution.state.misfit.values()])
+    freedom = max(wheels.size - told, wheels.size / 4)
+    return max(float(np.sqrt((wheels**2).sum() / freedom)), ASSUMED.misfit)
 
 
-def _size(deviations: Array, known: Array, least: float, most: float) -> float:
-    """By those deviations that the data say something about (MacKay's fixed point)."""
-    size = float(np.sqrt((deviations**2).sum() / max(float(known.sum()), 0.5)))
-    return min(max(size, least), most)
+def learn_noise(
+    runs: Sequence[Observed], solution: Solution, before: Sequence[Noise]
+) -> list[Noise]:
+    """Of each recording's tracker and of the robot's chance, from what nothing explains.
 
-
-def _floor(values: Sequence[Array], single: float, residuals: Sequence[Residual]) -> float:
-    """What bins scatter beyond their single samples, robustly."""
-    size = ROBUST * float(np.median(np.abs(np.concatenate([v.ravel() for v in values]))))
-    samples = float(np.median(np.concatenate([one.samples.ravel() for one in residuals])))
-    return float(np.sqrt(max(size**2 - single**2 / samples, 0)))
-
-
-def _about_maneuvers(views: Sequence[RunView], own: Array) -> Array:
-    names = np.array([view.flat.run.maneuver for view in views])
-    result = own.copy()
-    for name in np.unique(names):
-        chosen = names == name
-        count = int(chosen.sum())
-        if count > 1:
-            off = own[chosen] - own[chosen].mean(axis=0)
-            result[chosen] = off * np.sqrt(count / (count - 1))
+    Neighbouring increments share a bin's error, so it cancels in a sum of many; what the robot does
+    by chance adds up.
+    """
+    result: list[Noise] = []
+    for recording, known in enumerate(before):
+        mine = [i for i, run in enumerate(runs) if run.flat.recording == recording]
+        if not mine:
+            result.append(known)
+            continue
+        count = float(np.median(np.concatenate([runs[i].bins.count for i in mine])))
+        left = [solution.residuals[i] for i in mine]
+        place_m, place_walk = _parts([rows[:2] for rows in left], count)
+        heading_rad, heading_walk = _parts([rows[2:] for rows in left], count)
+        result.append(
+            replace(
+                known,
+                place_m=max(place_m, 1e-4),
+                heading_rad=max(heading_rad, 1e-4),
+                place_walk=max(place_walk, 2e-4),
+                heading_walk=max(heading_walk, 1e-3),
+            )
+        )
     return result
+
+
+def _parts(rows: Sequence[Array], count: float) -> tuple[float, float]:
+    """Noise of a single sample, and the walk per root of a second."""
+    single = _variance(np.concatenate([row.ravel() for row in rows]))
+    sums = [
+        row[:, : row.shape[1] // SUMMED * SUMMED].reshape(row.shape[0], -1, SUMMED).sum(axis=2)
+        for row in rows
+    ]
+    summed = _variance(np.concatenate([one.ravel() for one in sums]))
+    walk = max(summed - single, 0.0) / ((SUMMED - 1) * BIN_S)
+    of_bin = max(single - walk * BIN_S, 0.1 * single) / 2
+    return float(np.sqrt(of_bin * count)), float(np.sqrt(walk))
+
+
+def _variance(values: Array) -> float:
+    return (ROBUST * float(np.median(np.abs(values)))) ** 2 if values.size else 0.0
+
+
+def _mean(squares: Array, freedom: Array, assumed: float) -> float:
+    return float((squares.sum() + ASSUMED_COUNT * assumed) / (freedom.sum() + ASSUMED_COUNT))
+
+
+def _driven(run: Observed) -> tuple[bool, bool]:
+    commands = run.flat.run.commands
+    return bool(commands.left.any()), bool(commands.right.any())

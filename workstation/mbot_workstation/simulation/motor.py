@@ -47,6 +47,16 @@ def motor_constants(robot: RobotParameters, motor: MotorParameters) -> MotorCons
     return MotorConstants(constant, time_constant_s * constant**2 / inertia_kg_m2)
 
 
+def wheel_voltages(left: float, right: float, robot: RobotParameters) -> tuple[float, float]:
+    """Of both wheels at these duties; what both draw makes the battery's voltage sag."""
+    draw = (min(abs(left), 1.0) + min(abs(right), 1.0)) / 2
+    supply_v = robot.supply_v * (1 - robot.battery_sag * draw)
+    return (
+        motor_voltage(left, robot.left_motor, supply_v),
+        motor_voltage(right, robot.right_motor, supply_v),
+    )
+
+
 def motor_voltage(duty: float, motor: MotorParameters, supply_v: float) -> float:
     """The voltage at which the simulated wheel, with its dry friction, has the speed it should.
 

@@ -30,6 +30,9 @@ FLOOR_BIT, WALL_BIT = 1, 2
 BUMPER_CENTRE_HEIGHT_M = 0.10
 """Half a wall's height: the bumper is a sphere that reaches neither the floor nor over a wall."""
 
+ROLLING_KNEE_M_S = 0.01
+"""From which speed on rolling drag is at its limit: it is dry, but the simulation takes steps."""
+
 CASTER_RADIUS_M = 0.010
 TAIL_BEHIND_M, TAIL_CLEARANCE_M = 0.050, 0.0005
 """The rear end of the chassis, which touches the floor when a full reversal lifts the nose;
@@ -82,6 +85,7 @@ def add_robot(spec: MjSpec, robot: RobotParameters) -> None:
     )
     _add_wheel(spec, base, robot, 0)
     _add_wheel(spec, base, robot, 1)
+    _add_drag(spec, base, robot)
 
 
 def _move_mass(base: Any, robot: RobotParameters) -> None:
@@ -110,13 +114,23 @@ def part_name(model: MjModel, geom: int) -> str:
     return name.removeprefix(_PART) if name.startswith(_PART) else ""
 
 
-def resist_turning(model: MjModel, robot: RobotParameters) -> None:
-    """Give a compiled model the robot's `turning_drag_n_m`.
+def _add_drag(spec: MjSpec, base: Any, robot: RobotParameters) -> None:
+    """What the floor does against sliding and turning: brakes that give way at a limit.
 
-    Only there a free joint can have friction about one axis alone.
+    Sliding friction by a contact would let the robot bounce: MuJoCo's soft contacts lift whatever
+    slides with friction. Added after the motors, whose controls come first.
     """
-    yaw = model.joint(ROBOT).dofadr[0] + 5  # after three ways and two angles, about its own z
-    model.dof_frictionloss[yaw] = robot.turning_drag_n_m
+    base.add_site(name="drag", pos=[0, 0, 0])
+    for name, direction, limit, knee in (
+        ("rolling drag", [1, 0, 0, 0, 0, 0], robot.rolling_drag_n, ROLLING_KNEE_M_S),
+        ("turning drag", [0, 0, 0, 0, 0, 1], robot.turning_drag_n_m, robot.turning_knee_rad_s),
+    ):
+        brake = spec.add_actuator(name=name, target="drag", trntype=mujoco.mjtTrn.mjTRN_SITE)
+        brake.gear = direction
+        brake.gaintype, brake.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
+        brake.gainprm[0], brake.biasprm[2] = 0, -limit / knee
+        most = max(limit, 1e-12)  # MuJoCo refuses an empty range
+        brake.forcelimited, brake.forcerange = True, [-most, most]
 
 
 def _add_slider(base: Any, name: str, ahead_m: float, clearance_m: float) -> None:

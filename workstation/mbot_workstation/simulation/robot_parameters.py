@@ -5,7 +5,7 @@ the paper gives no figure they are assumptions, marked so, with the spread a rea
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from mbot_protocol.actions import WheelMaps
 from mbot_protocol.camera_model import CameraModel, nominal_pi_camera
@@ -119,14 +119,23 @@ class RobotParameters:
         track_m: between the wheels' centres; public measurement, others say 0.110; +-0.002.
         caster_ahead_m: where the passive wheel touches the floor, ahead of the axle (public
             drawings: the mini caster is in front).
-        turning_drag_n_m: torque with which the caster and the tyres' width resist a turn, however
-            fast. It costs a weak motor a larger share of its speed. 0 if not identified; a caster
+        rolling_drag_n: force of caster and bearings against driving ahead or back. It costs a weak
+            motor a larger share of its speed, and takes more of a wheel that drives alone. 0 if
+            not identified.
+        turning_drag_n_m: torque of caster and tyres against a turn. 0 if not identified; a caster
             with 0.15 N of friction makes 0.01.
+        turning_knee_rad_s: turn rate from which on that drag is at its limit; below it is in
+            proportion. What slides mostly ahead resists going sideways only by its share: a caster
+            75 mm ahead at 0.37 m/s goes sideways half as fast at 2.5 rad/s. Assumed.
         load_loss: share of the free speed lost under the robot's own load, by the caster and in
             the bearings (paper: "lower under load", no figure); assumed.
         free_speed_rpm: of a wheel at full duty without load: measured in the paper at 3.7 V;
             other units 105-132.
         supply_v: the voltage it was measured at (paper).
+        battery_sag: share of it lost while both motors drive at full duty. 0 if not identified;
+            the paper measured none, thanks to its second battery.
+        battery_fade: share of the motors' strength that a session takes from a fresh battery. 0 if
+            not identified. What is simulated has a fresh one: see `discharged`.
         left_motor, right_motor: see MotorParameters.
         wheel_maps: how its daemon turns a policy's steps into the board's speeds.
         camera: intrinsics, data sheet until calibrated. Its size only sets their scale.
@@ -143,16 +152,29 @@ class RobotParameters:
     wheel_friction: float = 0.9
     track_m: float = 0.115
     caster_ahead_m: float = 0.075
+    rolling_drag_n: float = 0.0
     turning_drag_n_m: float = 0.0
+    turning_knee_rad_s: float = 2.5
     load_loss: float = 0.02
     free_speed_rpm: float = 120.0
     supply_v: float = 3.7
+    battery_sag: float = 0.0
+    battery_fade: float = 0.0
     left_motor: MotorParameters = field(default_factory=MotorParameters)
     right_motor: MotorParameters = field(default_factory=MotorParameters)
     wheel_maps: WheelMaps = field(default_factory=WheelMaps)
     camera: CameraModel = field(default_factory=lambda: nominal_pi_camera(320, 240))
     camera_mount: CameraMount = field(default_factory=CameraMount)
     touch_radius_m: float = 0.090
+
+    def discharged(self, share: float) -> "RobotParameters":
+        """The robot after this share of a session, in [0, 1], as one with weaker motors."""
+        left = 1 - share * self.battery_fade
+        return replace(
+            self,
+            left_motor=replace(self.left_motor, gain=self.left_motor.gain * left),
+            right_motor=replace(self.right_motor, gain=self.right_motor.gain * left),
+        )
 
     @property
     def mass_kg(self) -> float:

@@ -14,7 +14,6 @@ from mbot_workstation.simulation.robot_mjcf import (
     ROBOT,
     WALL_BIT,
     add_robot,
-    resist_turning,
 )
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.room_dome import dome_mesh
@@ -84,9 +83,7 @@ def build_model(
     add_robot(spec, robot)
     _add_light(spec, scene.light)
     _add_overhead_camera(spec)
-    model = spec.compile()
-    resist_turning(model, robot)
-    return model
+    return spec.compile()
 
 
 def _set_visuals(spec: MjSpec, light: Light) -> None:

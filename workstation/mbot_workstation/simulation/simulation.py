@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mbot_protocol.picture import Picture
 from mbot_workstation.simulation.engine import MjData, MjModel, mujoco
 from mbot_workstation.simulation.floor_textures import FloorTexture
-from mbot_workstation.simulation.motor import motor_voltage
+from mbot_workstation.simulation.motor import wheel_voltages
 from mbot_workstation.simulation.pose import ORIGIN, Pose
 from mbot_workstation.simulation.robot_mjcf import ROBOT, WHEELS
 from mbot_workstation.simulation.robot_parameters import RobotParameters
@@ -93,9 +93,8 @@ class Simulation:
 
         `supply_share` is what a sagging battery leaves of the supply's voltage.
         """
-        supply_v = self.robot.supply_v * supply_share
-        self._data.ctrl[0] = motor_voltage(left, self.robot.left_motor, supply_v)
-        self._data.ctrl[1] = motor_voltage(right, self.robot.right_motor, supply_v)
+        left_v, right_v = wheel_voltages(left, right, self.robot)
+        self._data.ctrl[:2] = left_v * supply_share, right_v * supply_share
 
     def step(self, duration_s: float) -> None:
         """Advance by whole time steps; what is left over counts towards the next call."""

@@ -13,7 +13,6 @@ from mbot_workstation.simulation.robot_mjcf import (
     ROBOT_CAMERA,
     WHEELS,
     add_robot,
-    resist_turning,
 )
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.simulation import Simulation
@@ -38,7 +37,13 @@ _OF_DOFS = (
     "dof_M0",
     "dof_length",
 )
-_OF_ACTUATORS = ("actuator_gainprm", "actuator_biasprm", "actuator_dynprm", "actuator_acc0")
+_OF_ACTUATORS = (
+    "actuator_gainprm",
+    "actuator_biasprm",
+    "actuator_dynprm",
+    "actuator_acc0",
+    "actuator_forcerange",
+)
 _OF_CAMERAS = (
     "cam_pos",
     "cam_quat",
@@ -60,7 +65,6 @@ def swap_body(simulation: Simulation, robot: RobotParameters) -> None:
     spec = mujoco.MjSpec()
     add_robot(spec, robot)
     swapped = spec.compile()
-    resist_turning(swapped, robot)
     _copy_robot(swapped, simulation.model)
     simulation.robot = robot
 

@@ -6,10 +6,11 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.recordings.run import Recording, Run
-from mbot_workstation.recordings.track import Array, Track, multiply
+from mbot_workstation.recordings.track import Array, Track
 from mbot_workstation.recordings.track_cleaning import clean
 
 Plane: TypeAlias = NDArray[np.complex128]
@@ -33,6 +34,7 @@ class FlatRun:
         place: of the tracker on the floor [m], shape (n,).
         heading: of the tracker [rad], counting whole turns, shape (n,). Its zero is the same for
             all runs of a recording, though not known.
+        place_noise_m, heading_noise_rad: standard deviation of a single sample.
 
     """
 
@@ -41,6 +43,8 @@ class FlatRun:
     time_s: Array
     place: Plane
     heading: Array
+    place_noise_m: float
+    heading_noise_rad: float
 
     @property
     def name(self) -> str:
@@ -55,27 +59,29 @@ def flatten(recording: Recording, index: int = 0) -> tuple[FlatRun, ...]:
         ConfigurationError: the floor is too steep to be one.
 
     """
-    tracks = [clean(run.track)[0] for run in recording.runs]
-    level = _levelling(tracks)
-    reference = _turned(tracks[0].quaternion_wxyz[:1], level)
-    return tuple(
-        _flatten(run, track, index, level, reference)
-        for run, track in zip(recording.runs, tracks, strict=True)
-    )
+    cleaned = [clean(run.track) for run in recording.runs]
+    level = _levelling([track for track, _ in cleaned])
+    reference = level * _attitudes(cleaned[0][0])[0]
+    runs: list[FlatRun] = []
+    for run, (track, quality) in zip(recording.runs, cleaned, strict=True):
+        place = level.apply(track.position_m)
+        # The robot only turns about the vertical, so the change since any moment is such a turn,
+        # however the tracker is mounted.
+        change = (level * _attitudes(track) * reference.inv()).as_quat()
+        heading = np.unwrap(2 * np.arctan2(change[:, 2], change[:, 3]))
+        noise = quality.position_noise_m, quality.angle_noise_rad
+        runs.append(
+            FlatRun(run, index, track.time_s, place[:, 0] + 1j * place[:, 1], heading, *noise)
+        )
+    return tuple(runs)
 
 
-def _flatten(run: Run, track: Track, index: int, level: Array, reference: Array) -> FlatRun:
-    place = track.position_m @ level.T
-    attitude = _turned(track.quaternion_wxyz, level)
-    # The robot only turns about the vertical, so the change since any moment is such a turn,
-    # however the tracker is mounted.
-    change = multiply(attitude, reference * np.array([1, -1, -1, -1]))
-    heading = np.unwrap(2 * np.arctan2(change[:, 3], change[:, 0]))
-    return FlatRun(run, index, track.time_s, place[:, 0] + 1j * place[:, 1], heading)
+def _attitudes(track: Track) -> Rotation:
+    return Rotation.from_quat(track.quaternion_wxyz, scalar_first=True)
 
 
-def _levelling(tracks: Sequence[Track]) -> Array:
-    """The rotation that makes the floor level, shape (3, 3): no more than the tracks can tell."""
+def _levelling(tracks: Sequence[Track]) -> Rotation:
+    """The rotation that makes the floor level: no more than the tracks can tell."""
     position = np.concatenate([track.position_m for track in tracks])
     position = position - np.median(position, axis=0)
     height, plane = position[:, 2], position[:, :2]
@@ -95,18 +101,4 @@ def _levelling(tracks: Sequence[Track]) -> Array:
             f"{STEEPEST_DEG:.0f}: is another of the tracker's axes up?"
         )
     axis = np.array([normal[1], -normal[0], 0])
-    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    return np.eye(3) + cross + cross @ cross / (1 + normal[2])
-
-
-def _turned(quaternion_wxyz: Array, rotation: Array) -> Array:
-    """Attitudes after a rotation of the world; `rotation` is small, shape (3, 3)."""
-    half = 0.5 * np.sqrt(1 + np.trace(rotation))
-    vector = np.array(
-        [
-            rotation[2, 1] - rotation[1, 2],
-            rotation[0, 2] - rotation[2, 0],
-            rotation[1, 0] - rotation[0, 1],
-        ]
-    )
-    return multiply(np.concatenate([[half], vector / (4 * half)]), quaternion_wxyz)
+    return Rotation.from_rotvec(axis / max(np.linalg.norm(axis), 1e-12) * np.radians(lean_deg))

@@ -1,8 +1,8 @@
-"""What identification found: values with intervals, errors before and after, what was left out."""
+"""What identification found: values with intervals, what the model misses, what was left out."""
 
 from dataclasses import dataclass
 
-from mbot_workstation.identification.scatter import Scatter
+from mbot_workstation.identification.solver import Scatter
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 
 
@@ -11,10 +11,10 @@ class Estimate:
     """One parameter.
 
     Attributes:
-        name: see `parameters.Parameter`.
+        name: see `simulation.parameter_table`.
         value: used from now on, in the model's unit.
         before: what it was.
-        low, high: 95 % interval, None if it was not determined.
+        low, high: 95 % interval, None if it can't be told.
         why_not: why the recordings can't tell it; None if they can.
 
     """
@@ -25,6 +25,48 @@ class Estimate:
     low: float | None = None
     high: float | None = None
     why_not: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SteadyRate:
+    """How the identified robot drives a manoeuvre once it is at speed, with a fresh battery.
+
+    Attributes:
+        maneuver: its name.
+        speed_m_s: forward.
+        turn_rad_s: positive to the left.
+        speed_sd, turn_sd: how far a drive may be off: what the fit does not know, what the model
+            misses, and how repetitions differ.
+
+    """
+
+    maneuver: str
+    speed_m_s: float
+    turn_rad_s: float
+    speed_sd: float
+    turn_sd: float
+
+
+@dataclass(frozen=True, slots=True)
+class Misfit:
+    """What the model gets wrong in all runs of a manoeuvre, as shares of its faster wheel's speed.
+
+    Attributes:
+        maneuver: its name.
+        left, right: speed of the real wheel beyond the simulated one's.
+        sideways: likewise of the whole robot, to the left.
+
+    """
+
+    maneuver: str
+    left: float
+    right: float
+    sideways: float
+
+    @property
+    def size(self) -> float:
+        """The larger one of both wheels."""
+        return max(abs(self.left), abs(self.right))
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,16 +110,17 @@ class Identification:
 
     Attributes:
         robot_id: whose.
-        before, robot: its parameters before and after.
-        estimates: of all parameters, in the order of `PARAMETERS`.
+        before, robot: its parameters before and after, with a fresh battery.
+        estimates: of all parameters, in the order of the table.
         latency: from command to wheel [s]; undetermined unless the clocks were one.
         clock_drift: of each recording's tracker against the robot's clock.
         tracker: of each recording: ahead [m], to the left [m], turned to the left [rad].
-        singular_values: of the scaled Jacobian, largest first.
         scatter: of the runs about the simulation.
-        errors: of the held-out runs.
+        misfits: of each manoeuvre.
+        steady: predicted, of each manoeuvre that was driven at one command.
+        errors: of the runs that were held out when half of them were fitted.
         repeatability: of each manoeuvre.
-        fitted: how many runs were fitted.
+        fitted: how many runs were fitted in the end: all that can be used.
         left_out: runs that were not used, and why.
 
     """
@@ -89,8 +132,9 @@ class Identification:
     latency: Estimate
     clock_drift: tuple[float, ...]
     tracker: tuple[tuple[float, float, float], ...]
-    singular_values: tuple[float, ...]
     scatter: Scatter
+    misfits: tuple[Misfit, ...]
+    steady: tuple[SteadyRate, ...]
     errors: tuple[RunError, ...]
     repeatability: tuple[Repeatability, ...]
     fitted: int

@@ -1,0 +1,194 @@
+"""What the simulated robot's tracker would have shown, as increments, and what changes it.
+
+In the plane, with complex numbers for points: a simulated path X(s), psi(s) is seen by a tracker at
+the place o on the robot, turned to the left by theta, at X + exp(i psi) o with heading psi + theta.
+Its clock is ahead of the robot's.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbot_workstation.identification.floor import Plane
+from mbot_workstation.identification.increments import STARTING_S, Observed
+from mbot_workstation.recordings.track import Array
+from mbot_workstation.simulation.timestep import TIMESTEP_S
+
+SETTING = ("clock", "drift", "ahead", "left", "yaw", "drain")
+"""Of a recording: its clock's offset beyond the guess [s] and drift, the tracker's place on the
+robot [m], how far it is turned to the left [rad], and the share of its speed that the robot loses
+per second as its battery empties."""
+
+SETTING_SPREAD = np.array([0.1, 1e-4, 0.1, 0.1, 1.0, 3e-5])
+"""How far they may be from the first guess: far, but a clock off by 1e-4 or a battery that loses a
+tenth in an hour is one in three."""
+
+OWN = ("left", "right", "sideways", "later")
+"""What a run has to itself: both wheels' speeds, as shares; a sideways motion, as a share of the
+faster wheel's speed; and how much later it began [s]."""
+
+MISFIT = ("left", "right", "sideways", "left at the start", "right at the start")
+"""What the model gets wrong in all runs of a manoeuvre, as shares of the faster wheel's speed: the
+speed of each wheel, a sideways motion, and further the wheels' in the first STARTING_S."""
+
+MOMENT_STEP_S = 0.002
+
+
+def simulated_at(path: Array, moments_s: Array) -> tuple[Plane, Array]:
+    """Axle's centre and heading of simulated paths at these moments.
+
+    Args:
+        path: shape (..., steps + 1, 3).
+        moments_s: shape (n,).
+
+    Returns:
+        Two of shape (..., n).
+
+    """
+    grid = np.clip(moments_s / TIMESTEP_S, 0, path.shape[-2] - 1.000001)
+    index = grid.astype(int)
+    share = (grid - index)[:, None]
+    found = path[..., index, :] * (1 - share) + path[..., index + 1, :] * share
+    return found[..., 0] + 1j * found[..., 1], found[..., 2]
+
+
+def moments_s(run: Observed, setting: Array, later_s: float) -> Array:
+    """When the samples were taken, since the first command took effect."""
+    return run.sample_s - setting[0] - setting[1] * run.since_middle_s - later_s
+
+
+def predicted(run: Observed, path: Array, setting: Array, later_s: float) -> Array:
+    """The increments that this run's tracker would have shown.
+
+    Args:
+        run: whose samples are used.
+        path: simulated, shape (..., steps + 1, 3).
+        setting: of the recording.
+        later_s: than the other runs.
+
+    Returns:
+        Shape (..., 3, bins - 1).
+
+    """
+    place, yaw = simulated_at(path, moments_s(run, setting, later_s))
+    tracked = place + np.exp(1j * yaw) * complex(setting[2], setting[3])
+    found = run.bins.increments(tracked, yaw) * (1 - setting[5] * run.since_middle_s)
+    return _turned(found, setting[4])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Slopes:
+    """How a run's predicted increments move; shapes (k, 3, bins - 1).
+
+    Attributes:
+        settings: with the recording's settings.
+        own: with what the run has to itself, see `OWN`.
+        misfit: with what the model gets wrong, see `MISFIT`.
+
+    """
+
+    settings: Array
+    own: Array
+    misfit: Array
+
+
+def slopes(run: Observed, path: Array, setting: Array, later_s: float, track_m: float) -> Slopes:
+    """Analytic but for the moment, in which a path is only piecewise smooth."""
+    here = predicted(run, path, setting, later_s)
+    late = predicted(run, path, setting, later_s + MOMENT_STEP_S)
+    early = predicted(run, path, setting, later_s - MOMENT_STEP_S)
+    by_moment = (late - early) / (2 * MOMENT_STEP_S)
+    place, yaw = simulated_at(path, moments_s(run, setting, later_s))
+    turning = np.exp(1j * yaw)
+    # A tracker further ahead or to the left shows more of the turn, and no other heading.
+    offset = [run.bins.increments(turning * way, yaw) * _ONLY_PLACE for way in (1, 1j)]
+    by_yaw = np.stack([here[1], -here[0], np.zeros_like(here[0])])
+    settings = np.stack(
+        [
+            by_moment,
+            by_moment * run.since_middle_s,
+            _turned(offset[0], setting[4]),
+            _turned(offset[1], setting[4]),
+            by_yaw,
+            -here * run.since_middle_s,
+        ]
+    )
+    axle = run.bins.increments(place, yaw)
+    forward, turned = axle[0], axle[2]
+    wheels = forward - turned * track_m / 2, forward + turned * track_m / 2
+    faster = np.maximum(np.abs(wheels[0]), np.abs(wheels[1]))
+    tracker = complex(setting[2], setting[3])
+
+    def moved(forward_m: Array, turn_rad: Array, left_m: Array) -> Array:
+        way = (forward_m + 1j * left_m + 1j * turn_rad * tracker) * np.exp(-1j * setting[4])
+        return np.stack([way.real, way.imag, turn_rad])
+
+    still = np.zeros_like(forward)
+    own = np.stack(
+        [
+            moved(wheels[0] / 2, -wheels[0] / track_m, still),
+            moved(wheels[1] / 2, wheels[1] / track_m, still),
+            moved(still, still, faster),
+            by_moment,
+        ]
+    )
+    starting = np.where(run.bins.time_s[1:] < STARTING_S, faster, 0.0)
+    misfit = np.stack(
+        [
+            moved(faster / 2, -faster / track_m, still),
+            moved(faster / 2, faster / track_m, still),
+            moved(still, still, faster),
+            moved(starting / 2, -starting / track_m, still),
+            moved(starting / 2, starting / track_m, still),
+        ]
+    )
+    return Slopes(settings, own, misfit)
+
+
+_ONLY_PLACE = np.array([1.0, 1.0, 0.0])[:, None]
+
+
+def _turned(increments: Array, yaw_rad: float) -> Array:
+    """As a tracker shows them that is turned to the left by so much."""
+    cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
+    ahead, left, turned = np.moveaxis(increments, -2, 0)
+    return np.stack([ahead * cosine + left * sine, left * cosine - ahead * sine, turned], axis=-2)
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Of one recording's increments.
+
+    Attributes:
+        place_m, heading_rad: of a single sample of the tracker.
+        place_walk, heading_walk: what the robot does by chance, per root of a second [m, rad].
+
+    """
+
+    place_m: float
+    heading_rad: float
+    place_walk: float
+    heading_walk: float
+
+
+def whiteners(run: Observed, noise: Noise) -> NDArray[np.float64]:
+    """What makes increments' errors independent, of unit size. Shape (3, n, n), lower triangles.
+
+    Neighbouring increments share a bin, so their errors are correlated; what the robot does by
+    chance is not.
+    """
+    count, time_s = run.bins.count, run.bins.time_s
+    size = len(count) - 1
+    elapsed_s = np.diff(time_s)
+    result = np.empty((3, size, size))
+    for rows, single, walk in (
+        ((0, 1), noise.place_m, noise.place_walk),
+        ((2,), noise.heading_rad, noise.heading_walk),
+    ):
+        of_bins = single**2 / count
+        covariance = np.diag(of_bins[1:] + of_bins[:-1] + walk**2 * elapsed_s)
+        beside = np.arange(size - 1)
+        covariance[beside, beside + 1] = covariance[beside + 1, beside] = -of_bins[1:-1]
+        result[list(rows)] = np.linalg.inv(np.linalg.cholesky(covariance))
+    return result
