@@ -14,7 +14,6 @@ from mbot_protocol.errors import ConfigurationError, MbotError
 from mbot_workstation.commands.calibrate import app as calibrate_app
 from mbot_workstation.commands.calibrate_body import body
 from mbot_workstation.commands.calibrate_demo import calibrate_demo
-from mbot_workstation.commands.calibration_option import calibration_option, photographs
 from mbot_workstation.commands.demo import demo
 from mbot_workstation.commands.drive import drive, run, stop
 from mbot_workstation.commands.enroll import enroll
@@ -24,6 +23,7 @@ from mbot_workstation.commands.models import models, rollback
 from mbot_workstation.commands.options import argument, option, with_options
 from mbot_workstation.commands.push_model import push_model
 from mbot_workstation.commands.robots import robots
+from mbot_workstation.commands.simulation_options import calibration_option, photographs
 from mbot_workstation.commands.stop_signals import stop_signals
 from mbot_workstation.commands.telemetry import telemetry
 from mbot_workstation.commands.track_robot import track

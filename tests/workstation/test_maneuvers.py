@@ -24,7 +24,6 @@ from mbot_protocol.v1.messages_pb2 import Command, CommandReply, Fault, State
 from mbot_workstation.link import remote_control
 from mbot_workstation.link.remote_control import RemoteControl
 from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.maneuvers.journal import Journal
 from mbot_workstation.maneuvers.keyboard import Keyboard
 from mbot_workstation.maneuvers.maneuver_drive import (
     HOLD_MS,
@@ -35,6 +34,7 @@ from mbot_workstation.maneuvers.maneuver_drive import (
 from mbot_workstation.maneuvers.maneuver_session import Session, SessionSettings, check_ready
 from mbot_workstation.maneuvers.plan import Order, Planned, plan, room_needed_m
 from mbot_workstation.maneuvers.robot_time import measure_robot_time
+from mbot_workstation.maneuvers.session_journal import Journal
 from mbot_workstation.recordings.commands_csv import read_commands
 from mbot_workstation.recordings.maneuver import MANEUVERS, maneuver_named
 from mbot_workstation.recordings.recording_toml import read_info

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands.calibration_option import calibration_output_option
 from mbot_workstation.commands.link_options import json_option
 from mbot_workstation.commands.options import argument, option, with_options
+from mbot_workstation.commands.simulation_options import calibration_output_option
 
 if TYPE_CHECKING:
     from mbot_workstation.calibration.body.body_check import Finding

@@ -5,16 +5,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands.calibration_option import calibration_option
 from mbot_workstation.commands.link_options import json_option
 from mbot_workstation.commands.options import argument, option, with_options
+from mbot_workstation.commands.simulation_options import calibration_option
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
     from mbot_workstation.training.evaluation.episodes import EpisodeResult, Trial
-    from mbot_workstation.training.worlds.lessons import Lesson
     from mbot_workstation.variation.effects import EffectRanges
 
 TABLE_WIDTH = 140
@@ -117,13 +116,13 @@ def _drive(options: EvaluateOptions) -> None:
         CalibrationFiles,
         read_files,
     )
-    from mbot_workstation.commands.calibration_option import photographs
+    from mbot_workstation.commands.simulation_options import find_lesson, photographs
     from mbot_workstation.training.evaluation.episodes import Trial, score
     from mbot_workstation.training.evaluation.evaluation_report import Line, draw, fields, table
     from mbot_workstation.training.worlds.rooms import EVALUATION_ROOMS, gather_rooms
 
     files = read_files(options.calibration) if options.calibration else CalibrationFiles()
-    stage = _lesson(options.lesson)
+    stage = find_lesson(options.lesson)
     robots = _presets(options.preset or ["nominal"], files if options.calibration else None)
     panorama = photographs(options.panorama, options.calibration)
     made_up = options.made_up_rooms if options.made_up_rooms is not None else (0 if panorama else 4)
@@ -177,15 +176,6 @@ def _with_bar(contestant: str, words: str, trial: "Trial") -> "list[EpisodeResul
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task(words, total=trial.episodes)
         return run(contestant, trial, lambda ended: progress.update(task, completed=ended))
-
-
-def _lesson(name: str) -> "Lesson":
-    from mbot_workstation.training.worlds.lessons import lesson
-
-    try:
-        return lesson(name)
-    except ValueError as error:
-        raise ConfigurationError(f"--lesson: {error}") from None
 
 
 def _presets(names: list[str], calibrated: "CalibrationFiles | None") -> "dict[str, EffectRanges]":

@@ -19,8 +19,8 @@ from mbot_workstation.recordings.maneuver import (
 
 if TYPE_CHECKING:
     from mbot_workstation.link.robot_link import RobotLink
-    from mbot_workstation.maneuvers.journal import Journal
     from mbot_workstation.maneuvers.maneuver_session import SessionSettings
+    from mbot_workstation.maneuvers.session_journal import Journal
 
 app = typer.Typer(
     help="Drive the paper's eight manoeuvres, to learn how a robot moves.", no_args_is_help=True
@@ -122,9 +122,9 @@ def run(options: RunOptions) -> None:
 
     from mbot_protocol.actions import WheelMaps
     from mbot_protocol.calibration import read_motion
-    from mbot_workstation.maneuvers.journal import Journal
     from mbot_workstation.maneuvers.maneuver_session import SessionSettings, check_ready
     from mbot_workstation.maneuvers.robot_time import measure_robot_time
+    from mbot_workstation.maneuvers.session_journal import Journal
 
     if options.output is not None and options.resume is not None:
         raise ConfigurationError("--output and --resume exclude each other")

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mbot_workstation.commands.calibration_option import calibration_output_option
 from mbot_workstation.commands.link_options import json_option
 from mbot_workstation.commands.options import argument, option, with_options
+from mbot_workstation.commands.simulation_options import calibration_output_option
 
 if TYPE_CHECKING:
     from mbot_workstation.calibration.room.panorama_import import Room

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands.calibration_option import calibration_option
 from mbot_workstation.commands.options import argument, option, with_options
+from mbot_workstation.commands.simulation_options import calibration_option
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -71,21 +71,17 @@ def study(options: StudyOptions) -> None:
         CalibrationFiles,
         read_files,
     )
-    from mbot_workstation.commands.calibration_option import photographs
+    from mbot_workstation.commands.simulation_options import find_lesson, photographs
     from mbot_workstation.training.evaluation.episodes import Trial
     from mbot_workstation.training.studies.study_plans import study_plan
     from mbot_workstation.training.studies.study_report import write_report
     from mbot_workstation.training.studies.study_run import run_study
-    from mbot_workstation.training.worlds.lessons import lesson as find_lesson
     from mbot_workstation.training.worlds.rooms import EVALUATION_ROOMS, gather_rooms
     from mbot_workstation.variation.presets import preset
 
     if options.name not in NAMES:
         raise ConfigurationError(f"no study {options.name!r}, expected one of {', '.join(NAMES)}")
-    try:
-        stage = find_lesson(options.lesson)
-    except ValueError as error:
-        raise ConfigurationError(f"--lesson: {error}") from None
+    stage = find_lesson(options.lesson)
     files = read_files(options.calibration) if options.calibration else CalibrationFiles()
     robots = files.ranges if options.calibration else preset
     photos = photographs(options.panorama, options.calibration)

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import typer
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands.calibration_option import calibration_option
 from mbot_workstation.commands.link_options import json_option
 from mbot_workstation.commands.options import option, with_options
+from mbot_workstation.commands.simulation_options import calibration_option
 
 if TYPE_CHECKING:
     from mbot_workstation.training.learning.run_directory import RunDirectory
@@ -174,7 +174,7 @@ def _begun(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
 def _configured(options: TrainOptions) -> "TrainingConfig":
     """A new run's configuration."""
     from mbot_workstation.calibration_files.calibration_folder import read_files
-    from mbot_workstation.commands.calibration_option import photographs
+    from mbot_workstation.commands.simulation_options import photographs
     from mbot_workstation.training.learning.learner import FINE_TUNING, GUIDED
     from mbot_workstation.training.learning.policy_source import find_source
     from mbot_workstation.training.learning.training_config import TrainingConfig

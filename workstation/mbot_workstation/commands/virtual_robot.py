@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands.calibration_option import calibration_option
 from mbot_workstation.commands.options import option, with_options
+from mbot_workstation.commands.simulation_options import calibration_option
 
 if TYPE_CHECKING:
     from mbot_protocol.camera_model import CameraModel

@@ -9,11 +9,11 @@ from typing import Protocol
 from mbot_protocol.errors import MbotError, RefusedError, UnreachableError
 from mbot_workstation.link.remote_control import RemoteControl
 from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.maneuvers.journal import Journal
 from mbot_workstation.maneuvers.keyboard import Keys
 from mbot_workstation.maneuvers.maneuver_drive import SpoiltRunError, drive_maneuver
 from mbot_workstation.maneuvers.plan import Planned
 from mbot_workstation.maneuvers.robot_time import RobotTime, measure_robot_time
+from mbot_workstation.maneuvers.session_journal import Journal
 from mbot_workstation.recordings.maneuver import maneuver_named
 
 LOOK_S = 0.05

@@ -80,19 +80,7 @@ def train(
     start = read_state(checkpoints[-1]) if checkpoints else None
     step = start.step if start else 0
     _note_code(run, step)
-    rooms = gather_rooms(
-        [Path(name) for name in config.panoramas], config.made_up_rooms, TRAINING_ROOMS
-    )
-    environment = FetchVecEnv(
-        robots=config.robots,
-        seed=config.seed + step,
-        preset=config.ranges(),
-        lesson=config.stages()[start.curriculum.index if start else 0],
-        rooms=rooms,
-        workers=config.workers,
-        robot=config.robot,
-        scene=config.scene,
-    )
+    environment = _environment(config, start.curriculum.index if start else 0, step)
     writer = TensorBoardOutputFormat(str(run.tensorboard))
     try:
         learner = make_learner(
@@ -124,6 +112,22 @@ def train(
     finally:
         writer.close()
         environment.close()
+
+
+def _environment(config: TrainingConfig, stage: int, step: int) -> FetchVecEnv:
+    rooms = gather_rooms(
+        [Path(name) for name in config.panoramas], config.made_up_rooms, TRAINING_ROOMS
+    )
+    return FetchVecEnv(
+        robots=config.robots,
+        seed=config.seed + step,
+        preset=config.ranges(),
+        lesson=config.stages()[stage],
+        rooms=rooms,
+        workers=config.workers,
+        robot=config.robot,
+        scene=config.scene,
+    )
 
 
 def _guidance(config: TrainingConfig, environment: FetchVecEnv) -> list[BaseCallback]:

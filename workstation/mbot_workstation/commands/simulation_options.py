@@ -1,10 +1,14 @@
-"""The option that names a robot's calibration, for every command that simulates it."""
+"""What commands ask for that simulate a robot: its calibration, its rooms, a lesson."""
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands.options import option
+
+if TYPE_CHECKING:
+    from mbot_workstation.training.worlds.lessons import Lesson
 
 DEFAULT_CALIBRATION = Path("calibration/mbot-1")
 
@@ -35,3 +39,18 @@ def photographs(panoramas: Sequence[Path] | None, calibration: Path | None) -> l
     from mbot_workstation.calibration_files.calibration_folder import room_pictures
 
     return [*(panoramas or ()), *(room_pictures(calibration) if calibration else ())]
+
+
+def find_lesson(name: str) -> "Lesson":
+    """The lesson that --lesson names.
+
+    Raises:
+        ConfigurationError: there is none.
+
+    """
+    from mbot_workstation.training.worlds.lessons import lesson
+
+    try:
+        return lesson(name)
+    except ValueError as error:
+        raise ConfigurationError(f"--lesson: {error}") from None
