@@ -85,16 +85,22 @@ def invoke(*arguments: str) -> str:
     return result.output
 
 
+FLOAT32 = 1e-4
+"""Two engines sum the same 32-bit products in another order. An action is made of some thousand of
+them, with activations of about 10 and an unlearned network's actions far beyond 1: 10 x 6e-8 x
+sqrt(5000) is 4e-5 (1.2e-5 was seen). A wheel's smallest step is 4e-3."""
+
+
 def test_onnx_decides_as_the_learner_does(learner: PicturePPO, run: RunDirectory) -> None:
     model = policy_graph(read_weights(run.last_checkpoint()), PolicyMetadata("first"))
     policy = OnnxPolicy(model.SerializeToString())
     ours = policy.act(PICTURES)
     theirs, _ = learner.policy.predict(PICTURES, deterministic=True)
-    np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(ours, theirs, rtol=0, atol=FLOAT32)
     assert (np.abs(ours) == 1.0).any(), "the test must reach the clipping"
     assert (np.abs(ours) < 1.0).any()
     one_by_one = np.concatenate([policy.act(picture[None]) for picture in PICTURES])
-    np.testing.assert_allclose(one_by_one, ours, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(one_by_one, ours, rtol=0, atol=FLOAT32)
 
 
 def test_robots_take_the_file(run: RunDirectory, tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ def to_our_frame(
 def to_file_frame(
     position_m: Array, quaternion_wxyz: Array, up: str, handedness: str
 ) -> tuple[Array, Array]:
-    """The inverse of `to_our_frame`."""
+    """The inverse of `to_our_frame`: positions, shape (n, 3), and attitudes, shape (n, 4)."""
     position_m, quaternion_wxyz = _turned(position_m, quaternion_wxyz, _TO_Z_UP[up].T)
     if handedness == "left":
         return _mirrored(position_m, quaternion_wxyz, up)

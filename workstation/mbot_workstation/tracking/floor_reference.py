@@ -46,7 +46,10 @@ def plane_from_corners(
 
 
 def plane_from_board(camera: CameraModel, picture: Grey, square_mm: float) -> FloorPlane | None:
-    """The floor from the printed ChArUco board lying on it; None if it is not in view."""
+    """The floor from the printed ChArUco board lying on it; None if it is not in view.
+
+    The picture is grey, shape (h, w).
+    """
     found = find_board(picture, Board(square_mm=square_mm, charuco=True))
     if found is None:
         return None

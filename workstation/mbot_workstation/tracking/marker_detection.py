@@ -38,5 +38,5 @@ class MarkerDetector:
 
 
 def to_grey(picture: Picture) -> Grey:
-    """An RGB picture in grey."""
+    """An RGB picture, shape (h, w, 3), in grey, shape (h, w)."""
     return cast(Grey, cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY))

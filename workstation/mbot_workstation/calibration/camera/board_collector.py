@@ -66,7 +66,7 @@ class BoardCollector:
         """Judge a frame.
 
         Args:
-            picture: the frame.
+            picture: the frame, grey, shape (h, w).
             now_s: when it was taken, on a clock that only rises.
 
         """

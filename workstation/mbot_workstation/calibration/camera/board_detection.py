@@ -52,7 +52,7 @@ class FoundBoard:
 
 
 def find_board(picture: Grey, board: Board) -> FoundBoard | None:
-    """The board, or None.
+    """The board in a grey picture of shape (h, w), or None.
 
     Raises:
         ValueError: the board's dictionary does not exist, or is too small for it.
@@ -73,6 +73,8 @@ def find_board(picture: Grey, board: Board) -> FoundBoard | None:
 
 def most_likely_checkerboard(pictures: Iterable[Grey]) -> Board | None:
     """The checkerboard whose size is seen in most of the pictures; None if there is none.
+
+    The pictures are grey, shape (h, w) each.
 
     Where a part of the board is hidden a smaller one is seen, so the largest that is seen in more
     than one picture, and in a seventh of those with any, is taken.

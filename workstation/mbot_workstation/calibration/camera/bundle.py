@@ -67,7 +67,7 @@ def intrinsics_of(camera: CameraModel) -> Values:
 
 
 def camera_of(intrinsics: Values, width_px: int, height_px: int) -> CameraModel:
-    """The camera with these intrinsics.
+    """The camera with these intrinsics: fx, fy, cx, cy, k1, k2, p1, p2, k3; shape (9,).
 
     Raises:
         ValueError: they are no camera's.
@@ -103,7 +103,14 @@ def residuals(view: View, intrinsics: Values, pose: Values) -> Values:
 
 
 def error_px(view: View, intrinsics: Values, pose: Values) -> float:
-    """Root mean square distance between projected and seen corners."""
+    """Root mean square distance between projected and seen corners, in pixels.
+
+    Args:
+        view: what was seen.
+        intrinsics: shape (9,).
+        pose: of the board, shape (6,).
+
+    """
     return float(np.sqrt((residuals(view, intrinsics, pose) ** 2).sum(axis=1).mean()))
 
 
@@ -194,7 +201,7 @@ class _Equations:
             self.cost = np.inf
 
     def step(self, damping: float) -> tuple[Values, Values]:
-        """Intrinsics and poses after a damped step."""
+        """Intrinsics, shape (9,), and poses, shape (views, 6), after a damped step."""
         own = self._own + damping * self._own * np.eye(6)
         common = self._common + damping * np.diag(np.diag(self._common))
         back = self._mixed @ np.linalg.inv(own)
@@ -208,7 +215,7 @@ class _Equations:
         return intrinsics, poses
 
     def deviations(self) -> Values:
-        """Standard deviations of the free intrinsics.
+        """Standard deviations of the free intrinsics, shape (free,).
 
         Two estimates, of which the larger counts: from the scatter of single corners, and from
         how much whole pictures disagree, which also sees a bent board or a blurred picture.

@@ -38,7 +38,7 @@ class SeenBoards:
 
 
 def grey_picture(path: Path) -> Grey:
-    """A picture file in grey.
+    """A picture file in grey, shape (h, w).
 
     Raises:
         ConfigurationError: it can't be read.
@@ -103,7 +103,7 @@ def _no_board(paths: Sequence[Path], boards: Sequence[Board]) -> ConfigurationEr
 def look(
     picture: Grey, name: str, boards: Sequence[Board]
 ) -> tuple[Sighting, Board] | tuple[None, None]:
-    """The first of the boards that is in a picture."""
+    """The first of the boards that is in a grey picture of shape (h, w)."""
     for board in boards:
         found = find_board(picture, board)
         if found is not None:

@@ -95,7 +95,9 @@ def _turn_of_face(normal: Values) -> Values:
 
 
 def camera_axes(robot: RobotParameters) -> Values:
-    """OpenCV's camera axes in the arena, the robot at its start: columns right, down, away."""
+    """OpenCV's camera axes in the arena, the robot at its start: columns right, down,
+    away. Shape (3, 3).
+    """
     turn = np.empty(9)
     mujoco.mju_quat2Mat(turn, camera_quaternion(robot.camera_mount))
     return turn.reshape(3, 3) * np.array([1, -1, -1])  # MuJoCo's y is up, its z backwards

@@ -31,7 +31,13 @@ class AdviceMemory:
         return self._known
 
     def add(self, pictures: NDArray[np.uint8], advice: NDArray[np.float32]) -> None:
-        """Remember those whose advice is known; the oldest give way."""
+        """Remember those whose advice is known; the oldest give way.
+
+        Args:
+            pictures: shape (n, 64, 64, 3).
+            advice: shape (n, 2); not a number where there is none.
+
+        """
         known = np.isfinite(advice).all(axis=1)
         pictures, advice = pictures[known], advice[known]
         capacity = len(self._advice)

@@ -49,7 +49,10 @@ class GuidedRolloutBuffer(RolloutBuffer):
         yield from super().get(batch_size)
 
     def flat_advice(self) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-        """All observations and their advice, in one order, once `get` has been used."""
+        """All observations, shape (n, 64, 64, 3), and their advice, shape (n, 2), in one order.
+
+        Once `get` has been used.
+        """
         return self.observations, self._flat_advice
 
     def _get_samples(self, batch_inds: NDArray[np.int64], env: Any = None) -> Any:

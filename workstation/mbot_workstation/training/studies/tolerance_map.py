@@ -74,7 +74,7 @@ def as_file(
     nominal_reward: float,
     how: str,
 ) -> Tolerances:
-    """The maps as tolerance.json holds them."""
+    """The maps, each with its rewards of shape (up, across), as tolerance.json holds them."""
     return Tolerances(
         contestant=contestant,
         nominal_reward=nominal_reward,
@@ -112,7 +112,7 @@ def draw_maps(
     """Write the maps side by side, with the border of what is bearable.
 
     Args:
-        maps: grids with their rewards.
+        maps: grids with their rewards, shape (up, across) each.
         path: a file matplotlib can write, such as a PNG.
         nominal_reward: of the policy without any deviation.
         largest: reward there is.
@@ -159,7 +159,7 @@ def map_page(
     how: str,
     picture: str,
 ) -> str:
-    """The maps as a Markdown page, every cell a number."""
+    """The maps, each with its rewards of shape (up, across), as a Markdown page of numbers."""
     parts = [
         "# Tolerance of deviations between simulation and reality",
         "The paper asks how much deviation a task tolerates, and which measurements matter. "
