@@ -22,8 +22,10 @@ from mbot_workstation.variation.presets import preset
 NOMINAL = preset("nominal")
 
 
-def advice(ahead_m: float, left_m: float) -> np.ndarray:
-    return Guide(1, NOMINAL).act(np.array([[ahead_m, left_m]]))[0]
+def advice(ahead_m: float, left_m: float, seen_left_rad: float | None = None) -> np.ndarray:
+    if seen_left_rad is None:  # a robot that stands: it sees where the object is
+        seen_left_rad = math.atan2(left_m, ahead_m - 0.06)
+    return Guide(1, NOMINAL).act(np.array([[ahead_m, left_m]]), np.array([seen_left_rad]))[0]
 
 
 def test_what_the_camera_cannot_see_is_searched_clockwise() -> None:
@@ -39,6 +41,12 @@ def test_what_it_sees_is_driven_at() -> None:
     assert right > left > 0
     left, right = advice(1.0, -0.3)
     assert left > right > 0
+
+
+def test_what_a_picture_shows_counts_though_the_robot_has_turned_past_it() -> None:
+    left, right = advice(0.7, 0.7, seen_left_rad=0.4)
+    assert right > left, "back to it, not once around"
+    np.testing.assert_allclose(advice(1.0, 0.3, seen_left_rad=0.6), (SEARCH_TURN, -SEARCH_TURN))
 
 
 def test_without_a_target_there_is_no_advice() -> None:

@@ -126,6 +126,13 @@ class Simulation:
         """Turn the panorama so that its middle column lies in this direction."""
         self._data.mocap_quat[self._room] = _yaw_quaternion(yaw_rad)
 
+    def object_from_robot(self, state: SceneState) -> tuple[float, float]:
+        """How far ahead of the axle and to its left the cube was at a moment, in metres."""
+        x, y = state.moved_pos[self._cube][:2] - state.joints[:2]
+        turn = 2 * math.atan2(state.joints[6], state.joints[3])  # the floor is level
+        cos, sin = math.cos(turn), math.sin(turn)
+        return float(cos * x + sin * y), float(cos * y - sin * x)
+
     def snapshot(self) -> SceneState:
         """A copy of what there is to see, for a renderer in this or another thread."""
         return SceneState(

@@ -8,6 +8,7 @@ into view, as the paper's policy does, then drive as the oracle would.
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.training.drivers.onnx_policy import Actions
@@ -30,13 +31,18 @@ class Guide:
     ) -> None:
         nominal = nominal or RobotParameters()
         self._oracle = Oracle(robots, middle(preset), nominal)
-        self._camera_ahead_m = nominal.camera_mount.ahead_m
 
-    def act(self, targets: Targets) -> Actions:
-        """Both wheels of every robot, shape (robots, 2); NaN for robots whose target is unknown."""
-        ahead, left = targets.T
-        bearing = np.arctan2(left, ahead - self._camera_ahead_m)
-        unseen = np.abs(bearing) > IN_VIEW_RAD
+    def act(self, targets: Targets, seen_left_rad: NDArray[np.float64]) -> Actions:
+        """Both wheels of every robot, shape (robots, 2); NaN for robots whose target is unknown.
+
+        Args:
+            targets: where the objects are now.
+            seen_left_rad: where the observations show them, shape (robots,): what a picture shows
+                at its edge counts, though the robot may have turned past it since.
+
+        """
+        ahead = targets[:, 0]
+        unseen = np.abs(seen_left_rad) > IN_VIEW_RAD
         known = np.where(unseen[:, None], np.nan, targets)
         actions = self._oracle.act(known)
         actions[unseen] = (SEARCH_TURN, -SEARCH_TURN)

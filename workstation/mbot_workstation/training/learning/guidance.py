@@ -84,7 +84,7 @@ class AskTheGuide(BaseCallback):
         self._environment = environment
 
     def _on_training_start(self) -> None:
-        self._advice = self._guide.act(_targets(self._environment.reset_infos))
+        self._advice = self._guide.act(*_targets(self._environment.reset_infos))
 
     def _on_step(self) -> bool:
         buffer: GuidedRolloutBuffer = self.model.rollout_buffer
@@ -99,15 +99,13 @@ class AskTheGuide(BaseCallback):
                 strict=True,
             )
         ]
-        self._advice = self._guide.act(_targets(infos))
+        self._advice = self._guide.act(*_targets(infos))
         return True
 
 
-def _targets(infos: list[dict[str, Any]]) -> NDArray[np.float64]:
+def _targets(infos: list[dict[str, Any]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where the objects are, shape (robots, 2), and where they were seen, shape (robots,)."""
     nowhere = float("nan")
-    return np.array(
-        [
-            (info.get("target_ahead_m", nowhere), info.get("target_left_m", nowhere))
-            for info in infos
-        ]
-    )
+    names = ("target_ahead_m", "target_left_m", "seen_left_rad")
+    table = np.array([[info.get(name, nowhere) for name in names] for info in infos])
+    return table[:, :2], table[:, 2]

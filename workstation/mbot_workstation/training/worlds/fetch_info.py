@@ -14,7 +14,8 @@ def fetch_info(world: FetchWorld, happening: Happening = Happening.NOTHING) -> d
 
     Keys: `touches` of the episode; `time_left_s` for this object; `happening` of the last step, as
     text; `border`, whether that was border contact; `lesson`, its name; `target_ahead_m` and
-    `target_left_m`, where the object is as seen from the robot, for oracles and plots.
+    `target_left_m`, where the object is as seen from the robot, for oracles and plots;
+    `seen_left_rad`, in which direction the observation shows it, or would if it were in view.
     """
     ahead_m, left_m = target_from_robot(world)
     return {
@@ -25,6 +26,7 @@ def fetch_info(world: FetchWorld, happening: Happening = Happening.NOTHING) -> d
         "lesson": world.lesson.name,
         "target_ahead_m": ahead_m,
         "target_left_m": left_m,
+        "seen_left_rad": seen_left_rad(world),
     }
 
 
@@ -34,3 +36,12 @@ def target_from_robot(world: FetchWorld) -> tuple[float, float]:
     dx, dy = target.x_m - robot.x_m, target.y_m - robot.y_m
     cos, sin = math.cos(robot.yaw_rad), math.sin(robot.yaw_rad)
     return cos * dx + sin * dy, cos * dy - sin * dx
+
+
+def seen_left_rad(world: FetchWorld) -> float:
+    """Where the object was from the camera when the observation was taken, left positive.
+
+    Pictures are old: in a turn this is not where the object is now.
+    """
+    ahead_m, left_m = world.simulation.object_from_robot(world.glimpse.state)
+    return math.atan2(left_m, ahead_m - world.simulation.robot.camera_mount.ahead_m)

@@ -154,7 +154,7 @@ class FetchVecEnv(VecEnv):
         self.close()
 
     def _info(self, record: tuple[Any, ...]) -> dict[str, Any]:
-        _, _, happening, touches, time_left_s, ahead_m, left_m, lesson_number = record
+        _, _, happening, touches, time_left_s, ahead_m, left_m, seen_rad, lesson_number = record
         what = HAPPENINGS[happening]
         return {
             "touches": touches,
@@ -164,6 +164,7 @@ class FetchVecEnv(VecEnv):
             "lesson": self._lessons[lesson_number].name,
             "target_ahead_m": ahead_m,
             "target_left_m": left_m,
+            "seen_left_rad": seen_rad,
         }
 
     def _end_episode(self, row: int, info: dict[str, Any]) -> None:

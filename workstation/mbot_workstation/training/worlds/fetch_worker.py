@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from mbot_workstation.simulation.fetch_task import Happening
-from mbot_workstation.training.worlds.fetch_info import HAPPENINGS, target_from_robot
+from mbot_workstation.training.worlds.fetch_info import HAPPENINGS, seen_left_rad, target_from_robot
 from mbot_workstation.training.worlds.fetch_world import FetchWorld, Outcome
 from mbot_workstation.training.worlds.lessons import Lesson
 from mbot_workstation.training.worlds.robot_eye import RobotEye
@@ -165,5 +165,6 @@ class _Share:
             world.touches,
             world.time_left_s,
             *target_from_robot(world),
+            seen_left_rad(world),
             self._episode_lesson[index],
         )

@@ -22,6 +22,7 @@ STEP_RECORD = np.dtype(
         ("time_left_s", np.float32),
         ("target_ahead_m", np.float32),
         ("target_left_m", np.float32),
+        ("seen_left_rad", np.float32),
         ("lesson", np.int32),
     ]
 )
