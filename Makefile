@@ -7,7 +7,7 @@ FIRMWARE := out/firmware
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 .DEFAULT_GOAL := help
-.PHONY: help demo calibrate-demo demo-firmware test test-all check protocol firmware benchmark reliability fuzz lock clean
+.PHONY: help demo calibrate-demo demo-firmware test test-all check protocol firmware benchmark reliability reliability-quick mutants fuzz lock clean
 
 help: ## Show this help
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -56,6 +56,12 @@ benchmark: $(VENV)/.all ## Measure the daemon; use a quiet machine
 
 reliability: $(VENV)/.all ## Cause every fault of the table, write docs/results/reliability.md; use a quiet machine
 	$(BIN)/python benchmarks/reliability.py $(RELIABILITY)
+
+reliability-quick: $(VENV)/.all ## Cause every fault of the table once; 8 minutes
+	$(BIN)/python benchmarks/reliability.py --quick
+
+mutants: $(VENV)/.all ## Put small faults into the safety path, one by one: a test must fail for each
+	$(BIN)/python benchmarks/mutants.py
 
 fuzz: $(VENV)/.all ## Feed every parser 100,000 inputs
 	MBOT_FUZZ_CASES=100000 $(BIN)/pytest tests/reliability/test_fuzz.py tests/reliability/test_serial_garbage.py

@@ -68,7 +68,7 @@ FAULTS = (
     Fault(
         "serial garbage, partial write",
         (
-            Bar("100,000 cases", "cases", 100_000, least=True),
+            Bar("100,000 cases, 95 % of them at full speed", "cases", 95_000, least=True),
             Bar("0 not stopped", "not stopped", 0),
         ),
         (

@@ -347,4 +347,4 @@ def test_refusals_reach_the_workstation(daemon: Daemon) -> None:
     with daemon.camera(), daemon.start():
         assert daemon.is_up()
         with daemon.link() as link, pytest.raises(RefusedError, match="no previous model"):
-            activate(link)
+            activate(link, lambda _: daemon.key)

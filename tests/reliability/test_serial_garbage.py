@@ -7,6 +7,7 @@ The real motor thread on a pseudo-terminal; a thousand pieces of garbage in ever
 import random
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -43,6 +44,16 @@ def garbage(chance: random.Random) -> bytes:
     return b"".join(parts)
 
 
+def turns(board: FakeBoard) -> bool:
+    """Whether the board comes to full speed; what is said before that proves nothing."""
+    deadline_s = time.monotonic() + 0.2
+    while time.monotonic() < deadline_s:
+        if board.speeds == (FULL_SPEED.m1, FULL_SPEED.m2):
+            return True
+        time.sleep(0.0002)
+    return False
+
+
 def comes_to_rest(motors: Motors, board: FakeBoard) -> bool:
     deadline_s = time.monotonic() + 5
     while not (motors.wait_stopped(0.0) and board.speeds == (0, 0)):
@@ -52,14 +63,19 @@ def comes_to_rest(motors: Motors, board: FakeBoard) -> bool:
     return True
 
 
-@pytest.mark.timeout(7200)
-def test_garbage_from_the_board_ends_stopped(board: FakeBoard, record_property: Record) -> None:
-    chance = random.Random(5)
-    not_stopped = 0
-    with Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
-        assert until(lambda: motors.fault is None)
-        for _ in range(FUZZ_CASES):
+AT_ONCE = 8
+"""Boards under attack at a time: most of a case is waiting for a reply that was swallowed."""
+
+
+def attack(seed: int, cases: int) -> tuple[int, int]:
+    """Garbage against one board: in how many cases it was turning, and did not come to rest."""
+    chance = random.Random(seed)
+    turning = not_stopped = 0
+    with FakeBoard() as board, Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
+        for _ in range(cases):
+            assert until(lambda: motors.fault is None)  # some garbage is a reset's announcement
             motors.drive(DriveCommand(FULL_SPEED, time.monotonic_ns() + 10**10))
+            turning += turns(board)
             board.say(garbage(chance))
             if chance.random() < 0.5:
                 time.sleep(0)  # sometimes it arrives before the stop is asked for
@@ -70,7 +86,19 @@ def test_garbage_from_the_board_ends_stopped(board: FakeBoard, record_property: 
                 del board.commands[:-1]
                 board.received.clear()
         assert until(lambda: motors.fault is None)
-    record_property("cases", FUZZ_CASES)
+        assert board.speeds == (0, 0)
+    return turning, not_stopped
+
+
+@pytest.mark.timeout(7200)
+def test_garbage_from_the_board_ends_stopped(record_property: Record) -> None:
+    """A case counts only if the wheels were turning at full speed when the garbage came."""
+    cases = FUZZ_CASES // AT_ONCE
+    with ThreadPoolExecutor(AT_ONCE) as boards:
+        found = list(boards.map(lambda seed: attack(seed, cases), range(AT_ONCE)))
+    turning, not_stopped = (sum(column) for column in zip(*found, strict=True))
+    record_property("cases", turning)
+    record_property("of all %", round(100 * turning / (cases * AT_ONCE), 1))
     record_property("not stopped", not_stopped)
+    assert turning >= 0.95 * cases * AT_ONCE
     assert not_stopped == 0
-    assert board.speeds == (0, 0)

@@ -154,8 +154,22 @@ class Robot:
                 return acknowledged
         return self.commit(reply.push_id)
 
-    def activate(self, sha256: str = "") -> ModelList:
+    def activate(self, sha256: str = "", key: SigningKey | None = KEY) -> ModelList:
+        """Signed for the model it names, or not at all."""
         request = Activate(schema_version=SCHEMA_VERSION, robot_id=self.robot_id, sha256=sha256)
+        wanted = sha256 or self.store.activation.previous
+        stored = [model for model in self.store.models() if model.sha256.startswith(wanted)]
+        if key is not None and wanted and stored:
+            manifest = ModelManifest(
+                robot_id=self.robot_id,
+                sequence=next(_sequence),
+                sha256=stored[0].sha256,
+                size_bytes=stored[0].size_bytes,
+                nonce=self.nonce(),
+            )
+            signed = key.sign(manifest)
+            request.manifest, request.signature = signed.manifest, signed.signature
+            request.public_key = signed.public_key
         return ModelList.FromString(self.service.activate(request.SerializeToString()))
 
     def list(self) -> ModelList:

@@ -100,3 +100,9 @@ def test_a_short_gap_is_forgiven_and_a_long_one_is_not() -> None:
     assert hold.too_long((), 12 * S) is None
     assert hold.too_long(WRONG, 13 * S) is None
     assert hold.too_long(WRONG, 15 * S + 1) == WRONG[0]
+
+
+def test_a_stop_outdates_what_was_begun_before_it() -> None:
+    orders = Orders(Mode.STOPPED, epoch=3)
+    again = orders.stopped(0)
+    assert again.epoch > orders.epoch

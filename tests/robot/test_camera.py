@@ -177,6 +177,17 @@ def test_a_hanging_camera_turns_stale_and_is_opened_again(monkeypatch: pytest.Mo
         assert reopened.wait(5)
 
 
+def test_a_picture_is_stale_after_what_is_configured(monkeypatch: pytest.MonkeyPatch) -> None:
+    camera = Encoded(stale_after_ms=300)
+    camera.sends()
+    captured_ns = camera.capture._newest.captured_ns  # pyright: ignore
+    for age_ms, fresh in ((0, True), (300, True), (301, False), (1000, False)):
+        monkeypatch.setattr(
+            time, "monotonic_ns", lambda age_ms=age_ms: captured_ns + age_ms * MILLISECOND
+        )
+        assert camera.capture.is_fresh() == fresh, age_ms
+
+
 def test_a_refused_frame_ends_freshness_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     black = threading.Event()
 

@@ -84,3 +84,29 @@ def test_a_robot_that_is_not_armed_has_nothing_to_disarm(motors: ObedientBoard, 
     helm = helm_of(motors, mode)
     helm.latch("the board was reset")
     assert (helm.orders.mode, helm.orders.stop.count) == (mode, 1)
+
+
+@pytest.mark.parametrize("word", ["run", "drive", "ready"])
+def test_the_board_is_armed_by_a_word_and_disarmed_by_a_stop(
+    motors: ObedientBoard, word: str
+) -> None:
+    helm = helm_of(motors)
+    helm.rest(helm.orders)
+    helm.begin(helm.orders)
+    assert motors.armed == 1  # `begin` itself is what comes of a word
+    motors.armed = 0
+    if word == "run":
+        helm.run(helm.orders.stop.count)
+    elif word == "drive":
+        for _ in range(3):  # a hand says it again and again; the board needs it once
+            helm.steer_by_hand(FORWARD, 10**9, helm.orders.stop.count)
+    else:
+        helm.run(helm.orders.stop.count, when_ready=True)
+        motors.armed = 0
+        helm.begin(helm.orders)
+    assert motors.armed == 1
+    helm.stop()
+    assert motors.disarmed == 1
+    helm.run(helm.orders.stop.count)
+    helm.latch("the board was reset")
+    assert motors.disarmed == 2

@@ -8,9 +8,10 @@ import pytest
 
 from mbot_agent.models import model_service, staging
 from mbot_agent.models.dry_run import Report, dry_run
-from mbot_protocol.v1.messages_pb2 import ModelList, PushReply
+from mbot_protocol.schema import SCHEMA_VERSION
+from mbot_protocol.v1.messages_pb2 import Activate, ModelList, PushReply
 
-from .model_bench import Robot, digest
+from .model_bench import OTHER_KEY, ROBOT_ID, Robot, digest, sign
 from .tiny_models import constant_model
 
 FIRST = constant_model(0.1, 0.1, name="first")
@@ -258,3 +259,23 @@ def test_the_memory_of_a_push_whose_sender_died_comes_back(tmp_path: Path) -> No
     staged_mb, kept_mb = (float(word) for word in done.stdout.split())
     assert staged_mb >= 15
     assert kept_mb <= 4
+
+
+def test_going_back_takes_a_word_signed_for_that_model_and_this_time(robot: Robot) -> None:
+    for data in (FIRST, SECOND):
+        assert robot.push(data).accepted
+    assert "not signed" in robot.activate(key=None).reason
+    assert not robot.activate(key=OTHER_KEY).accepted
+    other = Activate(schema_version=SCHEMA_VERSION, robot_id=ROBOT_ID, sha256=digest(FIRST))
+    signed = sign(SECOND, robot.nonce())
+    other.manifest, other.signature = signed.manifest, signed.signature
+    other.public_key = signed.public_key
+    reply = ModelList.FromString(robot.service.activate(other.SerializeToString()))
+    assert "another model's" in reply.reason
+    signed = sign(FIRST, robot.nonce())
+    other.manifest, other.signature = signed.manifest, signed.signature
+    assert ModelList.FromString(robot.service.activate(other.SerializeToString())).accepted
+    assert robot.active == "first"
+    assert robot.push(THIRD).accepted
+    again = ModelList.FromString(robot.service.activate(other.SerializeToString()))
+    assert "nonce" in again.reason

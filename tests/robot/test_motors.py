@@ -89,6 +89,28 @@ def test_stop_and_halt(motors: Motors, board: FakeBoard) -> None:
     assert board.speeds == (0, 0)
 
 
+def test_a_stop_is_on_the_wire_within_20_ms(motors: Motors, board: FakeBoard) -> None:
+    took_ms: list[float] = []
+    for _ in range(3):
+        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        assert board.wait_for(-100, 100)
+        asked_s = time.monotonic()
+        motors.stop()
+        assert board.wait_for(0, 0)
+        stopped_s = next(at for at, m1, _ in board.commands if at >= asked_s and m1 == 0)
+        took_ms.append((stopped_s - asked_s) * 1000)
+    assert min(took_ms) <= 20
+
+
+def test_a_stop_is_acknowledged_twice(motors: Motors, board: FakeBoard) -> None:
+    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    assert board.wait_for(-100, 100)
+    mark = len(board.received)
+    motors.stop()
+    assert motors.stands(1.0)
+    assert bytes(board.received[mark:]).startswith(2 * (FLUSH_PADDING + STOP.to_bytes()))
+
+
 def test_that_it_stands_is_the_boards_word(motors: Motors, board: FakeBoard) -> None:
     assert motors.stands(1.0)
     motors.drive(DriveCommand(FORWARD, for_ms(10_000)))

@@ -200,7 +200,9 @@ class FakeRobot:
         )
 
     def _models(self) -> ModelList:
-        older = Model(sha256="b" * 64, name="older", previous=True, decision_rate_hz=2.5)
+        older = Model(
+            sha256="b" * 64, name="older", size_bytes=900, previous=True, decision_rate_hz=2.5
+        )
         return ModelList(schema_version=1, accepted=True, models=[self.active, older])
 
     def _nonce(self, _data: bytes) -> PushNonceReply:

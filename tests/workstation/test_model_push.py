@@ -179,12 +179,17 @@ def test_models_are_listed(link: RobotLink) -> None:
 
 
 def test_a_model_is_activated_by_its_digest(robot: FakeRobot, link: RobotLink) -> None:
-    activate(link, "b" * 8)
+    activate(link, signed, "b" * 8)
     request = Activate.FromString(robot.received[-1][1])
-    assert (request.robot_id, request.sha256) == ("mbot-1", "b" * 8)
+    assert (request.robot_id, request.sha256) == ("mbot-1", "b" * 64)
+    manifest = decode(request.manifest)
+    assert (manifest.sha256, manifest.nonce, manifest.robot_id) == ("b" * 64, NONCE, "mbot-1")
+    activate(link, lambda _status: None)
+    request = Activate.FromString(robot.received[-1][1])
+    assert (request.sha256, request.manifest) == ("", b"")
 
 
 def test_an_unknown_model_is_refused(robot: FakeRobot, link: RobotLink) -> None:
     robot.replies[ACTIVATE.name] = lambda _data: ModelList(schema_version=1, reason="none such")
     with pytest.raises(RefusedError, match="mbot-1 refused: none such"):
-        activate(link)
+        activate(link, signed)

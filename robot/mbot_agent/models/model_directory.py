@@ -149,6 +149,13 @@ class ModelDirectory:
         except OSError:
             return 0
 
+    def size_bytes(self, sha256: str) -> int:
+        """The length of a stored model's file; 0 if that can't be found out."""
+        try:
+            return self._path(sha256).stat().st_size
+        except OSError:
+            return 0
+
     def label(self, sha256: str) -> Label:
         """What is kept beside a model; an empty label if that is missing or damaged."""
         try:

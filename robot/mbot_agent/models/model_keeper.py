@@ -153,21 +153,31 @@ class ModelKeeper:
             self._adopt(policy, admission.signer)
         return policy
 
-    def activate(self, prefix: str) -> None:
-        """Make a stored model active; with an empty prefix of its digest, the previous one.
+    def find(self, prefix: str) -> str:
+        """The digest of the stored model that begins so; of the previous one, if empty.
 
         Raises:
-            RefusedError: there is no such model, it can't be used, or the disk refuses.
+            RefusedError: there is no such model, or several.
+
+        """
+        sha256 = self._store.find(prefix) if prefix else self._store.activation.previous
+        if not sha256:
+            raise RefusedError("there is no previous model to roll back to")
+        return sha256
+
+    def activate(self, sha256: str, admission: Admission) -> None:
+        """Make a stored model active.
+
+        Raises:
+            RefusedError: it can't be used, or the disk refuses.
 
         """
         with self._lock:
-            sha256 = self._store.find(prefix) if prefix else self._store.activation.previous
-            if not sha256:
-                raise RefusedError("there is no previous model to roll back to")
             try:
                 policy, signer = self._load(sha256)
             except MbotError as error:
                 raise RefusedError(f"the model {sha256[:12]} cannot be used: {error}") from None
+            self._trust.note(admission)
             self._store.activate(sha256, self.active_sha256)
             self._changes("another model was made active")
             self._adopt(policy, signer)

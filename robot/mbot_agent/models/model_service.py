@@ -208,7 +208,20 @@ class ModelService:
     def _activate(self, payload: bytes) -> None:
         request = decode(messages.Activate, payload, _SENDER)
         self._check_robot(request.robot_id)
-        self._keeper.activate(request.sha256)
+        sha256 = self._keeper.find(request.sha256)
+        # Going back needs the word that a push needs: a key that the robot trusts, for this model
+        # and this one time. Otherwise whoever may push could bring back what was replaced for a
+        # reason, without a key.
+        admission = self._trust.admit(
+            messages.PushBegin(
+                sha256=sha256,
+                size_bytes=self._store.size_bytes(sha256),
+                manifest=request.manifest,
+                signature=request.signature,
+                public_key=request.public_key,
+            )
+        )
+        self._keeper.activate(sha256, admission)
 
     def _advice(self, policy: Policy) -> str:
         """A word on what is allowed but doubtful; empty if all is well."""

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from mbot_workstation.commands.link_options import LinkOptions, json_option
 from mbot_workstation.commands.options import argument, with_options
+from mbot_workstation.commands.push_model import ask_passphrase, sign_with_option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,6 +41,7 @@ class RollbackOptions(LinkOptions):
         default="",
         metavar="DIGEST",
     )
+    sign_with: str = sign_with_option()
     as_json: bool = json_option()
 
 
@@ -47,11 +49,15 @@ class RollbackOptions(LinkOptions):
 def rollback(options: RollbackOptions) -> None:
     """Make a model active that the robot had before: the previous one, or any it keeps.
 
+    Signed like a push, by a key that the robot trusts.
+
     Example: `workstation rollback 4f1c09ab --robot mbot-1.local`
     """
     import re
 
     from mbot_protocol.errors import ConfigurationError
+    from mbot_workstation.models.key_choice import chooser
+    from mbot_workstation.models.key_folder import KeyFolder
     from mbot_workstation.models.stored_models import activate
 
     if options.digest and not re.fullmatch(r"[0-9a-f]{8,64}", options.digest):
@@ -60,7 +66,8 @@ def rollback(options: RollbackOptions) -> None:
             "lists"
         )
     with options.link() as link:
-        _print_models(activate(link, options.digest), options.as_json)
+        choose_key = chooser(KeyFolder(), options.sign_with, ask_passphrase)
+        _print_models(activate(link, choose_key, options.digest), options.as_json)
 
 
 def _standing(model: "Model") -> str:

@@ -15,17 +15,22 @@ if TYPE_CHECKING:
     from mbot_workstation.models.push import Pushed
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PushModelOptions(LinkOptions):
-    """What `push_model` takes."""
-
-    model: Path = argument("The policy to send.", metavar="MODEL.onnx")
-    sign_with: str = option(
+def sign_with_option() -> str:
+    """Whose signature."""
+    return option(
         "",
         "Key to sign with; the one that the robot trusts if not given.",
         metavar="NAME",
         envvar="MBOT_SIGNING_KEY",
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PushModelOptions(LinkOptions):
+    """What `push_model` takes."""
+
+    model: Path = argument("The policy to send.", metavar="MODEL.onnx")
+    sign_with: str = sign_with_option()
     allow_downgrade: bool = option(
         False,
         "Sign that the robot shall take it though this key has signed later pushes: after "
@@ -85,7 +90,8 @@ def push_model(options: PushModelOptions) -> None:
         )
 
 
-def _ask_passphrase(name: str) -> str:
+def ask_passphrase(name: str) -> str:
+    """From the environment or the terminal; raises ConfigurationError where nobody is there."""
     import os
     import sys
 
@@ -125,7 +131,7 @@ def _push_with_bar(
         def ask(name: str) -> str:
             progress.stop()  # or it would draw over the question
             try:
-                return _ask_passphrase(name)
+                return ask_passphrase(name)
             finally:
                 progress.start()
 

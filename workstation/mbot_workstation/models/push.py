@@ -15,6 +15,7 @@ from mbot_protocol.keys import CHUNK_BYTES, PUSH_BEGIN, PUSH_CHUNK, PUSH_COMMIT,
 from mbot_protocol.model_manifest import ModelManifest, decode, encode
 from mbot_protocol.schema import SCHEMA_VERSION, MalformedMessageError
 from mbot_protocol.v1.messages_pb2 import (
+    Activate,
     Model,
     PushBegin,
     PushChunk,
@@ -108,7 +109,7 @@ def push_checked(
     )
     key = choose_key(status)
     if key is not None:
-        _sign(link, request, key, allow_downgrade)
+        sign_for_once(link, request, size_bytes, key, allow_downgrade=allow_downgrade)
     begun = _accepted(link, link.query(PUSH_BEGIN, request, PushReply))
     _send_chunks(link, begun.push_id, model.data, on_progress)
     commit = PushCommit(schema_version=SCHEMA_VERSION, push_id=begun.push_id)
@@ -121,15 +122,22 @@ def push_checked(
     return Pushed(reply.active_model, one_line(reply.reason))
 
 
-def _sign(link: RobotLink, request: PushBegin, key: SigningKey, allow_downgrade: bool) -> None:
-    """Put the signed manifest into the request, good for this push alone."""
+def sign_for_once(
+    link: RobotLink,
+    request: PushBegin | Activate,
+    size_bytes: int,
+    key: SigningKey,
+    *,
+    allow_downgrade: bool = False,
+) -> None:
+    """Put the signed manifest of a model into the request, good for this one alone."""
     ask = PushNonce(schema_version=SCHEMA_VERSION, robot_id=link.robot_id)
     reply = _accepted(link, link.query(PUSH_NONCE, ask, PushNonceReply))
     manifest = ModelManifest(
         robot_id=link.robot_id,
         sequence=key.next_sequence(),
         sha256=request.sha256,
-        size_bytes=request.size_bytes,
+        size_bytes=size_bytes,
         nonce=reply.nonce,
         not_after_unix_s=int(time.time()) + MANIFEST_LIFE_S,
         allow_downgrade=allow_downgrade,

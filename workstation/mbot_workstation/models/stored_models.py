@@ -5,6 +5,8 @@ from mbot_protocol.keys import ACTIVATE, MODELS
 from mbot_protocol.schema import SCHEMA_VERSION
 from mbot_protocol.v1.messages_pb2 import Activate, Model, ModelList
 from mbot_workstation.link.robot_link import RobotLink
+from mbot_workstation.models.key_choice import ChooseKey
+from mbot_workstation.models.push import sign_for_once
 from mbot_workstation.wording import one_line
 
 ACTIVATE_TIMEOUT_S = 60.0
@@ -16,19 +18,30 @@ def list_models(link: RobotLink) -> list[Model]:
     return _models(link, link.query(MODELS, None, ModelList))
 
 
-def activate(link: RobotLink, sha256: str = "") -> list[Model]:
-    """Make a stored model active; the models afterwards.
+def activate(link: RobotLink, choose_key: ChooseKey, sha256: str = "") -> list[Model]:
+    """Make a stored model active, signed like a push; the models afterwards.
 
     Args:
         link: to the robot.
+        choose_key: whose signature; a robot that takes unsigned models needs none.
         sha256: the whole digest or its first 8 or more digits; empty: the previous model.
 
     Raises:
-        RefusedError: the robot says why not: no such model, or it does not load.
+        RefusedError: no key of ours would do, or the robot says why not: no such model, or it
+            does not load.
         UnreachableError, NewerSchemaError, MalformedMessageError: as `RobotLink.query`.
 
     """
     request = Activate(schema_version=SCHEMA_VERSION, robot_id=link.robot_id, sha256=sha256)
+    fitting = [
+        model
+        for model in list_models(link)
+        if (model.sha256.startswith(sha256) if sha256 else model.previous)
+    ]
+    # Where none or several fit, the robot says so.
+    if len(fitting) == 1 and (key := choose_key(link.status())) is not None:
+        request.sha256 = fitting[0].sha256
+        sign_for_once(link, request, fitting[0].size_bytes, key)
     return _models(link, link.query(ACTIVATE, request, ModelList, ACTIVATE_TIMEOUT_S))
 
 

@@ -337,14 +337,20 @@ class PushReply(_message.Message):
     def __init__(self, schema_version: _Optional[int] = ..., accepted: bool = ..., reason: _Optional[str] = ..., push_id: _Optional[str] = ..., received_bytes: _Optional[int] = ..., active_model: _Optional[_Union[Model, _Mapping[str, object]]] = ...) -> None: ...
 
 class Activate(_message.Message):
-    __slots__ = ("schema_version", "robot_id", "sha256")
+    __slots__ = ("schema_version", "robot_id", "sha256", "manifest", "signature", "public_key")
     SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
     ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
     SHA256_FIELD_NUMBER: _ClassVar[int]
+    MANIFEST_FIELD_NUMBER: _ClassVar[int]
+    SIGNATURE_FIELD_NUMBER: _ClassVar[int]
+    PUBLIC_KEY_FIELD_NUMBER: _ClassVar[int]
     schema_version: int
     robot_id: str
     sha256: str
-    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., sha256: _Optional[str] = ...) -> None: ...
+    manifest: bytes
+    signature: bytes
+    public_key: bytes
+    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., sha256: _Optional[str] = ..., manifest: _Optional[bytes] = ..., signature: _Optional[bytes] = ..., public_key: _Optional[bytes] = ...) -> None: ...
 
 class ModelList(_message.Message):
     __slots__ = ("schema_version", "accepted", "reason", "models")
