@@ -80,9 +80,11 @@ def test_slow_runs_tell_dead_bands_to_five_of_255() -> None:
 
 
 def _starting_duty(truth: PlanarRobot, side: int) -> float:
-    """The least duty at which one wheel of the robot, driven alone, turns it."""
+    """The least duty at which one wheel, driven alone, turns the robot by 0.1 rad/s: below it
+    creeps, its friction being like honey at 5 mm/s.
+    """
     duties = np.linspace(0.1, 0.35, 101)
     told = np.zeros((len(duties), 3000, 2))
     told[:, :, side] = duties[:, None]
     turned = np.abs(truth.drive(told, np.ones_like(told))[0][:, -1, 2])
-    return float(duties[int(np.argmax(turned > 0.02))])
+    return float(duties[int(np.argmax(turned > 0.15))])
