@@ -70,7 +70,8 @@ def guess(recording: Recording) -> Kinematics:
     assert not stray
     own_clock = recording.tracker_ahead_s is None
     seen = [
-        observe(r, float(a), 0, own_clock=own_clock) for r, a in zip(runs, ahead_s, strict=True)
+        observe(r, float(a), (0.0, 0.0), own_clock=own_clock)
+        for r, a in zip(runs, ahead_s, strict=True)
     ]
     return kinematics(seen, RobotParameters(), recording.wheel_maps)
 
