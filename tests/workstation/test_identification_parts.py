@@ -70,7 +70,8 @@ def guess(recording: Recording) -> Kinematics:
     assert not stray
     own_clock = recording.tracker_ahead_s is None
     seen = [
-        observe(r, float(a), 0, own_clock=own_clock) for r, a in zip(runs, ahead_s, strict=True)
+        observe(r, float(a), (0.0, 0.0), own_clock=own_clock)
+        for r, a in zip(runs, ahead_s, strict=True)
     ]
     return kinematics(seen, RobotParameters(), recording.wheel_maps)
 
@@ -119,6 +120,17 @@ def test_what_both_motors_draw_makes_the_voltage_sag() -> None:
     together = run_of((0.0, 1, -1), (1.0, 0, 0)).commands
     assert wheel_volts(robot, alone, MAPS, 1)[0] == pytest.approx((3.7 * 0.95, 0))
     assert wheel_volts(robot, together, MAPS, 1)[0] == pytest.approx((3.7 * 0.9, -3.7 * 0.9))
+
+
+def test_a_bent_motor_is_as_fast_at_full_duty_and_faster_before() -> None:
+    bent = with_values(RobotParameters(), {"left_bend": 0.8, "right_bend": 0.8})
+    full, part = (run_of((0.0, told, told), (2.0, 0, 0)) for told in (1.0, 0.3))
+    ways = [
+        [simulate_run(robot, run, MAPS).position_m[400, 0] for run in (full, part)]
+        for robot in (RobotParameters(), bent)
+    ]
+    assert ways[1][0] == pytest.approx(ways[0][0], rel=1e-6)
+    assert ways[1][1] > 1.15 * ways[0][1]
 
 
 def test_dry_friction_holds_a_standing_wheel_and_leaves_speeds_alone() -> None:

@@ -598,7 +598,7 @@ def test_nonsense_is_refused(robot: FakeRobot, arguments: tuple[str, ...], words
 def test_the_list_is_readable_by_people_and_machines(robot: FakeRobot) -> None:
     assert "backward-neutral" in maneuvers(robot, "list").stdout
     rows = json.loads(maneuvers(robot, "list", "--json", "--seconds", "5").stdout)
-    assert len(rows) == 8
+    assert len(rows) == 9
     assert rows[0] == {"name": "forward-forward", "left": 1.0, "right": 1.0} | {
         "length_m": rows[0]["length_m"],
         "width_m": rows[0]["width_m"],

@@ -102,6 +102,7 @@ class MotorCalibration(Struct, frozen=True, forbid_unknown_fields=True):
         gain: strength against the nominal motor.
         dead_band: the board speed, of 255, up to which the wheel stands.
         time_constant_ms: of the wheel's speed after a step.
+        bend: exponent of the duty beyond the dead band.
         backward_share: strength when it turns the wheel backward, against forward.
         dry_friction: share of the nominal motor's torque at standstill that holds the wheel.
         trim, dead_band_compensation: the daemon's `MotorMap` for this motor.
@@ -114,6 +115,7 @@ class MotorCalibration(Struct, frozen=True, forbid_unknown_fields=True):
     gain: float
     dead_band: float
     time_constant_ms: float
+    bend: float = 1.0
     dry_friction: float = 0.0
     backward_share: float = 1.0
     trim: float = 1.0
@@ -123,6 +125,7 @@ class MotorCalibration(Struct, frozen=True, forbid_unknown_fields=True):
         check_range("gain", self.gain, 0.05, 3)
         check_range("backward_share", self.backward_share, 0.2, 3)
         check_range("dead_band", self.dead_band, 0, 200)
+        check_range("bend", self.bend, 0.2, 3)
         check_range("time_constant_ms", self.time_constant_ms, 5, 2000)
         check_range("dry_friction", self.dry_friction, 0, 0.9)
         check_range("trim", self.trim, 0.05, 1)

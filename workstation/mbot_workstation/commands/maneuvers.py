@@ -14,6 +14,7 @@ from mbot_workstation.recordings.maneuver import (
     MANEUVER_S,
     MANEUVERS,
     REPETITIONS,
+    SLOW,
     maneuver_named,
 )
 
@@ -53,7 +54,7 @@ def list_maneuvers(options: ListManeuversOptions) -> None:
 
     if options.as_json:
         rows = []
-        for maneuver in MANEUVERS:
+        for maneuver in (*MANEUVERS, SLOW):
             length_m, width_m = room_needed_m(maneuver, options.seconds)
             room = {"length_m": round(length_m, 2), "width_m": round(width_m, 2)}
             told = {"name": maneuver.name, "left": maneuver.left, "right": maneuver.right}
@@ -61,7 +62,7 @@ def list_maneuvers(options: ListManeuversOptions) -> None:
         print(json.dumps(rows))
         return
     table = Table("manoeuvre", "left", "right", "free floor, m", box=None, padding=(0, 2, 0, 0))
-    for maneuver in MANEUVERS:
+    for maneuver in (*MANEUVERS, SLOW):
         length_m, width_m = room_needed_m(maneuver, options.seconds)
         left, right = f"{maneuver.left:+g}", f"{maneuver.right:+g}"
         table.add_row(maneuver.name, left, right, f"{length_m:.1f} x {width_m:.1f}")
@@ -115,6 +116,7 @@ def run(options: RunOptions) -> None:
     - `workstation maneuvers run --robot mbot-1.local`
     - `workstation maneuvers run --seconds 5 --repetitions 4 --order shuffled`
     - `workstation maneuvers run --maneuver forward-forward --repetitions 3`
+    - `workstation maneuvers run --maneuver slow --repetitions 3`: tells the motors' dead bands
     - `workstation maneuvers run --resume recordings/mbot-1-2026-11-21`
     """
     import sys
@@ -162,12 +164,13 @@ def _announce(left: list[Planned], settings: "SessionSettings") -> None:
     if not left:
         print("everything is recorded already")
         return
-    each_s = settings.seconds + settings.pause_s + 0.5
+    each_s = [one.maneuver.duration_s(settings.seconds) for one in left]
+    in_all_s = sum(each_s) + len(left) * (settings.pause_s + 0.5)
     rooms = [room_needed_m(one.maneuver, settings.seconds) for one in left]
     length_m = max(room[0] for room in rooms)
     width_m = max(room[1] for room in rooms)
     print(
-        f"{len(left)} runs of {settings.seconds:g} s, about {duration_words(len(left) * each_s)}; "
+        f"{len(left)} runs of {max(each_s):g} s, about {duration_words(in_all_s)}; "
         f"the longest needs {length_m:.1f} x {width_m:.1f} m of free floor ahead of the robot (or "
         "behind it, when driving backward)"
     )

@@ -124,12 +124,15 @@ def prepare(
 def _observed(recording: Recording, index: int) -> tuple[list[Observed], dict[str, str]]:
     flat = flatten(recording, index)
     own_clock = recording.tracker_ahead_s is None
-    middle_s = float(np.mean([run.run.commands.start_s for run in flat]))
+    begins_s = np.array([run.run.commands.start_s for run in flat])
+    names = np.array([run.run.maneuver for run in flat])
     ahead_s, stray = clocks(flat, recording.tracker_ahead_s)
     usable: list[Observed] = []
     unusable: dict[str, str] = {}
     for number, run in enumerate(flat):
-        seen = observe(run, float(ahead_s[number]), middle_s, own_clock=own_clock)
+        mine = begins_s[names == run.run.maneuver]
+        middles_s = float(begins_s.mean()), float(mine.mean())
+        seen = observe(run, float(ahead_s[number]), middles_s, own_clock=own_clock)
         why = stray.get(number) or _cut_short(seen)
         if why is None:
             usable.append(seen)

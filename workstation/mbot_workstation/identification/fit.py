@@ -213,7 +213,7 @@ def _conclude(
 def _common_scatter(fit: _Fit, scatter: Scatter) -> float:
     """Of both motors' strength alike over the session, what ran down with time included."""
     drained = [
-        fit.solution.state.settings[run.flat.recording, 5] * run.since_middle_s
+        fit.solution.state.settings[run.flat.recording, 5] * run.since_others_s
         for run in fit.problem.runs
     ]
     return float(np.hypot(scatter.battery, np.std(drained)))

@@ -75,6 +75,8 @@ class Observed:
         ahead_s: first guess of the tracker's clock minus the robot's, the wheels' delay included.
         own_clock: whether no other run shares this clock.
         since_middle_s: when it began, from the recording's middle; for the clocks' drift.
+        since_others_s: when it began, from the middle of the manoeuvre's other runs; for the
+            battery's: from one manoeuvre to the next, nobody can tell it from the model's faults.
         sample_s: of the samples that are used, since the first command by `ahead_s`, shape (n,).
         place, heading: of the tracker in these samples, shape (n,).
         bins: of these samples.
@@ -86,6 +88,7 @@ class Observed:
     ahead_s: float
     own_clock: bool
     since_middle_s: float
+    since_others_s: float
     sample_s: Array
     place: Plane
     heading: Array
@@ -110,13 +113,15 @@ class Observed:
         return float(self.sample_s[-1] - max(self.sample_s[0], 0.0))
 
 
-def observe(flat: FlatRun, ahead_s: float, middle_s: float, *, own_clock: bool) -> Observed:
+def observe(
+    flat: FlatRun, ahead_s: float, middles_s: tuple[float, float], *, own_clock: bool
+) -> Observed:
     """Cut the driving out of a run.
 
     Args:
         flat: the run.
         ahead_s: the tracker's clock minus the robot's, to about GUESS_S.
-        middle_s: of the recording, on the robot's clock.
+        middles_s: of the recording, and of this manoeuvre's runs in it, on the robot's clock.
         own_clock: whether no other run shares the tracker's clock.
 
     """
@@ -126,8 +131,8 @@ def observe(flat: FlatRun, ahead_s: float, middle_s: float, *, own_clock: bool) 
     sample_s, place, heading = since[used], flat.place[used], flat.heading[used]
     bins = bins_of(sample_s) if sample_s.size else Bins(_NONE, _NONE, sample_s)
     seen = bins.increments(place, heading) if sample_s.size else np.zeros((3, 0))
-    since_middle_s = commands.start_s - middle_s
-    return Observed(flat, ahead_s, own_clock, since_middle_s, sample_s, place, heading, bins, seen)
+    since_s = (commands.start_s - middles_s[0], commands.start_s - middles_s[1])
+    return Observed(flat, ahead_s, own_clock, *since_s, sample_s, place, heading, bins, seen)
 
 
 _NONE = np.zeros(0, np.intp)

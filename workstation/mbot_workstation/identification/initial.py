@@ -32,6 +32,9 @@ MOVED_M, TURNED_RAD = 0.02, 0.07
 REACTION_S = 0.12
 """From the command to having moved so far, with wheels of 60 to 120 ms."""
 
+MOVING_ACTION = 0.1
+"""At which a wheel of any robot turns, slowly, with a daemon that skips most of its dead band."""
+
 STRAY_S = 0.5
 """A run that begins to move this much earlier or later than the others was not driven as told."""
 
@@ -85,11 +88,13 @@ def clocks(runs: Sequence[FlatRun], tracker_ahead_s: float | None) -> tuple[Arra
 
     """
     onsets = np.array([_onset_s(run) for run in runs])
-    ahead = onsets - np.array([run.run.commands.start_s for run in runs]) - REACTION_S
+    ahead = onsets - np.array([_answered_s(run) for run in runs])
     known = np.isfinite(ahead)
     if tracker_ahead_s is None:
         why = "its track does not begin before the robot moves, so its clock can't be told"
         return np.where(known, ahead, 0.0), {int(i): why for i in np.flatnonzero(~known)}
+    # When a slow run begins to move is what it is driven for.
+    known &= ~np.array([run.run.is_slow for run in runs])
     usual = float(np.median(ahead[known])) if known.any() else tracker_ahead_s
     off = np.where(known, ahead - usual, 0.0)
     stray = {
@@ -97,6 +102,13 @@ def clocks(runs: Sequence[FlatRun], tracker_ahead_s: float | None) -> tuple[Arra
         for i in np.flatnonzero(np.abs(off) > STRAY_S)
     }
     return np.full(len(runs), usual), stray
+
+
+def _answered_s(run: FlatRun) -> float:
+    """When a robot should have moved that far, on the robot's clock."""
+    commands = run.run.commands
+    told = np.maximum(np.abs(commands.left), np.abs(commands.right))
+    return float(commands.time_s[int(np.argmax(told >= MOVING_ACTION))]) + REACTION_S
 
 
 def _onset_s(run: FlatRun) -> float:

@@ -73,7 +73,7 @@ def predicted(run: Observed, path: Array, setting: Array, later_s: float) -> Arr
     """
     place, yaw = simulated_at(path, moments_s(run, setting, later_s))
     tracked = place + np.exp(1j * yaw) * complex(setting[2], setting[3])
-    found = run.bins.increments(tracked, yaw) * (1 - setting[5] * run.since_middle_s)
+    found = run.bins.increments(tracked, yaw) * (1 - setting[5] * run.since_others_s)
     return _turned(found, setting[4])
 
 
@@ -111,7 +111,7 @@ def slopes(run: Observed, path: Array, setting: Array, later_s: float, track_m: 
             _turned(offset[0], setting[4]),
             _turned(offset[1], setting[4]),
             by_yaw,
-            -here * run.since_middle_s,
+            -here * run.since_others_s,
         ]
     )
     axle = run.bins.increments(place, yaw)

@@ -39,6 +39,9 @@ soft contacts of the simulation do by themselves."""
 OWN_CLOCK_S = 0.1
 """How uncertain a run's beginning is when its clock is its own."""
 
+SLOW_CLOCK_S = 0.5
+"""Likewise of a slow run, which moves from a command on that nobody knows yet."""
+
 STEPS_A_ROUND = 3
 """Of the solver, before what was linearised is looked at anew."""
 
@@ -71,7 +74,8 @@ class Scatter:
 
     def own_root(self, run: Observed) -> Array:
         """Inverse root of the covariance of a run's own deviations. Shape (4, 4)."""
-        moment_s = OWN_CLOCK_S if run.own_clock else self.moment_s
+        guessed_s = SLOW_CLOCK_S if run.flat.run.is_slow else OWN_CLOCK_S
+        moment_s = guessed_s if run.own_clock else self.moment_s
         covariance = np.diag([self.motor**2, self.motor**2, self.sideways**2, moment_s**2])
         covariance[:2, :2] += self.battery**2
         return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), np.float64)

@@ -25,10 +25,12 @@ def stray_runs(problem: Problem, solution: Solution) -> dict[int, str]:
     usual = np.median(misfit, axis=0)
     found: dict[int, str] = {}
     for members in maneuvers(problem.runs).values():
+        # Straight on, what a robot does by chance takes it further.
+        usual_here = np.maximum(usual, np.median(misfit[members], axis=0))
         for index in members:
             why = _odd_strength(strength, index, np.array(members))
             if why is None:
-                why = _odd_misfit(misfit[index], usual)
+                why = _odd_misfit(misfit[index], usual_here)
             if why is not None:
                 found[index] = why
     return found

@@ -1,7 +1,7 @@
 """Drive one manoeuvre, and know what the robot was told when."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,6 +46,7 @@ class _Sent:
     before_ns: int
     after_ns: int
     hold_ms: int
+    told: tuple[float, float]
 
     @property
     def middle_ns(self) -> int:
@@ -63,12 +64,12 @@ def drive_maneuver(
     seconds: float,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> DrivenCommands:
-    """Hold a manoeuvre for so long, then stop; the robot stands when this returns or raises.
+    """Drive a manoeuvre for so long, then stop; the robot stands when this returns or raises.
 
     Args:
         control: synchronised.
         robot_time: measured just before.
-        maneuver: what to hold.
+        maneuver: what to tell the robot.
         seconds: how long.
         interrupted: looked at ten times a second; True stops at once.
 
@@ -83,9 +84,11 @@ def drive_maneuver(
         while (left_ms := (until_ns - time.monotonic_ns()) // 1_000_000) > 0:
             if interrupted():
                 raise SpoiltRunError("stopped by hand")
-            # One that holds until the end is the last one.
-            if not sent or not sent[-1].holds_until(until_ns):
-                sent.append(_send(control, maneuver, min(HOLD_MS, left_ms)))
+            begun_ns = sent[0].middle_ns if sent else time.monotonic_ns()
+            told = maneuver.told((time.monotonic_ns() - begun_ns) / 1e9)
+            # One that holds until the end is the last one, unless another is told.
+            if not sent or sent[-1].told != told or not sent[-1].holds_until(until_ns):
+                sent.append(_send(control, told, min(HOLD_MS, left_ms)))
                 if len(sent) == 1:
                     until_ns = sent[0].middle_ns + round(seconds * 1e9)
                 else:
@@ -99,23 +102,39 @@ def drive_maneuver(
     # Whichever came first has stopped it: the last command's expiry, or STOP.
     expired_ns = sent[-1].middle_ns + sent[-1].hold_ms * 1_000_000
     stopped_ns = min(expired_ns, (stop_before_ns + stop_after_ns) // 2)
-    times_s = [robot_time.robot_s(at_ns) for at_ns in (sent[0].middle_ns, stopped_ns)]
-    series = CommandSeries(
-        np.array([times_s[0] - STANDING_S, *times_s]),
-        np.array([0.0, maneuver.left, 0.0]),
-        np.array([0.0, maneuver.right, 0.0]),
-    )
+    series = _series(sent, stopped_ns, robot_time)
     travel_ns = max(sent[0].after_ns - sent[0].before_ns, sent[-1].after_ns - sent[-1].before_ns)
     return DrivenCommands(series, (robot_time.uncertainty_ns + travel_ns / 2) / 1e9)
 
 
-def _send(control: RemoteControl, maneuver: Maneuver, hold_ms: int) -> _Sent:
+def _series(sent: Sequence[_Sent], stopped_ns: int, robot_time: RobotTime) -> CommandSeries:
+    """A row at every change of what was told, from standing to standing."""
+    changes = [
+        one
+        for one, before in zip(sent, (None, *sent), strict=False)
+        if before is None or one.told != before.told
+    ]
+    begun_s = robot_time.robot_s(changes[0].middle_ns)
+    return CommandSeries(
+        np.array(
+            [
+                begun_s - STANDING_S,
+                *(robot_time.robot_s(one.middle_ns) for one in changes),
+                robot_time.robot_s(stopped_ns),
+            ]
+        ),
+        np.array([0.0, *(one.told[0] for one in changes), 0.0]),
+        np.array([0.0, *(one.told[1] for one in changes), 0.0]),
+    )
+
+
+def _send(control: RemoteControl, told: tuple[float, float], hold_ms: int) -> _Sent:
     before_ns = time.monotonic_ns()
     try:
-        control.drive(maneuver.left, maneuver.right, hold_ms)
+        control.drive(*told, hold_ms)
     except (UnreachableError, RefusedError) as error:
         raise SpoiltRunError(str(error)) from None
-    return _Sent(before_ns, time.monotonic_ns(), hold_ms)
+    return _Sent(before_ns, time.monotonic_ns(), hold_ms, told)
 
 
 def _check_gap(first: _Sent, second: _Sent) -> None:

@@ -125,7 +125,11 @@ class Session:
                 pass  # pressed before it was announced: not meant for this drive
             self._display.driving()
             driven = drive_maneuver(
-                self._control, clock, run.maneuver, self._settings.seconds, self._stop_wanted
+                self._control,
+                clock,
+                run.maneuver,
+                run.maneuver.duration_s(self._settings.seconds),
+                self._stop_wanted,
             )
         except (SpoiltRunError, UnreachableError, RefusedError) as error:
             self._spoilt(run, error)

@@ -64,6 +64,8 @@ def room_needed_m(maneuver: Maneuver, seconds: float) -> tuple[float, float]:
     Straight runs need their whole way, turning ones the circle they turn in. Generous.
     """
     robot_m = 2 * OUTER_REACH_M
+    if maneuver.is_slow:  # about either wheel in turn
+        return 2 * robot_m, 2 * robot_m
     if maneuver.left == maneuver.right:
         way_m = FULL_SPEED_MPS * seconds
         return way_m * 1.1 + robot_m, way_m * 0.5 + robot_m
@@ -84,7 +86,7 @@ def _paired(maneuvers: Sequence[Maneuver]) -> list[Maneuver]:
     while left:
         first = left.pop(0)
         ordered.append(first)
-        opposite = "-".join(TURNED_FROM[side] for side in first.name.split("-"))
+        opposite = "-".join(TURNED_FROM.get(side, side) for side in first.name.split("-"))
         partner = next((other for other in left if other.name == opposite), None)
         if partner is not None:
             left.remove(partner)

@@ -108,11 +108,15 @@ def _run(path: Path, rows: Sequence[_Row]) -> CommandedRun:
                 f"and {first.maneuver} {first.repetition} in line {first.line}; each run needs a "
                 "number of its own"
             )
-        told = (row.left, row.right)
-        if told not in ((0.0, 0.0), (maneuver.left, maneuver.right)):
+        if not _may_be_told(maneuver, row.left, row.right):
+            expected = (
+                f"one wheel at a time, at most {maneuver.left:g}"
+                if maneuver.is_slow
+                else f"{maneuver.left:g}, {maneuver.right:g} or 0, 0"
+            )
             raise ConfigurationError(
                 f"{path}, line {row.line}: left, right are {row.left:g}, {row.right:g} in a "
-                f"{row.maneuver} run, expected {maneuver.left:g}, {maneuver.right:g} or 0, 0"
+                f"{row.maneuver} run, expected {expected}"
             )
     columns = ([row.time_s for row in rows], [row.left for row in rows], [r.right for r in rows])
     try:
@@ -120,6 +124,12 @@ def _run(path: Path, rows: Sequence[_Row]) -> CommandedRun:
     except ValueError as error:
         raise ConfigurationError(f"{where}: {error}") from None
     return CommandedRun(first.run, first.maneuver, first.repetition, series)
+
+
+def _may_be_told(maneuver: Maneuver, left: float, right: float) -> bool:
+    if maneuver.is_slow:
+        return left * right == 0 and max(abs(left), abs(right)) <= maneuver.left
+    return (left, right) in ((0.0, 0.0), (maneuver.left, maneuver.right))
 
 
 def _maneuver_named(where: str, name: str) -> Maneuver:

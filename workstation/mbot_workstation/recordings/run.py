@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbot_protocol.actions import WheelMaps
+from mbot_workstation.recordings.maneuver import SLOW
 from mbot_workstation.recordings.track import Array, Track
 
 
@@ -87,6 +88,11 @@ class Run:
     repetition: int
     commands: CommandSeries
     track: Track
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether it is the slow manoeuvre."""
+        return self.maneuver == SLOW.name
 
 
 @dataclass(frozen=True, slots=True, eq=False)

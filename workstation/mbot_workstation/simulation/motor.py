@@ -60,9 +60,9 @@ def wheel_voltages(left: float, right: float, robot: RobotParameters) -> tuple[f
 def motor_voltage(duty: float, motor: MotorParameters, supply_v: float) -> float:
     """The voltage at which the simulated wheel, with its dry friction, has the speed it should.
 
-    Up to the dead band the wheel stands; from there the speed rises linearly to the free speed,
-    which was measured with that friction. A duty of 0 is 0 V, not an open circuit: the board's
-    driver shorts the motor, which brakes it.
+    Up to the dead band the wheel stands; from there its speed rises, in a line but for the motor's
+    bend, to the free speed, which was measured with that friction. A duty of 0 is 0 V, not an open
+    circuit: the board's driver shorts the motor, which brakes it.
 
     Args:
         duty: PWM duty in [-1, 1], positive is forward; beyond is clipped.
@@ -73,7 +73,7 @@ def motor_voltage(duty: float, motor: MotorParameters, supply_v: float) -> float
     size = min(abs(duty), 1.0)
     if size <= motor.dead_band:
         return 0.0
-    working = (size - motor.dead_band) / (1 - motor.dead_band)
+    working = ((size - motor.dead_band) / (1 - motor.dead_band)) ** motor.bend
     gain = motor.gain if duty > 0 else motor.gain * motor.backward_share
     return math.copysign((working * gain + motor.dry_friction) * supply_v, duty)
 

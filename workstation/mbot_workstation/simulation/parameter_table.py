@@ -59,6 +59,10 @@ OF_A_MOTOR = (
         "public: starts at 40-60 of 255", "dead_band", 255, 255,
     ),
     Parameter(
+        "bend", "bend of speed over duty", 1.0, 0.15, 0.3, 2.0,
+        "PWM at 1 kHz on small motors: 0.7-1.1; assumed", "bend",
+    ),
+    Parameter(
         "dry_friction", "dry friction, of the torque at standstill", 0.15, 0.1, 0.0, 0.5,
         "what starts at a fifth of full duty has about as much", "dry_friction",
     ),

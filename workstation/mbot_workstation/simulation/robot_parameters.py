@@ -54,6 +54,8 @@ class MotorParameters:
             motor has a better direction, by some percent; 1 if not identified.
         dead_band: share of full duty up to which the wheel stands. Public notes say 40 to 60 of
             255; 50 is the middle.
+        bend: exponent of the duty that works: below 1 speed rises fast at first, as it does where
+            the winding smooths the PWM's current. 1, a straight line, if not identified.
         time_constant_s: of the wheel's speed after a step of the duty, with the robot's own mass
             to move. Assumed; 0.060-0.120.
         dry_friction: torque with which gear and bearing resist whatever the speed, as a share of
@@ -65,6 +67,7 @@ class MotorParameters:
     gain: float = 1.0
     backward_share: float = 1.0
     dead_band: float = 50 / 255
+    bend: float = 1.0
     time_constant_s: float = 0.090
     dry_friction: float = 0.0
 
@@ -75,6 +78,8 @@ class MotorParameters:
             raise ValueError(f"backward_share is {self.backward_share}, expected above 0")
         if not 0 <= self.dead_band < 1:
             raise ValueError(f"dead_band is {self.dead_band}, expected from 0 to below 1")
+        if not 0.2 <= self.bend <= 3:
+            raise ValueError(f"bend is {self.bend}, expected 0.2 to 3")
         if not 0.005 <= self.time_constant_s <= 2:
             raise ValueError(f"time constant is {self.time_constant_s} s, expected 0.005 to 2")
         if not 0 <= self.dry_friction < 1:
