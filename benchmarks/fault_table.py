@@ -10,6 +10,9 @@ CAMERA = f"{RELIABILITY}/test_camera_faults.py"
 BOARD = f"{RELIABILITY}/test_board_faults.py"
 PROCESS = f"{RELIABILITY}/test_process_faults.py"
 TRUST = "tests/robot/test_trust.py"
+SELF = f"{RELIABILITY}/test_self_watch.py"
+SOAK = "10,000 decisions among random faults"
+LOCK_OUT = f"{END}/test_lock_out.py"
 
 
 @dataclass(frozen=True, slots=True)
@@ -275,13 +278,68 @@ FAULTS = (
 
 BESIDE = (
     Fault(
+        "commands from before a stop",
+        (),
+        (
+            f"{END}/test_arming.py",
+            "tests/robot/test_arming.py",
+            "tests/robot/test_command_service.py",
+        ),
+        "0 move the robot after it",
+    ),
+    Fault(
+        "a short gap of the camera",
+        (Bar("drives on ≤ 5 s", "drives on s", 5),),
+        (f"{CAMERA}::test_a_short_gap_of_the_camera_is_forgiven",),
+    ),
+    Fault(
+        "a thread that dies, or hangs",
+        (Bar("process ended ≤ 1.5 s", "ended ms", 1500),),
+        (
+            f"{SELF}::test_an_exception_that_ends_any_thread_ends_the_process_with_the_motors_off",
+            f"{SELF}::test_a_thread_that_hangs_starves_the_watchdog",
+        ),
+    ),
+    Fault(
+        "SIGHUP, SIGQUIT, SIGINT in motion",
+        (Bar("frame out ≤ 20 ms", "frame ms", 20),),
+        (f"{SELF}::test_every_signal_that_ends_it_stops_the_motors_first",),
+    ),
+    Fault(
+        "a log that nobody reads",
+        (
+            Bar("STOP ≤ 100 ms", "STOP ms", 100),
+            Bar("with the board lost ≤ 150 ms", "STOP, board lost, ms", 150),
+        ),
+        (f"{SELF}::test_a_log_that_nobody_reads_holds_up_no_stop",),
+    ),
+    Fault(
+        "16 quiet sessions of somebody revoked",
+        (
+            Bar("STOP of a viewer ≤ 100 ms", "STOP worst ms", 100),
+            Bar("out within 1 s", "out after s", 1),
+        ),
+        (
+            f"{LOCK_OUT}::test_quiet_sessions_of_somebody_revoked_keep_nobody_from_a_stop",
+            f"{LOCK_OUT}::test_somebody_off_the_roll_is_out_within_a_second",
+        ),
+    ),
+    Fault(
+        "a viewer's flood of tokens",
+        (
+            Bar("< 5 % of a core", "share of a core", 0.05),
+            Bar("STOP ≤ 100 ms", "STOP worst ms", 100),
+        ),
+        (f"{LOCK_OUT}::test_a_viewers_flood_of_tokens_costs_little_and_holds_up_no_stop",),
+    ),
+    Fault(
         "100,000 inputs to each parser",
         (),
         (f"{RELIABILITY}/test_fuzz.py",),
         "a value or a clear error",
     ),
     Fault(
-        "10,000 decisions among random faults",
+        SOAK,
         (
             Bar("10,000 decisions", "decisions", 10_000, least=True),
             Bar("memory + ≤ 20 MB", "memory MB", 20),

@@ -53,7 +53,7 @@ def push_and_go_back(directory: Path) -> None:
     store.add(digest(NEW), NEW, Label("new", signed="a manifest"))
     floors.reach(KEY, 200)
     store.activate(digest(NEW), digest(OLD))
-    store.change(lambda a: a.started(digest(NEW)))
+    store.change(lambda a: a.started(digest(NEW), 0.0))
     store.change(lambda a: a.rolled_back(digest(NEW), digest(OLD), "nonsense"))
 
 

@@ -1,9 +1,12 @@
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mbot_agent.models.activation import MOST_STARTS, Activation
 
 A, B, C = "a" * 64, "b" * 64, "c" * 64
+
+NOW_S = 1_800_000_000.0
 
 
 def test_a_person_goes_forth_and_back() -> None:
@@ -43,18 +46,18 @@ def test_a_rejected_model_is_never_gone_back_to_until_a_person_wants_it() -> Non
 def test_starts_are_counted_until_something_speaks_for_the_model() -> None:
     activation = Activation().activated(A, "")
     for _ in range(MOST_STARTS):
-        assert not activation.has_crashed_the_daemon(A)
-        activation = activation.started(A)
-    assert activation.has_crashed_the_daemon(A)
-    assert not activation.has_crashed_the_daemon(B)
+        assert not activation.crashes(A, NOW_S)
+        activation = activation.started(A, NOW_S)
+    assert activation.crashes(A, NOW_S)
+    assert not activation.crashes(B, NOW_S)
     for better in (activation.survived(), activation.proved(A), activation.activated(A, "")):
-        assert not better.has_crashed_the_daemon(A)
+        assert not better.crashes(A, NOW_S)
 
 
 digests = st.sampled_from([A, B, C])
 steps = st.one_of(
     st.builds(lambda d: lambda a: a.activated(d, a.active), digests),
-    st.builds(lambda d: lambda a: a.started(d), digests),
+    st.builds(lambda d: lambda a: a.started(d, NOW_S), digests),
     st.builds(lambda d: lambda a: a.proved(d), digests),
     st.just(lambda a: a.survived()),
     st.builds(lambda d: lambda a: a.rolled_back(a.active, d, "x") if d != a.active else a, digests),
@@ -71,3 +74,25 @@ def test_whatever_happens_nobody_is_proven_and_rejected_at_once(changes) -> None
         successors = activation.successors(activation.active)
         assert not {activation.active, *activation.rejected} & set(successors)
         assert len(set(activation.proven)) == len(activation.proven)
+
+
+def crashing(activation: Activation, times: int, apart_s: float) -> tuple[Activation, float]:
+    """That many starts that ended badly; what is noted, and when the next one is."""
+    now_s = NOW_S
+    for _ in range(times):
+        activation = activation.started(A, now_s)
+        now_s += apart_s
+    return activation, now_s
+
+
+@pytest.mark.parametrize(
+    ("times", "apart_s", "goes"), [(4, 10, False), (5, 10, True), (5, 119, True), (9, 151, False)]
+)
+def test_a_proven_model_goes_after_five_crashes_within_ten_minutes(
+    times: int, apart_s: float, goes: bool
+) -> None:
+    activation = Activation().activated(A, "").proved(A)
+    crashed, now_s = crashing(activation, times, apart_s)
+    assert bool(crashed.crashes(A, now_s)) == goes
+    for better in (crashed.survived(), crashed.activated(A, A), crashed.proved(A)):
+        assert not better.crashes(A, now_s)

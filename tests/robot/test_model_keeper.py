@@ -142,7 +142,9 @@ def test_nor_are_those_that_lived_without_asking_it(robot: Robot) -> None:
         life.settle()
 
 
-def test_a_proven_model_is_never_blamed_for_a_crash(robot: Robot) -> None:
+def test_a_proven_model_is_not_blamed_for_a_few_crashes_nor_where_there_is_no_other(
+    robot: Robot,
+) -> None:
     assert {Robot(robot.directory).active for _ in range(10)} == {"first"}
 
 
@@ -223,3 +225,11 @@ def test_the_model_to_go_back_to_is_never_deleted(tmp_path: Path) -> None:
     robot.fail()
     assert robot.active == "first"
     assert hashlib.sha256(FIRST).hexdigest() == robot.keeper.active_sha256
+
+
+def test_a_proven_model_that_crashes_the_daemon_again_and_again_goes_too(robot: Robot) -> None:
+    robot.push(SECOND)
+    robot.decide_well()
+    lives = [Robot(robot.directory) for _ in range(6)]
+    assert [life.active for life in lives] == ["second"] * 5 + ["first"]
+    assert "crashed 5 times within 10 minutes" in lives[-1].notices[0].detail

@@ -2,6 +2,7 @@
 
 import shutil
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -174,7 +175,7 @@ class ModelLife(RuleBasedStateMachine):
     def a_working_model_is_active_here_and_after_a_restart(self) -> None:
         activation = self.robot.store.activation
         alone = not self.robot.store.successors(activation.active)
-        if activation.has_crashed_the_daemon(activation.active) and alone:
+        if activation.crashes(activation.active, time.time()) and alone:
             return  # the only model, and it takes the daemon down: better none
         self.had_one = self.had_one or bool(self.robot.active)
         if not self.had_one:

@@ -8,8 +8,10 @@ import msgspec
 MOST_STARTS = 2
 """Starts a model has to prove itself that crashes the daemon; the next one goes without it."""
 
-CRASHED = f"the daemon crashed at its last {MOST_STARTS} starts with it"
-"""The reason for such a roll-back."""
+MOST_STARTS_PROVEN = 5
+WITHIN_S = 600.0
+"""A model that has proven itself goes after so many crashes in so short a time: the world, the
+libraries or the memory may have changed since it did."""
 
 REMEMBERED = 100
 """As many models as a store may keep (models.keep)."""
@@ -32,6 +34,8 @@ class Activation(msgspec.Struct, frozen=True):
         proven: those that have decided well for a while, the latest last.
         rejected: those the daemon has given up; only a person makes one active again.
         starts: of the daemon with a model that had yet to prove itself, which ended badly.
+        proven_starts: when the daemon was started with the active model, proven, and did not end in
+            order: UNIX times, the latest last.
         rollback: the last one, until a person makes a model active.
 
     """
@@ -41,6 +45,7 @@ class Activation(msgspec.Struct, frozen=True):
     proven: tuple[str, ...] = ()
     rejected: tuple[str, ...] = ()
     starts: dict[str, int] = {}
+    proven_starts: tuple[float, ...] = ()
     rollback: Rollback | None = None
 
     def activated(self, sha256: str, in_use: str) -> "Activation":
@@ -52,22 +57,26 @@ class Activation(msgspec.Struct, frozen=True):
             previous="" if previous == sha256 else previous,
             rejected=_without(self.rejected, sha256),
             starts={},
+            proven_starts=(),
             rollback=None,
         )
 
-    def started(self, sha256: str) -> "Activation":
-        """The daemon is about to load this model, which has yet to prove itself."""
+    def started(self, sha256: str, now_s: float) -> "Activation":
+        """The daemon is about to load this model; `now_s` is UNIX time."""
+        if sha256 in self.proven:
+            lately = tuple(at_s for at_s in self.proven_starts if now_s - at_s <= WITHIN_S)
+            return msgspec.structs.replace(self, proven_starts=(*lately, now_s))
         starts = self.starts | {sha256: self.starts.get(sha256, 0) + 1}
         return msgspec.structs.replace(self, starts=starts)
 
     def survived(self) -> "Activation":
         """The daemon did not crash: the starts so far are held against no model."""
-        return msgspec.structs.replace(self, starts={})
+        return msgspec.structs.replace(self, starts={}, proven_starts=())
 
     def proved(self, sha256: str) -> "Activation":
         """This model has decided well for long enough."""
         proven = (*_without(self.proven, sha256), sha256)[-REMEMBERED:]
-        return msgspec.structs.replace(self, proven=proven, starts={})
+        return msgspec.structs.replace(self, proven=proven, starts={}, proven_starts=())
 
     def rolled_back(self, sha256: str, successor: str, reason: str) -> "Activation":
         """The daemon gives `sha256` up and goes back to `successor`."""
@@ -79,12 +88,19 @@ class Activation(msgspec.Struct, frozen=True):
             proven=_without(self.proven, sha256),
             rejected=(*_without(self.rejected, sha256), sha256)[-REMEMBERED:],
             starts={},
+            proven_starts=(),
             rollback=Rollback(sha256, successor, reason),
         )
 
-    def has_crashed_the_daemon(self, sha256: str) -> bool:
-        """Whether this model has had its starts."""
-        return self.starts.get(sha256, 0) >= MOST_STARTS
+    def crashes(self, sha256: str, now_s: float) -> str:
+        """In words, that this model has had its starts; empty if it has not."""
+        if sha256 in self.proven:
+            lately = [at_s for at_s in self.proven_starts if now_s - at_s <= WITHIN_S]
+            if sha256 == self.active and len(lately) >= MOST_STARTS_PROVEN:
+                return f"the daemon crashed {len(lately)} times within {WITHIN_S / 60:.0f} minutes"
+        elif self.starts.get(sha256, 0) >= MOST_STARTS:
+            return f"the daemon crashed at its last {MOST_STARTS} starts with it"
+        return ""
 
     def successors(self, sha256: str) -> tuple[str, ...]:
         """What to go back to from this model, best first: the previous one if it has proven

@@ -1,7 +1,7 @@
 """Try a model in a process of its own before it may come near the motors.
 
 A model that hangs, eats memory or crashes takes that process down, not the daemon. It gets the
-model through a pipe and can write no file.
+model through a pipe; from then on the process may compute and nothing else (`confinement.py`).
 """
 
 import contextlib
@@ -44,11 +44,13 @@ class Report(msgspec.Struct, frozen=True):
     Attributes:
         inference_ms: processor time of a decision, mean.
         golden_frames: how many the model brings; all were right.
+        confined: whether the kernel has kept the process from everything but computing.
 
     """
 
     inference_ms: float
     golden_frames: int
+    confined: bool = True
 
 
 def dry_run(data: bytes, rate_hz: float) -> Report:
@@ -88,12 +90,14 @@ def _try(rate_hz: float) -> Report:
     data = sys.stdin.buffer.read()
     import numpy as np
 
+    from mbot_agent.models.confinement import confine
     from mbot_agent.models.policy import Policy
     from mbot_protocol.golden_frames import check_deviation
     from mbot_protocol.policy_contract import OBSERVATION_SHAPE
 
     random = np.random.default_rng(0)
     _limit()
+    confined = confine()
     policy = Policy(data)
     golden = policy.golden_frames()
     for frame in golden:
@@ -112,7 +116,7 @@ def _try(rate_hz: float) -> Report:
             f"the model takes {inference_s * 1000:.0f} ms for a decision, expected at most "
             f"{SHARE_OF_PERIOD * 1000 / rate_hz:.0f} ms at {rate_hz:g} decisions/s"
         )
-    return Report(inference_s * 1000, len(golden))
+    return Report(inference_s * 1000, len(golden), confined)
 
 
 def _limit() -> None:

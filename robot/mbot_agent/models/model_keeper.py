@@ -7,13 +7,14 @@ The loop itself never waits here: its verdicts are carried out by a thread of th
 import logging
 import queue
 import threading
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Self
 
 from mbot_agent.faults import Notice
-from mbot_agent.models.activation import CRASHED, Activation
+from mbot_agent.models.activation import Activation
 from mbot_agent.models.model_directory import Label, ModelDirectory
 from mbot_agent.models.model_notices import model_notices
 from mbot_agent.models.policy import Policy
@@ -116,13 +117,13 @@ class ModelKeeper:
                 log.warning("%s", notice.detail)
             activation = self._store.activation
             for sha256 in (activation.active, *self._store.successors(activation.active)):
-                if not sha256 or activation.has_crashed_the_daemon(sha256):
+                unproven = sha256 not in activation.proven
+                if not sha256 or (unproven and activation.crashes(sha256, time.time())):
                     continue
                 try:
                     data, signer = self._read(sha256)
-                    if sha256 not in activation.proven:
-                        # On disk before the model can do any harm.
-                        self._change("start", lambda a, sha256=sha256: a.started(sha256))
+                    # On disk before the model can do any harm.
+                    self._change("start", lambda a, one=sha256: a.started(one, time.time()))
                     self._adopt(Policy(data), signer)
                     return
                 except MbotError as error:
@@ -242,14 +243,14 @@ class ModelKeeper:
         """
         activation = self._store.activation
         sha256 = activation.active
-        if not activation.has_crashed_the_daemon(sha256):
+        if not (why := activation.crashes(sha256, time.time())):
             return
         successors = self._store.successors(sha256)
         if not successors:
-            log.error("model %s is left out: %s; there is no other", sha256[:12], CRASHED)
+            log.error("model %s: %s, and there is no other", sha256[:12], why)
             return
-        log.error("model %s is rolled back: %s", sha256[:12], CRASHED)
-        self._change("roll-back", lambda a: a.rolled_back(sha256, successors[0], CRASHED))
+        log.error("model %s is rolled back: %s", sha256[:12], why)
+        self._change("roll-back", lambda a: a.rolled_back(sha256, successors[0], why))
 
     def _run(self) -> None:
         while (verdict := self._verdicts.get()) is not None:

@@ -1,9 +1,10 @@
 """What a person should know of the robot's models, though it drives."""
 
+import time
 from collections.abc import Callable
 
 from mbot_agent.faults import Notice
-from mbot_agent.models.activation import CRASHED, Activation
+from mbot_agent.models.activation import Activation
 from mbot_agent.models.trust import Trust
 
 
@@ -42,8 +43,8 @@ def model_notices(
         )
         text = f"{given_up} was rolled back to {successor}: {rollback.reason}"
         found.append(Notice("model-rolled-back", text))
-    elif not has_model and activation.has_crashed_the_daemon(activation.active):
-        text = f"{active} is the only one, and {CRASHED}: push another one"
+    elif not has_model and (crashes := activation.crashes(activation.active, time.time())):
+        text = f"{active} is the only one, and {crashes}: push another one"
         found.append(Notice("model-left-out", text))
     elif not has_model and unusable:
         found.append(Notice("model-unusable", f"{active} cannot be used: {unusable}"))

@@ -199,6 +199,10 @@ class ModelService:
             report.inference_ms,
             report.golden_frames,
         )
+        if not report.confined:
+            log.warning(
+                "this kernel or machine confines no process: the trial could do as it likes"
+            )
         policy = self._keeper.install(data, staging.expected_active, staging.admission)
         reply.push_id = staging.push_id
         reply.received_bytes = len(data)
