@@ -287,6 +287,7 @@ def run(*arguments: str) -> str:
     return result.output
 
 
+@pytest.mark.slow
 def test_the_command_writes_what_the_robot_reads(tmp_path: Path) -> None:
     saved(tmp_path / "photos", pictures(CHECKERBOARD, SMALL, 14, seed=2))
     folder = tmp_path / "calibration"
@@ -303,6 +304,7 @@ def test_the_command_writes_what_the_robot_reads(tmp_path: Path) -> None:
     assert sum(picture["kept"] for picture in fields["pictures"]) == found.pictures
 
 
+@pytest.mark.slow
 def test_a_poor_set_is_not_written_unless_forced(tmp_path: Path) -> None:
     saved(tmp_path / "photos", pictures(CHECKERBOARD, SMALL, 14, seed=2)[:5])
     folder = tmp_path / "calibration"
@@ -357,6 +359,7 @@ def test_pictures_are_taken_when_the_board_is_still_and_somewhere_else() -> None
     assert len(collector.empty_areas()) < 9
 
 
+@pytest.mark.slow
 def test_a_running_stream_is_calibrated(tmp_path: Path) -> None:
     shown = [cv2.imencode(".jpg", p)[1].tobytes() for p in pictures(CHECKERBOARD, SMALL, 8)]
     done = threading.Event()

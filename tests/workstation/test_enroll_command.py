@@ -46,6 +46,7 @@ def desk(tmp_path: Path) -> Desk:
     return Desk(tmp_path / "rosa", "rosa")
 
 
+@pytest.mark.slow
 def test_from_the_first_robot_to_a_colleague(desk: Desk, tmp_path: Path) -> None:
     first = desk.said("mbot-1")
     assert first.startswith(f"A fleet begins in {desk.fleet}")

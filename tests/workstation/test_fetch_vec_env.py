@@ -183,6 +183,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_ctrl_c_reaches_only_the_one_who_trains(tmp_path) -> None:
     script = tmp_path / "train.py"
     script.write_text(INTERRUPTED)

@@ -455,6 +455,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_the_command_makes_a_page_from_a_recording(recording: Path, tmp_path: Path) -> None:
     calibration = tmp_path / "calibration"
     write_motion(calibration, MOTION)

@@ -164,6 +164,7 @@ def test_photographs_under_another_light_bring_the_simulation_to_it(tmp_path: Pa
     assert cv2.imread(str(folder / "light.png")) is not None
 
 
+@pytest.mark.slow
 def test_facings_may_be_told_and_the_card_found_without_a_frame(tmp_path: Path) -> None:
     paths = saved(tmp_path / "photos", taken(framed=False))
     facings = [word for f in FACINGS for word in ("--facing", f"{f.left}:{f.up}")]

@@ -228,6 +228,7 @@ def test_a_session_that_never_gets_on_ends(tmp_path: Path) -> None:
     assert len(line.typed) == 3
 
 
+@pytest.mark.slow
 def test_the_true_robot_is_driven_by_the_real_daemon(line: CommandLine) -> None:
     truth = line.folder / TRUTH_FOLDER
     write_truth(truth)

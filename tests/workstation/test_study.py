@@ -70,6 +70,7 @@ def test_a_map_goes_row_by_row_from_the_lowest() -> None:
     np.testing.assert_array_equal(grid.rewards(lines), np.arange(9).reshape(3, 3))
 
 
+@pytest.mark.slow
 def test_a_study_becomes_a_page_and_a_picture(tmp_path: Path) -> None:
     options = ["oracle", "--lesson", "1", "--episodes", "1", "-o", str(tmp_path)]
     assert invoke("handicap", *options) == f"wrote {tmp_path / 'handicap.md'}\n"

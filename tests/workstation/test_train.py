@@ -128,6 +128,7 @@ def test_stop_ends_with_a_checkpoint(tmp_path: Path) -> None:
     assert read_state(run.last_checkpoint()).step == 2
 
 
+@pytest.mark.slow
 def test_ctrl_c_saves_and_resume_goes_on(tmp_path: Path) -> None:
     command = [sys.executable, "-c", COMMAND, "train", "--runs", str(tmp_path), "--name", "run"]
     options = ["--robots", "2", "--workers", "1", "--made-up-rooms", "1", "--preset", "ideal"]
