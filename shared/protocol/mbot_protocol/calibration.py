@@ -15,8 +15,9 @@ from msgspec import Struct
 from mbot_protocol.actions import MotorMap, WheelMaps
 from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.lens import folds_within
+from mbot_protocol.lens import folds_in_view
 from mbot_protocol.mcore import SPEED_LIMIT
+from mbot_protocol.policy_contract import FULL_VIEW
 from mbot_protocol.toml_file import read_toml
 
 T = TypeVar("T")
@@ -49,7 +50,7 @@ class CameraCalibration(Struct, frozen=True, forbid_unknown_fields=True):
     focal_y_px: float
     principal_x_px: float
     principal_y_px: float
-    distortion: tuple[float, float, float, float, float]
+    distortion: tuple[float, ...]
     reprojection_error_px: float
     pictures: int
     made_on: str
@@ -76,10 +77,11 @@ class CameraCalibration(Struct, frozen=True, forbid_unknown_fields=True):
         check_range("reprojection_error_px", self.reprojection_error_px, 0, self.width_px)
         check_range("pictures", self.pictures, 1, 100_000)
         check_date(self.made_on)
-        if folds_within(self.model()):
+        if folds_in_view(self.model(), FULL_VIEW):
             raise ValueError(
-                f"distortion is {list(self.distortion)}, expected a lens that does not fold its "
-                "picture over before the corners; calibrate again with the board in all corners"
+                f"distortion is {list(self.distortion)}, expected a lens that does not fold "
+                "over the part of its picture that a policy needs; calibrate again with the board "
+                "in all of it"
             )
 
     def model(self) -> CameraModel:

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+DISTORTION_LENGTHS = (5, 8)
+
 
 @dataclass(frozen=True, slots=True)
 class CameraModel:
@@ -15,7 +17,11 @@ class CameraModel:
         width_px, height_px: the picture these intrinsics belong to.
         focal_x_px, focal_y_px: focal lengths.
         principal_x_px, principal_y_px: principal point; the centre of the top left pixel is (0, 0).
-        distortion: k1, k2, p1, p2, k3 of the Brown-Conrady model.
+        distortion: k1, k2, p1, p2, k3 of the Brown-Conrady model; of a wide lens also k4, k5, k6,
+            OpenCV's rational model.
+
+    Raises:
+        ValueError: a value can't be.
 
     """
 
@@ -25,11 +31,16 @@ class CameraModel:
     focal_y_px: float
     principal_x_px: float
     principal_y_px: float
-    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         if min(self.width_px, self.height_px) < 1:
             raise ValueError(f"picture is {self.width_px} x {self.height_px}, expected at least 1")
+        if len(self.distortion) not in DISTORTION_LENGTHS:
+            raise ValueError(
+                f"distortion has {len(self.distortion)} numbers, expected 5 (k1, k2, p1, p2, k3) "
+                "or 8 (also k4, k5, k6)"
+            )
         if not (self.focal_x_px > 0 and self.focal_y_px > 0):
             raise ValueError(
                 f"focal lengths are {self.focal_x_px}, {self.focal_y_px} px, expected above 0"

@@ -1,9 +1,15 @@
 """What a lens's distortion does to rays, without OpenCV."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from mbot_protocol.camera_model import CameraModel
+from mbot_protocol.policy_contract import FieldOfView
+
+OUTERMOST = 5.7
+"""A ray of this slope is 80 degrees off the axis: what is not reached by then never is."""
 
 STEPS = 400
 """Along the radius; a fold between two steps would be narrower than a pixel."""
@@ -15,14 +21,34 @@ def folds_within(camera: CameraModel) -> bool:
     A polynomial that was fitted to corners in the middle only may bend back further out. No
     undistortion is possible there.
     """
-    k1, k2, _, _, k3 = camera.distortion
-    if k1 == k2 == k3 == 0:
+    return _folds(camera, OUTERMOST)
+
+
+def folds_in_view(camera: CameraModel, view: FieldOfView) -> bool:
+    """Whether it does so in the part of the picture that a policy with this view looks at.
+
+    What lies beyond is cut off before anything is undistorted.
+    """
+    across, up = (
+        math.tan(math.radians(deg) / 2) for deg in (view.horizontal_deg, view.vertical_deg)
+    )
+    return _folds(camera, math.hypot(across, up))
+
+
+def _folds(camera: CameraModel, outermost: float) -> bool:
+    k1, k2, _, _, k3, k4, k5, k6 = (*camera.distortion, 0.0, 0.0, 0.0)[:8]
+    if not any((k1, k2, k3, k4, k5, k6)):
         return False
     corner = _corner(camera)
-    # A ray that far out is 80 degrees off the axis: what is not reached by then never is.
-    slopes: NDArray[np.float64] = np.linspace(0.0, 5.7, STEPS * 10)
+    slopes: NDArray[np.float64] = np.linspace(0.0, outermost, STEPS * 10)
     squared = slopes**2
-    seen = slopes * (1 + squared * (k1 + squared * (k2 + squared * k3)))
+    above = 1 + squared * (k1 + squared * (k2 + squared * k3))
+    below = 1 + squared * (k4 + squared * (k5 + squared * k6))
+    if (below <= 0).any():
+        return True
+    seen = slopes * above / below
+    if outermost < OUTERMOST and seen.max() < corner:
+        return bool((np.diff(seen) <= 0).any())
     reached = int(np.argmax(seen >= corner))
     if seen[reached] < corner:
         return True

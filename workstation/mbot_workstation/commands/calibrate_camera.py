@@ -286,6 +286,7 @@ def _row(picture: "PictureFit", fit: "CameraFit") -> dict[str, Any]:
 
 
 def _print_words(seen: "SeenBoards", fit: "CameraFit", quality: "CameraQuality") -> None:
+    from mbot_workstation.calibration.camera.bundle import WIDE_INTRINSICS
     from mbot_workstation.calibration.camera.camera_quality import view_deg
 
     model, sigma = fit.camera, fit.deviations
@@ -303,7 +304,7 @@ def _print_words(seen: "SeenBoards", fit: "CameraFit", quality: "CameraQuality")
         f"optical axis at {model.principal_x_px:.2f} +- {2 * sigma[2]:.2f}, "
         f"{model.principal_y_px:.2f} +- {2 * sigma[3]:.2f} px"
     )
-    names = ("k1", "k2", "p1", "p2", "k3")
+    names = WIDE_INTRINSICS[4 : 4 + len(model.distortion)]
     parts = [
         f"{name} {value:+.5f} +- {2 * spread:.5f}"
         for name, value, spread in zip(names, model.distortion, sigma[4:], strict=True)

@@ -17,6 +17,7 @@ from mbot_protocol.camera_model import CameraModel
 Values = NDArray[np.float64]
 
 INTRINSICS = ("focal x", "focal y", "principal x", "principal y", "k1", "k2", "p1", "p2", "k3")
+WIDE_INTRINSICS = (*INTRINSICS, "k4", "k5", "k6")
 """In the order of all arrays of 9 here."""
 
 MOST_STEPS = 60
@@ -73,8 +74,8 @@ def camera_of(intrinsics: Values, width_px: int, height_px: int) -> CameraModel:
         ValueError: they are no camera's.
 
     """
-    fx, fy, cx, cy, k1, k2, p1, p2, k3 = (float(value) for value in intrinsics)
-    return CameraModel(width_px, height_px, fx, fy, cx, cy, (k1, k2, p1, p2, k3))
+    fx, fy, cx, cy, *distortion = intrinsics.tolist()
+    return CameraModel(width_px, height_px, fx, fy, cx, cy, tuple(distortion))
 
 
 def pose_of(view: View, intrinsics: Values) -> Values:

@@ -7,6 +7,7 @@ import numpy as np
 
 from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.lens import folds_within
 from mbot_workstation.calibration.camera.bundle import (
     Adjusted,
     Values,
@@ -25,6 +26,7 @@ from mbot_workstation.calibration.camera.picture_sizes import (
     scaled_corners,
 )
 from mbot_workstation.calibration.camera.sighting import Sighting
+from mbot_workstation.calibration.camera.wide_lens import wide_fit
 
 FEWEST_PICTURES = 3
 """9 intrinsics and 6 numbers a pose: two pictures of a plane can't tell them."""
@@ -70,8 +72,8 @@ class CameraFit:
 
     Attributes:
         camera: at the largest resolution among the pictures.
-        deviations: standard deviations of the intrinsics, shape (9,), in the order of
-            `bundle.INTRINSICS`.
+        deviations: standard deviations of the intrinsics, in the order of `bundle.INTRINSICS`,
+            shape (9,), or `WIDE_INTRINSICS`, shape (12,).
         pictures: in the order they came.
         limit_px: error above which a picture was left out.
         k3_is_told: whether the pictures tell k3 from 0; if not, it is 0.
@@ -144,6 +146,10 @@ def fit_camera(sightings: Sequence[Sighting], *, keep_outliers: bool = False) ->
         camera = camera_of(found.intrinsics, width_px, height_px)
     except ValueError as error:
         raise ConfigurationError(f"these pictures fit no camera: {error}") from None
+    if folds_within(camera):
+        wide = wide_fit(views, kept, found.intrinsics, (width_px, height_px))
+        found, camera = wide, camera_of(wide.intrinsics, width_px, height_px)
+        k3_is_told = True
     pictures = tuple(
         _judge(view, found.intrinsics, sighting, float(scale), bool(keeps))
         for view, sighting, scale, keeps in zip(views, sightings, scales, kept, strict=True)

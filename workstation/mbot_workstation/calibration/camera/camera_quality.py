@@ -12,6 +12,7 @@ from mbot_protocol.camera_model import (
     PI_CAMERA_VERTICAL_FOV_DEG,
     CameraModel,
 )
+from mbot_protocol.lens import folds_within
 from mbot_workstation.calibration.camera.camera_fit import CameraFit, PictureFit
 from mbot_workstation.calibration.camera.picture_sizes import scaled_corners
 
@@ -39,6 +40,8 @@ FEWEST_IN_AREA = 8
 """Corners without which an area counts as empty; a board that only touches it says little."""
 
 MOST_LEFT_OUT = 1 / 3
+
+NARROW = ("k1", "k2", "p1", "p2", "k3")
 
 AREAS = (
     *("upper left", "upper middle", "upper right"),
@@ -160,6 +163,10 @@ def _notes(fit: CameraFit, empty: Sequence[str], objections: int) -> tuple[str, 
         notes.append(f"no picture has the board in the {_listed(empty)} of the view")
     if not fit.k3_is_told:
         notes.append("the pictures can't tell k3 from 0, so it is 0")
+    if len(fit.camera.distortion) > len(NARROW):
+        notes.append("a wide lens: five coefficients would fold its picture over, so it has eight")
+    if folds_within(fit.camera):
+        notes.append("the lens folds its corners over; what a policy looks at is not touched")
     view = view_deg(fit.camera)
     nominal = (PI_CAMERA_HORIZONTAL_FOV_DEG, PI_CAMERA_VERTICAL_FOV_DEG)
     if view[0] < 0.85 * nominal[0]:

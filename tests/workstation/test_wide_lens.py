@@ -1,0 +1,93 @@
+"""Lenses that five coefficients can't follow to the corners."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from mbot_protocol.calibration import CameraCalibration, read_camera
+from mbot_protocol.camera_model import CameraModel
+from mbot_protocol.lens import folds_in_view, folds_within
+from mbot_protocol.policy_contract import FULL_VIEW
+from mbot_workstation.calibration.camera.board_detection import FoundBoard
+from mbot_workstation.calibration.camera.camera_fit import fit_camera
+from mbot_workstation.calibration.camera.sighting import Sighting
+from mbot_workstation.calibration_files.calibration_folder import write_camera
+from mbot_workstation.simulation.lens_distortion import covering_pinhole
+
+SIZE = (1280, 960)
+FOCAL_PX = 560.0
+"""An equidistant lens, r = f theta: 131 degrees across; no polynomial of it is exact."""
+
+
+def sightings(count: int = 30, seed: int = 0) -> list[Sighting]:
+    """8 x 6 corners all over the picture, to 0.1 px."""
+    rng = np.random.default_rng(seed)
+    columns, rows = np.meshgrid(np.arange(8.0), np.arange(6.0))
+    board = 0.03 * np.stack([columns.ravel(), rows.ravel(), np.zeros(48)], axis=1)
+    middle = board.mean(axis=0)
+    matrix = np.array([[FOCAL_PX, 0, 641.0], [0, FOCAL_PX, 478.0], [0, 0, 1]])
+    found: list[Sighting] = []
+    while len(found) < count:
+        turn = rng.normal(0, 0.35, 3)
+        place = np.array(
+            [rng.uniform(-0.35, 0.35), rng.uniform(-0.26, 0.26), rng.uniform(0.2, 0.4)]
+        )
+        rotation = cv2.Rodrigues(turn)[0]
+        corners, _ = cv2.fisheye.projectPoints(
+            (board - middle)[None], turn, place, matrix, np.zeros(4)
+        )
+        pixels = corners.reshape(-1, 2) + rng.normal(0, 0.1, (48, 2))
+        in_front = ((board - middle) @ rotation.T + place)[:, 2].min() > 0.05
+        inside = (pixels > 2).all() and (pixels < np.array(SIZE) - 3).all()
+        if in_front and inside:
+            one = FoundBoard(board.astype(np.float32), pixels.astype(np.float32), None)
+            found.append(Sighting(f"{len(found)}.png", SIZE, one))
+    return found
+
+
+def calibration(camera: CameraModel) -> CameraCalibration:
+    return CameraCalibration(
+        *(camera.width_px, camera.height_px, camera.focal_x_px, camera.focal_y_px),
+        *(camera.principal_x_px, camera.principal_y_px, camera.distortion),
+        reprojection_error_px=0.2,
+        pictures=30,
+        made_on="2026-11-22",
+    )
+
+
+def test_a_wide_lens_is_followed_to_its_corners_and_written(tmp_path: Path) -> None:
+    fit = fit_camera(sightings())
+    assert len(fit.camera.distortion) == 8
+    assert fit.deviations.shape == (12,)
+    assert fit.error_px < 0.25
+    assert not folds_within(fit.camera)
+    write_camera(tmp_path, calibration(fit.camera))
+    read = read_camera(tmp_path)
+    assert read is not None
+    assert read.model() == fit.camera
+    # Where the true lens sees a ray 40 degrees off the axis, so does the fitted one.
+    ray = np.array([[np.tan(np.radians(40)), 0.0, 1.0]])
+    seen, _ = cv2.projectPoints(
+        ray, np.zeros(3), np.zeros(3), fit.camera.matrix, np.array(fit.camera.distortion)
+    )
+    assert seen.ravel() == pytest.approx((641 + FOCAL_PX * np.radians(40), 478), abs=1.5)
+    pinhole = covering_pinhole(fit.camera)
+    assert pinhole.width_px > SIZE[0]
+
+
+def test_a_fold_beyond_what_a_policy_sees_is_no_reason_to_refuse() -> None:
+    far = CameraModel(1280, 960, 560, 560, 639.5, 479.5, (-0.33, 0.0, 0.0, 0.0, 0.0))
+    near = CameraModel(1280, 960, 560, 560, 639.5, 479.5, (-0.9, 0.1, 0.0, 0.0, 0.0))
+    assert folds_within(far)
+    assert not folds_in_view(far, FULL_VIEW)
+    assert calibration(far).model() == far
+    assert folds_in_view(near, FULL_VIEW)
+    with pytest.raises(ValueError, match="the part of its picture that a policy needs"):
+        calibration(near)
+
+
+def test_distortions_of_another_length_are_refused() -> None:
+    with pytest.raises(ValueError, match="distortion has 4 numbers, expected 5"):
+        CameraModel(640, 480, 600, 600, 320, 240, (0.1, 0.0, 0.0, 0.0))
