@@ -66,7 +66,11 @@ def identify(options: IdentifyOptions) -> None:
     - `workstation identify monday tuesday --calibration calibration/mbot-1 --json`
     """
     import json
+    import os
 
+    # Before numpy is loaded: on matrices as small as these, threads of its own cost more than they
+    # bring, and the simulations want the cores.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from mbot_workstation.calibration_files.calibration_folder import write_motion
     from mbot_workstation.identification.handicap import handicap
     from mbot_workstation.identification.motion_file import motion_calibration
