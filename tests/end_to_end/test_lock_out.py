@@ -14,6 +14,7 @@ from mbot_protocol.keys import Right, presence_key
 from mbot_workstation.link.remote_control import RemoteControl
 from mbot_workstation.link.robot_session import open_session
 
+from ..reliability.effort import within
 from ..robot.fake_board import FakeBoard
 from .fleet import LOCALHOST, Fleet
 from .processes import ROBOT_ID, Daemon, Process, until
@@ -93,29 +94,40 @@ def cpu_s(process: Process) -> float:
     return (int(fields[11]) + int(fields[12])) / 100
 
 
-@pytest.mark.timeout(120)
+@pytest.mark.timeout(300)
 def test_a_viewers_flood_of_tokens_costs_little_and_holds_up_no_stop(
     enrolled: tuple[Daemon, Fleet], record_property: Record
 ) -> None:
     daemon, fleet = enrolled
-    endpoint = fleet.folder.roll().endpoint(ROBOT_ID)
-    with daemon.camera(), daemon.start() as process:
-        assert daemon.is_up()
-        time.sleep(2.0)
-        began_s, used_s = time.monotonic(), cpu_s(process)
-        time.sleep(5.0)
-        quiet = (cpu_s(process) - used_s) / (time.monotonic() - began_s)
-        ending = threading.Event()
-        with open_session(endpoint, fleet.security("flora")) as session:
-            flooding = threading.Thread(target=flood, args=(session, ending), daemon=True)
-            began_s, used_s = time.monotonic(), cpu_s(process)
-            flooding.start()
-            found = stops_ms(fleet, "vera")
-            time.sleep(20.0)
-            share = (cpu_s(process) - used_s) / (time.monotonic() - began_s) - quiet
-            ending.set()
-            flooding.join(5)
-    record_property("share of a core", round(share, 3))
-    record_property("STOP worst ms", round(max(found), 1))
-    assert share < 0.05
-    assert min(found) <= 100
+    stop_ms: list[float] = []
+
+    def share() -> float:
+        """Of a core, over what the daemon takes anyway; with a fresh daemon each time."""
+        daemon.log.write_text("")
+        with daemon.camera(), daemon.start() as process:
+            assert daemon.is_up()
+            time.sleep(2.0)
+            quiet = share_of_a_core(process, 5.0)
+            ending = threading.Event()
+            endpoint = fleet.folder.roll().endpoint(ROBOT_ID)
+            with open_session(endpoint, fleet.security("flora")) as session:
+                flooding = threading.Thread(target=flood, args=(session, ending), daemon=True)
+                flooding.start()
+                began_s, used_s = time.monotonic(), cpu_s(process)
+                stop_ms.extend(stops_ms(fleet, "vera"))
+                time.sleep(20.0)
+                flooded = (cpu_s(process) - used_s) / (time.monotonic() - began_s)
+                ending.set()
+                flooding.join(5)
+            return flooded - quiet
+
+    found = within(0.05, share)
+    record_property("share of a core", round(max(found), 3))
+    record_property("STOP worst ms", round(max(stop_ms), 1))
+    assert min(stop_ms) <= 100
+
+
+def share_of_a_core(process: Process, seconds: float) -> float:
+    began_s, used_s = time.monotonic(), cpu_s(process)
+    time.sleep(seconds)
+    return (cpu_s(process) - used_s) / (time.monotonic() - began_s)

@@ -1,6 +1,5 @@
 """Writes a typed value as a TOML file, whole or not at all."""
 
-import os
 import re
 from pathlib import Path
 from typing import Any
@@ -9,6 +8,7 @@ import msgspec
 import tomli_w
 from msgspec import Struct
 
+from mbot_protocol import atomic_file
 from mbot_protocol.errors import ConfigurationError
 
 _NUMBERS = re.compile(r"\[\n(?: +[-+.\deE]+,\n)+ *\]")
@@ -32,14 +32,9 @@ def write_toml(path: Path, content: Struct, heading: str) -> Path:
     """
     document = tomli_w.dumps(_without_none(msgspec.to_builtins(content)))
     text = f"# {heading}\n{_NUMBERS.sub(_on_one_line, document)}"
-    fresh = path.with_name(f".{path.name}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with fresh.open("w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())  # otherwise a crash could leave the new name on nothing
-        fresh.replace(path)
+        atomic_file.replace(path, text.encode())
     except OSError as error:
         raise ConfigurationError(f"can't write {path}: {error.strerror}") from None
     return path

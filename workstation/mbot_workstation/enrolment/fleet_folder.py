@@ -3,6 +3,7 @@
 import os
 from pathlib import Path
 
+from mbot_protocol import atomic_file
 from mbot_protocol.access_rules import Kind
 from mbot_protocol.errors import ConfigurationError, RefusedError
 from mbot_workstation.enrolment.certificates import Identity
@@ -120,17 +121,10 @@ class FleetFolder:
 
         """
         path = self.path / name
-        temporary = path.with_name(f".{path.name}.new")
         try:
             path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
             self.path.chmod(0o700)
-            temporary.unlink(missing_ok=True)
-            descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-            with os.fdopen(descriptor, "wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            temporary.replace(path)
+            atomic_file.replace(path, data, mode=0o600)
         except OSError as error:
             raise ConfigurationError(f"cannot write {path}: {error.strerror}") from None
 

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from mbot_protocol import atomic_file
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.public_key import PublicKey, check_key_name
 from mbot_workstation.models.signing_key import SigningKey
@@ -151,10 +152,8 @@ class KeyFolder:
         except (OSError, ValueError):
             last = 0
         sequence = max(time.time_ns(), last + 1)
-        temporary = path.with_suffix(".new")
         try:
-            temporary.write_text(f"{sequence}\n")
-            temporary.replace(path)
+            atomic_file.replace(path, f"{sequence}\n".encode())
         except OSError as error:
             raise ConfigurationError(f"cannot write {path}: {error.strerror}") from None
         return sequence

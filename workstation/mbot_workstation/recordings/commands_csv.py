@@ -1,12 +1,14 @@
 """`commands.csv`: what the robot was told in each run, a row at every change."""
 
 import csv
+import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from mbot_protocol import atomic_file
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.recordings.maneuver import Maneuver, maneuver_named
 from mbot_workstation.recordings.run import CommandSeries
@@ -52,16 +54,15 @@ def read_commands(path: Path, *, may_be_empty: bool = False) -> tuple[CommandedR
 
 def write_commands(path: Path, runs: Iterable[CommandedRun]) -> None:
     """Write the file anew, whole or not at all; raises OSError."""
-    fresh = path.with_name(f".{path.name}.new")
-    with fresh.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(HEADER)
-        for run in runs:
-            series = run.commands
-            for time_s, left, right in zip(series.time_s, series.left, series.right, strict=True):
-                numbers = (f"{time_s:.6f}", f"{left:g}", f"{right:g}")
-                writer.writerow((run.number, run.maneuver, run.repetition, *numbers))
-    fresh.replace(path)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(HEADER)
+    for run in runs:
+        series = run.commands
+        for time_s, left, right in zip(series.time_s, series.left, series.right, strict=True):
+            numbers = (f"{time_s:.6f}", f"{left:g}", f"{right:g}")
+            writer.writerow((run.number, run.maneuver, run.repetition, *numbers))
+    atomic_file.replace(path, text.getvalue().encode())
 
 
 def _rows(path: Path) -> Iterable[_Row]:

@@ -7,6 +7,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta, Struct
 
+from mbot_protocol import atomic_file
 from mbot_protocol.actions import MotorMap, WheelMaps
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.keys import check_robot_id
@@ -90,8 +91,5 @@ def write_info(folder: Path, info: RecordingInfo) -> None:
     """Write the folder's file whole or not at all; raises OSError."""
     import tomli_w
 
-    path = folder / RECORDING_FILE
-    fresh = path.with_name(f".{path.name}.new")
     fields = {key: value for key, value in msgspec.to_builtins(info).items() if value != {}}
-    fresh.write_text(tomli_w.dumps(fields), encoding="utf-8")
-    fresh.replace(path)
+    atomic_file.replace(folder / RECORDING_FILE, tomli_w.dumps(fields).encode())

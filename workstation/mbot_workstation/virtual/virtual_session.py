@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
+from mbot_protocol import atomic_file
 from mbot_protocol.errors import ConfigurationError, MbotError
 from mbot_workstation.simulation.fetch_task import FetchResult
 from mbot_workstation.virtual.live_report import LiveReport
@@ -136,9 +137,8 @@ def _check_writable(path: Path | None) -> None:
 
 
 def _write_json(path: Path, fields: dict[str, object] | dict[str, str]) -> None:
-    fresh = path.with_name(f".{path.name}.new")
     try:
-        fresh.write_text(json.dumps(fields, indent=2) + "\n", encoding="utf-8")
-        fresh.replace(path)  # whoever waits for the file never reads half of it
+        # Whoever waits for the file never reads half of it.
+        atomic_file.replace(path, (json.dumps(fields, indent=2) + "\n").encode())
     except OSError as error:
         raise ConfigurationError(f"can't write {path}: {error.strerror}") from None

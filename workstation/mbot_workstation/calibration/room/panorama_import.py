@@ -1,12 +1,12 @@
 """From a 360-degree photo to a room of a robot's calibration."""
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from mbot_protocol import atomic_file
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Picture
 from mbot_workstation.calibration.camera.pictures import read_picture
@@ -124,14 +124,9 @@ def write_room(folder: Path, name: str, picture: Picture) -> Path:
     path = folder / ROOMS_FOLDER / f"{name}.jpg"
     bgr = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
     encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
-    fresh = path.with_name(f".{path.name}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with fresh.open("wb") as file:
-            file.write(encoded.tobytes())
-            file.flush()
-            os.fsync(file.fileno())
-        fresh.replace(path)
+        atomic_file.replace(path, encoded.tobytes())
     except OSError as error:
         raise ConfigurationError(f"can't write {path}: {error.strerror}") from None
     return path
