@@ -104,6 +104,7 @@ def test_the_page_shows_every_manoeuvre_and_needs_no_other_file() -> None:
     assert used
     assert set(used) <= set(shown.ids)
     assert shown.tags.count("svg") >= 8 + 8 + 1 + 1
+    assert "At speed the simulated robot is off by" in text
 
 
 def test_the_same_data_make_the_same_page() -> None:

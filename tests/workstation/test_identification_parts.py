@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from mbot_protocol.actions import WheelMaps
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.identification.conclusions import steady_rate
 from mbot_workstation.identification.data import prepare
 from mbot_workstation.identification.floor import flatten
 from mbot_workstation.identification.held_out import is_held_out
@@ -511,6 +512,17 @@ def test_more_scatter_makes_less_certain(solved: tuple[Problem, State, Solution]
         for misfit in (0.002, 0.03)
     )
     assert (np.diag(wild.covariance) > 2 * np.diag(calm.covariance))[:2].all()
+
+
+# Conclusions
+
+
+def test_a_steady_rate_is_that_of_the_last_quarter_second() -> None:
+    run = run_of((0.0, 1, 1), (2.0, 0, 0))
+    path = np.zeros((521, 3))
+    path[:, 2] = 0.005 * np.arange(521)  # 1 rad/s to the left, at 0.3 m/s
+    path[:, 0], path[:, 1] = 0.3 * np.sin(path[:, 2]), 0.3 * (1 - np.cos(path[:, 2]))
+    assert steady_rate(path, Plan(run.commands, MAPS)) == pytest.approx((0.3, 1.0), rel=1e-4)
 
 
 # Halves

@@ -42,8 +42,14 @@ def _lead(report: GapReport) -> str:
             f'<b class="before">{metres(before.position_m)} and {degrees(before.yaw_rad)}</b> '
             "away from the real robot. Its motors have not been identified yet."
         )
+    rates = [
+        f'<b class="after">{percent(share)}</b> in {what}'
+        for share, what in ((after.speed, "speed"), (after.turn, "turn rate"))
+        if share is not None
+    ]
+    at_speed = f"At speed the simulated robot is off by {' and '.join(rates)}. " if rates else ""
     return (
-        f"After {time} of driving on the same commands, the simulated robot is "
+        f"{at_speed}After {time} of driving on the same commands, it is "
         f'<b class="after">{metres(after.position_m)} and {degrees(after.yaw_rad)}</b> away from '
         f"the real one. Without the calibration it would be "
         f'<b class="before">{metres(before.position_m)} and {degrees(before.yaw_rad)}</b>.'
@@ -55,6 +61,8 @@ def _tiles(report: GapReport) -> str:
     camera, light = report.files.camera, report.files.light
     time = seconds(report.driven_s)
     tiles = [
+        _tile("Steady speed", _rate(after.speed), f"nominal {percent(before.speed)}"),
+        _tile("Steady turn rate", _rate(after.turn), f"nominal {percent(before.turn)}"),
         _tile(
             f"Position after {time}",
             metres(after.position_m),
@@ -70,8 +78,6 @@ def _tiles(report: GapReport) -> str:
             _rate(after.turned_share),
             f"nominal {percent(before.turned_share)}",
         ),
-        _tile("Steady speed", _rate(after.speed), f"nominal {percent(before.speed)}"),
-        _tile("Steady turn rate", _rate(after.turn), f"nominal {percent(before.turn)}"),
         _tile(
             "Camera, reprojection",
             None if camera is None else f"{camera.reprojection_error_px:.2f} px",
