@@ -13,7 +13,7 @@ from mbot_protocol.v1.messages_pb2 import Command, CommandReply, Run, Stop
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
 from .daemon_watch import Observer
-from .processes import Daemon, until
+from .processes import Daemon, Process, until
 
 FORWARD = constant_model(0.6, 0.6, name="first")
 SECOND = constant_model(0.6, 0.5, name="second")
@@ -29,44 +29,49 @@ def test_no_run_from_before_a_stop_moves_the_robot_after_it(
     daemon: Daemon, board: FakeBoard
 ) -> None:
     """The daemon is held up while both lie there, and may serve them in any order."""
-    with daemon.camera(), daemon.start() as process, Observer(daemon.address) as observer:
+    with daemon.camera(), daemon.start() as process:
         assert daemon.is_up()
         daemon.push(FORWARD)
         assert until(daemon.is_ready)
-        for number in range(10):
-            status = observer.status()
-            run = Command(
-                schema_version=SCHEMA_VERSION,
-                robot_id=status.robot_id,
-                session_id=status.session_id,
-                expires_monotonic_ns=status.now_monotonic_ns + 1_900_000_000,
-                stop_count=status.last_stop.count,
-                sender_id=7,
-                number=number + 1,
-                run=Run(),
+        with Observer(daemon.address) as observer:
+            held_up(board, process, observer)
+
+
+def held_up(board: FakeBoard, process: Process, observer: Observer) -> None:
+    for number in range(10):
+        status = observer.status()
+        run = Command(
+            schema_version=SCHEMA_VERSION,
+            robot_id=status.robot_id,
+            session_id=status.session_id,
+            expires_monotonic_ns=status.now_monotonic_ns + 1_900_000_000,
+            stop_count=status.last_stop.count,
+            sender_id=7,
+            number=number + 1,
+            run=Run(),
+        )
+        stop = Command(schema_version=SCHEMA_VERSION, stop=Stop(), sender="max")
+        process.freeze()
+        waiting = [
+            observer.session.get(topic.key(status.robot_id), payload=data, timeout=10.0)
+            for topic, data in (
+                (COMMAND, run.SerializeToString()),
+                (STOP, stop.SerializeToString()),
             )
-            stop = Command(schema_version=SCHEMA_VERSION, stop=Stop(), sender="max")
-            process.freeze()
-            waiting = [
-                observer.session.get(topic.key(status.robot_id), payload=data, timeout=10.0)
-                for topic, data in (
-                    (COMMAND, run.SerializeToString()),
-                    (STOP, stop.SerializeToString()),
-                )
-            ]
-            time.sleep(0.3)
-            process.signal(signal.SIGCONT)
-            replies = [
-                CommandReply.FromString(reply.ok.payload.to_bytes())
-                for found in waiting
-                for reply in found
-                if reply.ok is not None
-            ]
-            assert any(reply.standing for reply in replies)
-            mark = len(board.commands)
-            time.sleep(0.6)
-            assert all(speeds[1:] == (0, 0) for speeds in board.commands[mark:])
-            assert observer.status().last_stop.by == "max"
+        ]
+        time.sleep(0.3)
+        process.signal(signal.SIGCONT)
+        replies = [
+            CommandReply.FromString(reply.ok.payload.to_bytes())
+            for found in waiting
+            for reply in found
+            if reply.ok is not None
+        ]
+        assert any(reply.standing for reply in replies)
+        mark = len(board.commands)
+        time.sleep(0.6)
+        assert all(speeds[1:] == (0, 0) for speeds in board.commands[mark:])
+        assert observer.status().last_stop.by == "max"
 
 
 def test_another_model_sets_nothing_in_motion(daemon: Daemon, board: FakeBoard) -> None:
