@@ -12,8 +12,8 @@ from mbot_workstation.identification.fit import identify
 from mbot_workstation.identification.handicap import handicap
 from mbot_workstation.identification.model import simulate_run
 from mbot_workstation.identification.motion_file import motion_calibration
-from mbot_workstation.identification.report import backward_lines, error_lines
 from mbot_workstation.identification.result import Identification
+from mbot_workstation.identification.result_words import backward_lines, error_lines
 from mbot_workstation.recordings.maneuver import maneuver_named
 from mbot_workstation.recordings.run import CommandSeries, Recording, Run
 from mbot_workstation.recordings.track import Array, Track
