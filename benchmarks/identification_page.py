@@ -6,6 +6,8 @@ from typing import Any
 
 from machine import machine
 
+from mbot_workstation.training.evaluation.provenance import provenance
+
 Results = dict[str, dict[str, Any]]
 
 BARS = {
@@ -35,6 +37,7 @@ def page(results: Results, about: str) -> str:
                 "# How well robots are identified",
                 f"Made by `benchmarks/identification.py` on {date.today().isoformat()}: "
                 f"{machine()}. {kept} of {len(results)} robots kept within every bar.",
+                provenance([]),
                 about.strip(),
                 "Speeds and turn rates are off by so many percent of the robot's largest, in the "
                 "worst of all eight manoeuvres, with a fresh battery; of the time constants it is "

@@ -12,8 +12,8 @@ from mbot_workstation.identification.fit import identify
 from mbot_workstation.identification.handicap import handicap
 from mbot_workstation.identification.model import simulate_run
 from mbot_workstation.identification.motion_file import motion_calibration
-from mbot_workstation.identification.report import backward_lines, error_lines
 from mbot_workstation.identification.result import Identification
+from mbot_workstation.identification.result_words import backward_lines, error_lines
 from mbot_workstation.recordings.maneuver import maneuver_named
 from mbot_workstation.recordings.run import CommandSeries, Recording, Run
 from mbot_workstation.recordings.track import Array, Track
@@ -22,6 +22,9 @@ from mbot_workstation.simulation.robot_parameters import RobotParameters
 
 from .mujoco_truth import record_simulated
 from .planar_robot import PlanarRobot, Session, Tracker, record
+
+pytestmark = pytest.mark.timeout(600)
+"""A fit takes 10 s of two quiet cores, and minutes of busy ones."""
 
 TRUTH = PlanarRobot()
 SHORT = Session().shortened(3.0, 2)
@@ -204,8 +207,8 @@ def test_dead_bands_are_told_from_gains_at_several_speeds() -> None:
     recording = record_simulated(truth, Session(schedules=parts, repetitions=2))
     found = identify([recording], RobotParameters(), robot_id="part speed")
     estimates = {one.name: one for one in found.estimates}
-    assert estimates["left_dead_band"].value == pytest.approx(38 / 255, abs=2 / 255)
-    assert estimates["right_dead_band"].value == pytest.approx(63 / 255, abs=2 / 255)
+    assert estimates["left_dead_band"].value == pytest.approx(38 / 255, abs=5 / 255)
+    assert estimates["right_dead_band"].value == pytest.approx(63 / 255, abs=5 / 255)
     assert estimates["left_dead_band"].low is not None
     for left, right in ((1.0, 1.0), (0.5, 0.5)):
         speed, rate, _ = simulated_rates(found.robot, left, right)
@@ -213,7 +216,7 @@ def test_dead_bands_are_told_from_gains_at_several_speeds() -> None:
         assert speed == pytest.approx(true_speed, rel=0.02)
         assert rate == pytest.approx(true_rate, abs=0.1)
     maps = handicap(found, WheelMaps()).straight
-    assert (maps.left.dead_band, maps.right.dead_band) == pytest.approx((38, 63), abs=2)
+    assert (maps.left.dead_band, maps.right.dead_band) == pytest.approx((38, 63), abs=5)
 
 
 @pytest.mark.slow

@@ -17,6 +17,9 @@ from mbot_workstation.simulation.robot_parameters import RobotParameters
 
 from .planar_robot import PlanarRobot, Schedule, Session, record
 
+pytestmark = pytest.mark.timeout(600)
+"""A fit with slow runs takes 20 s of two quiet cores, and minutes of busy ones."""
+
 BEATS = round(SLOW.duration_s(10.0) / BEAT_S)
 
 

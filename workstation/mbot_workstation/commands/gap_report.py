@@ -91,8 +91,8 @@ def gap_report(options: GapReportOptions) -> None:
 
 
 def _print(report: "GapReport", output: Path) -> None:
+    from mbot_workstation.gap_report.number_words import degrees, metres, percent, seconds
     from mbot_workstation.gap_report.summary_section import verdict_lines
-    from mbot_workstation.gap_report.wording import degrees, metres, percent, seconds
 
     after, before = report.calibrated, report.nominal
     print(

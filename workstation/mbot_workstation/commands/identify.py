@@ -74,7 +74,7 @@ def identify(options: IdentifyOptions) -> None:
     from mbot_workstation.calibration_files.calibration_folder import write_motion
     from mbot_workstation.identification.handicap import handicap
     from mbot_workstation.identification.motion_file import motion_calibration
-    from mbot_workstation.identification.report import as_fields
+    from mbot_workstation.identification.result_words import as_fields
     from mbot_workstation.recordings.recording_folder import read_recording
 
     read = [read_recording(folder) for folder in options.recordings]
@@ -160,7 +160,7 @@ def _identified(
 def _show(found: "Identification", uneven: "Handicap", written: "Sequence[str]") -> None:
     from rich.console import Console
 
-    from mbot_workstation.identification.report import (
+    from mbot_workstation.identification.result_words import (
         backward_lines,
         error_lines,
         error_table,

@@ -7,11 +7,11 @@ import numpy as np
 
 from mbot_workstation.gap_report.elements import figure, paragraph, table
 from mbot_workstation.gap_report.error_plot import error_plot
+from mbot_workstation.gap_report.number_words import degrees, metres, seconds
 from mbot_workstation.gap_report.path_plot import path_plot
 from mbot_workstation.gap_report.rates_plot import rates_plot
 from mbot_workstation.gap_report.report import GapReport, ManeuverGap
 from mbot_workstation.gap_report.steady_rates import SETTLED_S, RunRates
-from mbot_workstation.gap_report.wording import degrees, metres, seconds
 
 KEY = (
     '<div class="key"><span class="measured"><i></i>measured</span>'

@@ -31,6 +31,14 @@ def missing_parts(
         has_frames: whether there are pictures.
 
     """
+    return (
+        *_of_calibration(files),
+        *_of_driving(files, recording, maneuvers, has_frames=has_frames),
+        *_of_tolerances(tolerances),
+    )
+
+
+def _of_calibration(files: CalibrationFiles) -> list[Missing]:
     folder = files.folder
     into = f"--calibration {folder}"
     found: list[Missing] = []
@@ -63,6 +71,13 @@ def missing_parts(
                 f"workstation panorama PHOTO.jpg {into}",
             )
         )
+    return found
+
+
+def _of_driving(
+    files: CalibrationFiles, recording: Path, maneuvers: Sequence[str], *, has_frames: bool
+) -> list[Missing]:
+    found: list[Missing] = []
     absent = [one.name for one in MANEUVERS if one.name not in maneuvers]
     if absent:
         names = " ".join(f"--maneuver {name}" for name in absent)
@@ -77,7 +92,7 @@ def missing_parts(
             Missing(
                 f"no {MOTION_FILE}: the simulated motors are nominal, so both simulations drive "
                 "alike",
-                f"workstation identify {recording} {into}",
+                f"workstation identify {recording} --calibration {files.folder}",
             )
         )
     if not has_frames:
@@ -87,23 +102,26 @@ def missing_parts(
                 "workstation gap-report ... --frames FOLDER",
             )
         )
+    return found
+
+
+def _of_tolerances(tolerances: Tolerances | None) -> list[Missing]:
     if tolerances is None:
-        found.append(
+        return [
             Missing(
                 "no tolerance map, hence no verdicts: nobody has tried what the policy bears",
                 "workstation study tolerance POLICY.onnx -o FOLDER, then --tolerance "
                 "FOLDER/tolerance.json",
             )
+        ]
+    known = {axis.name for one in tolerances.maps for axis in (one.across, one.up)}
+    absent = [name for name in DEVIATIONS_OF_QUANTITIES if name not in known]
+    if not absent:
+        return []
+    pairs = " ".join(f"--pair '{name}:exposure_ms'" for name in absent)
+    return [
+        Missing(
+            f"no tolerance map over {', '.join(absent)}",
+            f"workstation study tolerance POLICY.onnx {pairs}",
         )
-    else:
-        known = {axis.name for one in tolerances.maps for axis in (one.across, one.up)}
-        absent = [name for name in DEVIATIONS_OF_QUANTITIES if name not in known]
-        if absent:
-            pairs = " ".join(f"--pair '{name}:exposure_ms'" for name in absent)
-            found.append(
-                Missing(
-                    f"no tolerance map over {', '.join(absent)}",
-                    f"workstation study tolerance POLICY.onnx {pairs}",
-                )
-            )
-    return tuple(found)
+    ]

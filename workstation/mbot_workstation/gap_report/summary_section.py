@@ -3,9 +3,9 @@
 from html import escape
 
 from mbot_workstation.gap_report.elements import paragraph
+from mbot_workstation.gap_report.number_words import degrees, metres, percent, seconds
 from mbot_workstation.gap_report.report import GapReport
 from mbot_workstation.gap_report.verdict import Judged, Word
-from mbot_workstation.gap_report.wording import degrees, metres, percent, seconds
 
 
 def summary_section(report: GapReport) -> str:
