@@ -302,7 +302,9 @@ def test_increments_know_nothing_of_where_a_run_began(
     bins: Bins = bins_of(time_s)
     moved = place * np.exp(1j * turn) + complex(x, y)
     np.testing.assert_allclose(
-        bins.increments(moved, heading + turn), bins.increments(place + 0j, heading), atol=1e-9
+        bins.increments(np.asarray(moved, np.complex128), heading + turn),
+        bins.increments(np.asarray(place, np.complex128), heading),
+        atol=1e-9,
     )
 
 

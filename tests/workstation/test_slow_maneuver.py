@@ -49,7 +49,7 @@ def test_it_is_planned_like_the_others() -> None:
 def test_its_commands_are_kept_and_others_are_refused(tmp_path: Path) -> None:
     rows = schedule()
     series = CommandSeries(
-        BEAT_S * np.arange(len(rows) + 1),
+        np.asarray(BEAT_S * np.arange(len(rows) + 1), np.float64),
         np.array([left for _, left, _ in rows] + [0.0]),
         np.array([right for _, _, right in rows] + [0.0]),
     )
