@@ -15,13 +15,13 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from mbot_protocol.policy_contract import PolicyMetadata
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.demo.child import Child
-from mbot_workstation.link.remote_control import RemoteControl
+from mbot_workstation.link.remote_control import NotStandingError, RemoteControl
 from mbot_workstation.link.robot_link import RobotLink
 from mbot_workstation.models.push import push
 from mbot_workstation.models.servo_policy import ServoGains, servo_model
@@ -181,7 +181,8 @@ def _watch(link: RobotLink, agent: Child, seconds: float) -> Watched:
             ]
         watched.seconds = time.monotonic() - began_s
         watched.cpu_s = agent.cpu_s - cpu_s
-        RemoteControl(link).stop()
+        with suppress(NotStandingError):  # an older daemon beside ours does not say
+            RemoteControl(link).stop()
     return watched
 
 
