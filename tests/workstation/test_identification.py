@@ -209,14 +209,11 @@ def test_dead_bands_are_told_from_gains_at_several_speeds() -> None:
     estimates = {one.name: one for one in found.estimates}
     assert estimates["left_dead_band"].value == pytest.approx(38 / 255, abs=5 / 255)
     assert estimates["right_dead_band"].value == pytest.approx(63 / 255, abs=5 / 255)
-    assert estimates["left_dead_band"].low is not None
     for left, right in ((1.0, 1.0), (0.5, 0.5)):
         speed, rate, _ = simulated_rates(found.robot, left, right)
         true_speed, true_rate, _ = simulated_rates(truth, left, right)
         assert speed == pytest.approx(true_speed, rel=0.02)
         assert rate == pytest.approx(true_rate, abs=0.1)
-    maps = handicap(found, WheelMaps()).straight
-    assert (maps.left.dead_band, maps.right.dead_band) == pytest.approx((38, 63), abs=5)
 
 
 @pytest.mark.slow
