@@ -23,6 +23,7 @@ from mbot_workstation.calibration.camera.camera_fit import CameraFit, fit_camera
 from mbot_workstation.calibration.camera.camera_pictures import look_for_boards
 from mbot_workstation.calibration.camera.sighting import Sighting
 from mbot_workstation.targets.specifications import Board
+from mbot_workstation.training.evaluation.provenance import provenance
 
 Corners = NDArray[np.float32]
 
@@ -136,6 +137,8 @@ def page(results: dict[str, dict[str, Result]], command: str) -> str:
         "",
         f"Made by `{command}` on {date.today().isoformat()}: {machine()}, OpenCV "
         f"{cv2.__version__}.",
+        "",
+        provenance([]),
         "",
         "`left` and `right` are photographs of a real, printed checkerboard in a hand, from the",
         "Debian package opencv-doc: two cameras with a distorting lens, 640 x 480. OpenCV's own is",

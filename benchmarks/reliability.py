@@ -23,6 +23,8 @@ from xml.etree import ElementTree
 from fault_table import BESIDE, FAULTS, SOAK, Bar, Fault
 from machine import machine
 
+from mbot_workstation.training.evaluation.provenance import provenance
+
 ROOT = Path(__file__).parents[1]
 RESULT = ROOT / "docs" / "results" / "reliability.md"
 
@@ -35,6 +37,8 @@ HEAD = """\
 Made by `make reliability` on {date} in {minutes:.0f} minutes: {machine}, a pseudo-terminal in place
 of the board's port, a camera over HTTP, nothing of a Raspberry Pi. Each row runs the tests it
 names; of several values the worst one is shown. {verdict}
+
+{provenance}
 
 Repeated per fault: {MBOT_REPEATS}. Inputs per parser: {MBOT_FUZZ_CASES}. Decisions of the soak:
 {MBOT_SOAK_DECISIONS}.
@@ -167,6 +171,7 @@ def main() -> int:
         minutes=(time.monotonic() - began_s) / 60,
         machine=machine(),
         verdict=f"{survived} of {len(FAULTS)} faults of the table kept within every bar.",
+        provenance=provenance([]),
         **effort,
     )
     text += "\n".join(row(fault, found[fault], quick=quick) for fault in faults) + "\n" + TAIL
