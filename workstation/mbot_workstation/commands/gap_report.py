@@ -54,7 +54,7 @@ def gap_report(options: GapReportOptions) -> None:
 
     - `workstation gap-report recordings/mbot-1-2026-11-21`
     - `workstation gap-report recordings/mbot-1-* --calibration calibration/mbot-1
-      --tolerance docs/results/tolerance.json --frames frames -o gap.html`
+      --tolerance results/tolerance.json --frames frames -o gap.html`
     """
     from datetime import datetime
 
