@@ -7,11 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
-from mbot_agent import daemon
 from mbot_agent.camera.opencv_source import OpenCvSource, device_index
 from mbot_agent.camera.source_contract import CameraError
 from mbot_agent.configuration import Camera
-from mbot_agent.models.model_notices import model_notices
 from mbot_agent.network.health import read_health
 from mbot_agent.network.stop_probe import StopProbe
 from mbot_agent.process.service_manager import notify
@@ -72,8 +70,3 @@ def test_a_stop_service_that_is_silent_is_not_taken_for_answering() -> None:
     assert probe.answered_ns == answered_ns
     probe.ask()  # asking raises: as if silent
     assert probe.answered_ns == answered_ns
-
-
-def test_the_daemon_has_one_way_in() -> None:
-    assert callable(daemon.run)
-    assert callable(model_notices)

@@ -11,7 +11,6 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.calibration.body.body_mjcf import robot_mjcf, write_mjcf
 from mbot_workstation.calibration.body.body_views import FRONT, SIDE, TOP
 from mbot_workstation.calibration.camera.board_detection import find_board
-from mbot_workstation.calibration.camera.camera_drawing import draw_calibration
 from mbot_workstation.calibration.camera.camera_live import collect
 from mbot_workstation.calibration.camera.picture_sizes import (
     check_aspects,
@@ -21,7 +20,6 @@ from mbot_workstation.calibration.camera.picture_sizes import (
 from mbot_workstation.calibration.camera.pictures import picture_files, read_picture
 from mbot_workstation.calibration.camera.sighting import Sighting
 from mbot_workstation.calibration.light.card_frame import find_framed_card
-from mbot_workstation.calibration.light.light_drawing import draw_light
 from mbot_workstation.calibration.light.plain_card import find_plain_card
 from mbot_workstation.calibration.light.simulated_card import camera_axes, simulated_card
 from mbot_workstation.calibration.room.panorama_preview import draw_preview
@@ -123,5 +121,3 @@ def test_a_preview_is_drawn(tmp_path: Path) -> None:
     picture = cv2.imread(str(path))
     assert picture is not None
     assert picture.std() > 20
-    assert callable(draw_calibration)
-    assert callable(draw_light)

@@ -9,18 +9,14 @@ from rich.console import Console
 
 from mbot_protocol.errors import MbotError
 from mbot_workstation.demo.child import Child
-from mbot_workstation.demo.demo_run import DemoSettings
 from mbot_workstation.link.address import parse_address
 from mbot_workstation.link.destination import Destination
 from mbot_workstation.maneuvers.display import PlainDisplay, TerminalDisplay
 from mbot_workstation.maneuvers.plan import Order, plan
-from mbot_workstation.maneuvers.telemetry_recorder import TelemetryRecorder
 from mbot_workstation.recordings.maneuver import MANEUVERS
 from mbot_workstation.telemetry.output import JsonLines, LiveView, PlainLines
 from mbot_workstation.telemetry.stream import LinkState, Sample
 from mbot_workstation.training.evaluation.provenance import digest, provenance
-from mbot_workstation.training.learning.policy_export import export_policy
-from mbot_workstation.training.learning.teacher import Teacher
 
 from .samples import decision
 
@@ -94,4 +90,3 @@ def test_results_name_the_policys_digest(tmp_path: Path) -> None:
 def test_an_address_alone_is_anybody_there() -> None:
     there = Destination(parse_address("mbot-1.local"))
     assert (there.robot_id, there.security) == (None, None)
-    assert all(map(callable, (TelemetryRecorder, DemoSettings, export_policy, Teacher)))

@@ -9,7 +9,6 @@ import pytest
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.simulation.frame_edges import FrameEdges
-from mbot_workstation.simulation.pose import ORIGIN
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.training.learning.git_state import git_state
 from mbot_workstation.training.learning.learning_curve import draw_curve
@@ -136,4 +135,3 @@ def test_a_report_without_lines_is_a_table_without_rows(tmp_path: Path) -> None:
     make_folder(tmp_path / "new")
     assert (tmp_path / "new").is_dir()
     assert markdown([]).count("|") > 5
-    assert ORIGIN.x_m == 0

@@ -12,7 +12,6 @@ from mbot_workstation.simulation.pose import Pose
 from mbot_workstation.virtual.live_world import TaskEvent, WorldStatus
 from mbot_workstation.virtual.port_link import PortLink
 from mbot_workstation.virtual.trajectory import TrajectoryWriter
-from mbot_workstation.virtual.video_recorder import record
 from mbot_workstation.virtual.viewer_window import check_display
 
 
@@ -73,4 +72,3 @@ def test_what_can_not_be_written_or_shown_is_said(
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with pytest.raises(ConfigurationError, match="display"):
         check_display()
-    assert callable(record)
