@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -49,6 +51,15 @@ def test_the_exposure_follows_with_its_lag() -> None:
     much_later = float(camera.process(grey(180), 10.0).mean())
     assert at_once > after_a_lag > much_later
     assert abs(much_later / 255 - 0.4) < 0.01
+
+
+def test_a_lag_is_a_time_constant() -> None:
+    camera = processor(AUTOMATIC)
+    camera.process(grey(90), 0.0)
+    shown = float(camera.process(grey(130), 0.5).mean())
+    # On a logarithmic scale the gain has gone all but 1/e of its way; levels are its 2.2th root.
+    before, wanted = math.log(0.4 * 255 / 90), math.log(0.4 * 255 / 130)
+    assert shown == pytest.approx(130 * math.exp(wanted + (before - wanted) / math.e), abs=1.5)
 
 
 def test_an_automatic_white_balance_takes_a_lamps_tint_away() -> None:
