@@ -6,35 +6,33 @@ from collections.abc import Iterator
 
 import pytest
 
-from mbot_agent.process import journal
 from mbot_agent.process.journal import BACKLOG, Journal
 
 
 @pytest.fixture
-def pipe(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
-    """Where the log goes; gives the end to read from. The root logger is as before afterwards."""
+def pipe() -> Iterator[tuple[int, int]]:
+    """A pipe to log into: reading end, writing end. The root logger is as before afterwards."""
     root = logging.getLogger()
     handlers, level = list(root.handlers), root.level
     reader, writer = os.pipe()
-    monkeypatch.setattr(journal, "STDERR", writer)
-    yield reader
+    yield reader, writer
     root.handlers[:] = handlers
     root.setLevel(level)
     os.close(reader)  # a thread that waits for the pipe is told so
 
 
-def test_lines_come_in_their_order_with_their_level(pipe: int) -> None:
-    written = Journal(verbose=False)
+def test_lines_come_in_their_order_with_their_level(pipe: tuple[int, int]) -> None:
+    written = Journal(verbose=False, stream=pipe[1])
     logging.getLogger("x").info("one %d", 1)
     logging.getLogger("x").debug("not this one")
     written.say("as it is")
     written.drain(5)
-    lines = os.read(pipe, 4096).decode().splitlines()
+    lines = os.read(pipe[0], 4096).decode().splitlines()
     assert [line.partition("INFO ")[2] or line for line in lines] == ["one 1", "as it is"]
 
 
-def test_a_log_that_nobody_reads_blocks_nobody(pipe: int) -> None:
-    written = Journal(verbose=False)
+def test_a_log_that_nobody_reads_blocks_nobody(pipe: tuple[int, int]) -> None:
+    written = Journal(verbose=False, stream=pipe[1])
     began_s = time.monotonic()
     for number in range(4 * BACKLOG):
         logging.getLogger("x").info("%s %d", "x" * 100, number)
@@ -44,8 +42,8 @@ def test_a_log_that_nobody_reads_blocks_nobody(pipe: int) -> None:
     assert time.monotonic() - began_s < 1.5
 
 
-def test_what_was_dropped_is_counted(pipe: int) -> None:
-    written = Journal(verbose=False)
+def test_what_was_dropped_is_counted(pipe: tuple[int, int]) -> None:
+    written = Journal(verbose=False, stream=pipe[1])
     total = 4 * BACKLOG
     for number in range(total):
         logging.getLogger("x").info("%s line %d", "x" * 100, number)
@@ -53,7 +51,7 @@ def test_what_was_dropped_is_counted(pipe: int) -> None:
 
     def read() -> None:
         while b"the last one" not in b"".join(text[-2:]):
-            text.append(os.read(pipe, 65536))
+            text.append(os.read(pipe[0], 65536))
 
     reading = threading.Thread(target=read)
     reading.start()

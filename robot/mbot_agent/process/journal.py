@@ -37,9 +37,10 @@ class _Dropping(logging.handlers.QueueHandler):
 
 
 class Journal:
-    """Sends all logging to stderr by way of the queue."""
+    """Sends all logging to stderr, or another file descriptor, by way of the queue."""
 
-    def __init__(self, *, verbose: bool) -> None:
+    def __init__(self, *, verbose: bool, stream: int = STDERR) -> None:
+        self._stream = stream
         # The journal stamps lines itself; a person at a terminal needs the time.
         dates = "" if "JOURNAL_STREAM" in os.environ else "%(asctime)s "
         self._formatter = logging.Formatter(f"{dates}%(levelname)s %(message)s")
@@ -71,13 +72,13 @@ class Journal:
                 line = f"({dropped - told} lines were dropped here: nobody read them)\n{line}"
                 told = dropped
             with contextlib.suppress(OSError):  # stderr is closed: nobody wants to know
-                _write(f"{line}\n".encode(errors="replace"))
+                _write(self._stream, f"{line}\n".encode(errors="replace"))
             with self._idle:
                 self._backlog.task_done()
                 self._idle.notify_all()
 
 
-def _write(data: bytes) -> None:
+def _write(stream: int, data: bytes) -> None:
     """Not by sys.stderr: its lock would be held for as long as nobody reads."""
     while data:
-        data = data[os.write(STDERR, data) :]
+        data = data[os.write(stream, data) :]
