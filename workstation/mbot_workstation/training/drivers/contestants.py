@@ -11,7 +11,6 @@ from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.training.drivers.onnx_policy import Actions, OnnxPolicy, Pictures
 from mbot_workstation.training.drivers.oracle import Oracle, Targets, middle
 from mbot_workstation.variation.effects import EffectRanges
-from mbot_workstation.variation.perturbed_robot import trimmed
 
 Driver = Callable[[Pictures, Targets], Actions]
 """From what all robots see, and where their objects are, to their wheels. Only the oracle uses the
@@ -44,7 +43,7 @@ def driver(
     """
     if contestant == ORACLE:
         robot = robot or RobotParameters()
-        oracle = Oracle(robots, middle(trimmed(preset, robot.wheel_maps)), robot)
+        oracle = Oracle(robots, middle(preset), robot)
         return lambda _pictures, targets: oracle.act(targets)
     if contestant == RANDOM:
         rng = np.random.default_rng(seed)

@@ -1,8 +1,9 @@
-"""A driver to learn from: it is told where the object is, but only while the camera can see it.
+"""A driver to learn from: it is told what the robot is like, and where the object is while seen.
 
 The oracle cannot be imitated: it turns straight to objects behind the robot, which no picture
-shows. The guide does what a policy without memory could do: turn clockwise until the object comes
-into view, as the paper's policy does, then drive as the oracle would.
+shows. The guide does what a policy with a memory could do: turn clockwise until the object comes
+into view, as the paper's policy does, then drive as the oracle would, also for a while after it
+was lost from sight.
 """
 
 import math
@@ -12,41 +13,61 @@ from numpy.typing import NDArray
 
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.training.drivers.onnx_policy import Actions
-from mbot_workstation.training.drivers.oracle import Oracle, Targets, middle
+from mbot_workstation.training.drivers.oracle import Oracle, middle
 from mbot_workstation.variation.effects import EffectRanges
 
-SEARCH_TURN = 0.30
-"""Wheels of the search turn, share of full speed: about 40 degrees a decision on the nominal robot,
-so that the object is in at least one picture of 55 degrees."""
+SEARCH_SPEED = 0.30
+"""Of both wheels in the search turn, share of full speed: about 44 degrees a decision, so that the
+object is in at least one picture of 55 degrees."""
 
 IN_VIEW_RAD = math.radians(27.0)
 """Half the camera's horizontal field of view."""
 
 
 class Guide:
-    """Drives a number of robots; see `Oracle` for what it is told."""
+    """Drives a number of robots.
+
+    Args:
+        remembers: decisions for which it goes by an object that has left the view; 0 for the
+            teacher of a policy without memory.
+
+    """
 
     def __init__(
-        self, robots: int, preset: EffectRanges, nominal: RobotParameters | None = None
+        self,
+        robots: int,
+        preset: EffectRanges,
+        nominal: RobotParameters | None = None,
+        remembers: int = 0,
     ) -> None:
-        nominal = nominal or RobotParameters()
         self._oracle = Oracle(robots, middle(preset), nominal)
+        self._remembers = remembers
+        self._unseen_for = np.full(robots, remembers + 1)
+        self._time_left_s = np.full(robots, -np.inf)
 
-    def act(self, targets: Targets, seen_left_rad: NDArray[np.float64]) -> Actions:
+    def become(self, bodies: NDArray[np.void]) -> None:
+        """Say what the robots are like: BODY_RECORD, shape (robots,)."""
+        self._oracle.become(bodies)
+
+    def act(self, situations: NDArray[np.void]) -> Actions:
         """Both wheels of every robot, shape (robots, 2); NaN for robots whose target is unknown.
 
         Args:
-            targets: where the objects are now.
-            seen_left_rad: where the observations show them, shape (robots,): what a picture shows
-                at its edge counts, though the robot may have turned past it since.
+            situations: STEP_RECORD, shape (robots,). Where observations show the objects counts,
+                though a robot may have turned past one since.
 
         """
-        ahead = targets[:, 0]
-        unseen = np.abs(seen_left_rad) > IN_VIEW_RAD
-        known = np.where(unseen[:, None], np.nan, targets)
-        actions = self._oracle.act(known)
-        actions[unseen] = (SEARCH_TURN, -SEARCH_TURN)
-        actions[np.isnan(ahead)] = np.nan
+        targets = np.stack([situations["target_ahead_m"], situations["target_left_m"]], axis=1)
+        seen = np.abs(situations["seen_left_rad"]) <= IN_VIEW_RAD
+        another = situations["time_left_s"] > self._time_left_s  # each object has its own time
+        self._time_left_s = situations["time_left_s"].copy()
+        self._unseen_for[another] = self._remembers + 1
+        self._unseen_for = np.where(seen, 0, self._unseen_for + 1)
+        lost = self._unseen_for > self._remembers
+        actions = self._oracle.act(np.where(lost[:, None], np.nan, targets).astype(np.float64))
+        turn = np.full(len(targets), SEARCH_SPEED)
+        actions[lost] = self._oracle.commands(turn, -turn)[lost]
+        actions[np.isnan(targets[:, 0])] = np.nan
         return actions
 
     def drove(self, actions: Actions) -> None:

@@ -106,6 +106,9 @@ def read_weights(folder: Path) -> dict[str, torch.Tensor]:
 def restore_learner(folder: Path, learner: PicturePPO, *, with_optimizer: bool) -> None:
     """Put a checkpoint's weights into a learner.
 
+    A new run (without the optimiser's state) may have a memory where the checkpoint has none: the
+    policy does at first what it did without.
+
     Args:
         folder: the checkpoint.
         learner: of the same network.
@@ -115,14 +118,32 @@ def restore_learner(folder: Path, learner: PicturePPO, *, with_optimizer: bool) 
         ConfigurationError: the checkpoint is damaged, or of another network.
 
     """
+    weights = read_weights(folder)
+    if not with_optimizer:
+        weights = _with_memory(weights, learner.policy.state_dict())
     try:
-        learner.policy.load_state_dict(read_weights(folder))
+        learner.policy.load_state_dict(weights)
     except RuntimeError:
         raise ConfigurationError(
             f"{folder} holds the weights of another network; use the version that trained it"
         ) from None
     if with_optimizer:
         learner.policy.optimizer.load_state_dict(_read_tensors(folder, "policy.optimizer.pth"))
+
+
+def _with_memory(
+    weights: dict[str, torch.Tensor], fresh: dict[str, torch.Tensor]
+) -> dict[str, torch.Tensor]:
+    """The weights of a policy without memory as those of one with: what it lacks is fresh, and the
+    wheels do not listen to it yet.
+    """
+    if any(name.startswith("memory.") for name in weights):
+        return weights
+    made = {name: weights.get(name, value) for name, value in fresh.items()}
+    made |= {name: value for name, value in fresh.items() if name.startswith("value_net.")}
+    wheels = torch.zeros_like(fresh["action_net.weight"])
+    wheels[:, : weights["action_net.weight"].shape[1]] = weights["action_net.weight"]
+    return made | {"action_net.weight": wheels}
 
 
 def _read_tensors(folder: Path, member: str) -> dict[str, Any]:

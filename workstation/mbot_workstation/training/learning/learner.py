@@ -3,12 +3,16 @@
 import math
 from dataclasses import dataclass, replace
 
-from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv
 
-from mbot_workstation.training.learning.guidance import GuidedRolloutBuffer
-from mbot_workstation.training.learning.network import INITIAL_NOISE, policy_arguments
+from mbot_workstation.training.learning.memory_policy import (
+    MEMORY_UNITS,
+    MemoryPolicy,
+    memory_policy_arguments,
+)
+from mbot_workstation.training.learning.network import INITIAL_NOISE
 from mbot_workstation.training.learning.picture_ppo import PicturePPO
+from mbot_workstation.training.learning.sequences import SequenceBuffer
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +42,9 @@ class LearnerSettings:
             anything out (measured).
         guided_decisions: for how long a guide's advice counts; 0 is PPO alone, as in the paper.
         rehearsals: batches of remembered advice learned from in every update meanwhile.
-        rehearsal_batch: samples of each.
+        rehearsal_batch: decisions of each.
+        memory_units: numbers that the policy remembers from decision to decision; 0 is the
+            paper's network.
 
     """
 
@@ -58,7 +64,8 @@ class LearnerSettings:
     final_noise: float = 0.1
     guided_decisions: int = 0
     rehearsals: int = 0
-    rehearsal_batch: int = 256
+    rehearsal_batch: int = 512
+    memory_units: int = MEMORY_UNITS
 
     def learning_rate_at(self, remaining: float) -> float:
         """The learning rate when this share, 1 to 0, of the planned decisions remains."""
@@ -86,7 +93,7 @@ FINE_TUNING = LearnerSettings(
 an episode: with 2,048 decisions an update and batches of 256 PPO made such a policy worse, with
 8,192 and 1,024 better (measured)."""
 
-GUIDED = replace(FINE_TUNING, learning_rate=5e-4, rehearsals=256)
+GUIDED = replace(FINE_TUNING, learning_rate=5e-4, rehearsals=128)
 """The guide soon makes a trained policy of it; its advice is no matter of luck and bears larger
 steps, in small batches."""
 
@@ -95,9 +102,8 @@ def make_learner(
     environment: VecEnv, settings: LearnerSettings, seed: int, device: str = "cpu"
 ) -> PicturePPO:
     """An untrained learner; the seed settles its weights and its exploration."""
-    guided = settings.guided_decisions > 0
     learner = PicturePPO(
-        ActorCriticPolicy,
+        MemoryPolicy,
         environment,
         learning_rate=settings.learning_rate_at,
         n_steps=settings.steps_per_robot,
@@ -109,8 +115,8 @@ def make_learner(
         ent_coef=settings.entropy_weight,
         vf_coef=settings.value_weight,
         max_grad_norm=settings.largest_gradient,
-        policy_kwargs=policy_arguments(math.log(settings.noise)),
-        rollout_buffer_class=GuidedRolloutBuffer if guided else None,
+        policy_kwargs=memory_policy_arguments(settings.memory_units, math.log(settings.noise)),
+        rollout_buffer_class=SequenceBuffer,
         seed=seed,
         device=device,
     )

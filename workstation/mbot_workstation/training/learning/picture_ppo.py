@@ -1,37 +1,37 @@
-"""SB3's PPO with two things changed for pictures on a few processor cores.
+"""SB3's PPO with two things changed for pictures on a few processor cores, and one for memory.
 
-Pictures are not transposed: PaperNetwork takes them as they are. And an update splits every batch
+Pictures are not transposed: PaperNetwork takes them as they are. An update splits every batch
 between Python threads that each use one core, instead of splitting every operation between torch's
 threads: the network's operations last some 100 microseconds, so that waiting for each other after
 every one costs more than it wins, by a factor of 8 when another program wants a core (measured).
-What is computed is SB3's PPO update.
+And it learns from sequences, through which the memory's gradient goes back. What is computed
+besides is SB3's PPO update.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 import torch
 from stable_baselines3 import PPO
-from stable_baselines3.common.buffers import RolloutBuffer
-from stable_baselines3.common.type_aliases import RolloutBufferSamples
 from stable_baselines3.common.vec_env import VecEnv
 from torch.distributions import Normal
 from torch.nn import functional
 
 from mbot_workstation.training.learning.advice_memory import AdviceMemory
-from mbot_workstation.training.learning.guidance import (
-    GuidedRolloutBuffer,
-    GuidedSamples,
-    advice_loss,
-    guide_weight,
+from mbot_workstation.training.learning.guidance import advice_loss, guide_weight
+from mbot_workstation.training.learning.memory_policy import MemoryPolicy
+from mbot_workstation.training.learning.sequences import (
+    LearnedFrom,
+    SequenceBuffer,
+    Sequences,
+    tensor,
 )
 
 MEMORY_CAPACITY = 200_000
-"""Pictures with advice; 2.4 GB when full."""
+"""Decisions with advice; 2.4 GB when full."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,17 +46,17 @@ class _Part:
 
 
 class PicturePPO(PPO):
-    """PPO for pictures of shape (height, width, 3), updated by threads.
+    """PPO for pictures of shape (height, width, 3), updated by threads; its policy is a
+    `MemoryPolicy`, its rollouts need the callback `Remembering`.
 
     Attributes:
         update_threads: into how many parts a batch is split. It changes results only by rounding,
             and does not depend on the machine, so that a seed gives the same run anywhere.
         noise_at: the exploration noise when this share of the planned decisions remains; None
             lets PPO learn it, as stable-baselines3 does.
-        guided_decisions: for how many decisions a guide's advice counts, falling linearly; the
-            rollout buffer must then be a GuidedRolloutBuffer.
+        guided_decisions: for how many decisions a guide's advice counts, falling linearly.
         rehearsals: batches of remembered advice that every update learns from besides.
-        rehearsal_batch: samples of each.
+        rehearsal_batch: decisions of each.
 
     """
 
@@ -66,13 +66,19 @@ class PicturePPO(PPO):
     rehearsals = 0
     rehearsal_batch = 256
 
-    rollout_buffer: RolloutBuffer
+    policy: MemoryPolicy
+    rollout_buffer: SequenceBuffer
     _memory: AdviceMemory | None = None
 
     @staticmethod
     def _wrap_env(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
         del verbose, monitor_wrapper
         return env
+
+    def _setup_model(self) -> None:
+        super()._setup_model()
+        self.rollout_buffer.units = self.policy.units
+        self.rollout_buffer.reset()
 
     def _excluded_save_params(self) -> list[str]:
         # The memory is gigabytes, and soon made anew; the schedule is the configuration's.
@@ -85,10 +91,10 @@ class PicturePPO(PPO):
         parts: list[_Part] = []
         with ThreadPoolExecutor(self.update_threads) as threads:
             for _ in range(self.n_epochs):
-                for batch in self.rollout_buffer.get(self.batch_size):
+                for batch in self.rollout_buffer.sequences(self.batch_size):
                     parts += self._step(threads, batch)
                 self._n_updates += 1
-            if guide_weight(self.num_timesteps, self.guided_decisions) > 0:
+            if guide_weight(self.num_timesteps, self.guided_decisions) > 0 and self.rehearsals:
                 self._rehearse(threads)
         self._log(parts)
 
@@ -102,67 +108,67 @@ class PicturePPO(PPO):
 
     def _rehearse(self, threads: ThreadPoolExecutor) -> None:
         """Learn from advice alone, the newest and what is remembered."""
-        buffer = self.rollout_buffer
-        if not isinstance(buffer, GuidedRolloutBuffer) or self.rehearsals == 0:
-            return
         if self._memory is None:
-            self._memory = AdviceMemory(MEMORY_CAPACITY, buffer.obs_shape)
-        self._memory.add(*buffer.flat_advice())
-        parameters = list(self.policy.parameters())
+            self._memory = AdviceMemory(MEMORY_CAPACITY)
+        self._memory.add(self.rollout_buffer.everything())
         for _ in range(self.rehearsals):
             batch = self._memory.draw(self.rehearsal_batch)
-            halves = zip(
-                np.array_split(batch.pictures, self.update_threads),
-                np.array_split(batch.advice, self.update_threads),
-                strict=True,
-            )
-            for parameter, *gradients in zip(
-                parameters, *threads.map(self._advice_gradients, halves), strict=True
-            ):
-                parameter.grad = torch.stack(gradients).sum(0) / self.rehearsal_batch
-            torch.nn.utils.clip_grad_norm_(parameters, self.max_grad_norm)
-            self.policy.optimizer.step()
+            parts = [batch.part(index, self.update_threads) for index in range(self.update_threads)]
+            self._descend(list(threads.map(self._advice_gradients, parts)), batch.decisions)
 
-    def _advice_gradients(self, part: tuple[Any, Any]) -> tuple[torch.Tensor, ...]:
-        pictures, advice = (torch.from_numpy(field).to(self.device) for field in part)
-        for_wheels, _ = self.policy.mlp_extractor(self.policy.extract_features(pictures.float()))
-        loss = advice_loss(self.policy.action_net(for_wheels), advice)
+    def _advice_gradients(self, part: Sequences) -> tuple[torch.Tensor, ...]:
+        wheels = self.policy.action_net(self._known(part))
+        loss = advice_loss(wheels, tensor(part.advice, self.device).flatten(0, 1))
         parameters = list(self.policy.parameters())
         # The value and the noise have no part in it: zeros.
         return torch.autograd.grad(loss, parameters, allow_unused=True, materialize_grads=True)
 
-    def _step(self, threads: ThreadPoolExecutor, batch: RolloutBufferSamples) -> list[_Part]:
+    def _known(self, part: Sequences) -> torch.Tensor:
+        fields = (part.pictures, part.previous_actions, part.forgot, part.state)
+        return self.policy.unroll(*(tensor(field, self.device) for field in fields))
+
+    def _step(self, threads: ThreadPoolExecutor, batch: LearnedFrom) -> list[_Part]:
         """One gradient step."""
-        parameters = list(self.policy.parameters())
-        parts = list(threads.map(self._part, _split(batch, self.update_threads)))
-        for parameter, *gradients in zip(
-            parameters, *(part.gradients for part in parts), strict=True
-        ):
-            parameter.grad = torch.stack(gradients).sum(0) / len(batch.actions)
-        torch.nn.utils.clip_grad_norm_(parameters, self.max_grad_norm)
-        self.policy.optimizer.step()
+        advantages = batch.advantages
+        if advantages.size > 1:
+            advantages = (advantages - advantages.mean()) / (advantages.std(ddof=1) + 1e-8)
+        whole = replace(batch, advantages=advantages)
+        split = [whole.part(index, self.update_threads) for index in range(self.update_threads)]
+        parts = list(threads.map(self._part, [part for part in split if part.decisions]))
+        self._descend([part.gradients for part in parts], batch.decisions)
         return parts
 
-    def _part(self, batch: RolloutBufferSamples) -> _Part:
+    def _descend(self, gradients: list[tuple[torch.Tensor, ...]], samples: int) -> None:
+        """One step of the optimiser by the sum of several parts' gradients over all samples."""
+        parameters = list(self.policy.parameters())
+        for parameter, *parts in zip(parameters, *gradients, strict=True):
+            parameter.grad = torch.stack(parts).sum(0) / samples
+        torch.nn.utils.clip_grad_norm_(parameters, self.max_grad_norm)
+        self.policy.optimizer.step()
+
+    def _part(self, batch: LearnedFrom) -> _Part:
         """Losses and gradients of a part, its advantages normalised already."""
-        # Not policy.evaluate_actions: it keeps the distribution in an attribute, which threads
-        # would take from each other.
-        features = self.policy.extract_features(batch.observations)
-        for_wheels, for_value = self.policy.mlp_extractor(features)
-        wheels = Normal(
-            self.policy.action_net(for_wheels), self.policy.log_std.exp(), validate_args=False
+        known = self._known(batch)
+        actions, truth, advice = (
+            tensor(field, self.device).flatten(0, 1)
+            for field in (batch.actions, batch.truth, batch.advice)
         )
-        values = self.policy.value_net(for_value)
-        change = wheels.log_prob(batch.actions).sum(dim=1) - batch.old_log_prob
+        old_log_prob, advantages, returns = (
+            tensor(field, self.device).flatten()
+            for field in (batch.old_log_prob, batch.advantages, batch.returns)
+        )
+        wheels = Normal(self.policy.action_net(known), self.policy.log_std.exp(), validate_args=False)
+        values = self.policy.value_of(known, truth)
+        change = wheels.log_prob(actions).sum(dim=1) - old_log_prob
         ratio = torch.exp(change)
         reach: float = self.clip_range(self._current_progress_remaining)  # pyright: ignore[reportCallIssue, reportAssignmentType]
         bounded = torch.clamp(ratio, 1 - reach, 1 + reach)
-        policy_loss = -torch.min(batch.advantages * ratio, batch.advantages * bounded).sum()
-        value_loss = functional.mse_loss(values.flatten(), batch.returns, reduction="sum")
+        policy_loss = -torch.min(advantages * ratio, advantages * bounded).sum()
+        value_loss = functional.mse_loss(values, returns, reduction="sum")
         loss = policy_loss + self.vf_coef * value_loss - self.ent_coef * wheels.entropy().sum()
         weight = guide_weight(self.num_timesteps, self.guided_decisions)
-        if weight > 0 and isinstance(batch, GuidedSamples):
-            loss = loss + weight * advice_loss(wheels.mean, batch.advice)
+        if weight > 0:
+            loss = loss + weight * advice_loss(wheels.mean, advice)
         gradients = torch.autograd.grad(loss, list(self.policy.parameters()))
         with torch.no_grad():
             return _Part(
@@ -179,14 +185,3 @@ class PicturePPO(PPO):
             total = torch.stack([getattr(part, name) for part in parts]).sum()
             self.logger.record(f"train/{name}", float(total) / samples)
         self.logger.record("train/std", float(torch.exp(self.policy.log_std.detach()).mean()))
-
-
-def _split(batch: RolloutBufferSamples, count: int) -> Iterator[RolloutBufferSamples]:
-    """Parts of a batch of the same size as far as possible, with normalised advantages."""
-    advantages = batch.advantages
-    if len(advantages) > 1:
-        advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
-    whole = batch._replace(advantages=advantages)
-    size = -(-len(advantages) // count)
-    for part in zip(*(torch.split(field, size) for field in whole), strict=True):
-        yield type(batch)(*part)

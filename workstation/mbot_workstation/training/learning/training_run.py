@@ -6,22 +6,21 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import torch
-from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 
 from mbot_workstation.training.drivers.guide import Guide
 from mbot_workstation.training.learning.checkpoint import read_state, restore_learner
 from mbot_workstation.training.learning.git_state import git_state
-from mbot_workstation.training.learning.guidance import AskTheGuide
+from mbot_workstation.training.learning.guidance import GUIDE_REMEMBERS
 from mbot_workstation.training.learning.learner import make_learner
 from mbot_workstation.training.learning.progress_display import Display
+from mbot_workstation.training.learning.remembering import Remembering
 from mbot_workstation.training.learning.run_directory import RunDirectory, write_json
 from mbot_workstation.training.learning.scaled_rewards import ScaledRewards
 from mbot_workstation.training.learning.teacher import Teacher
 from mbot_workstation.training.learning.training_config import TrainingConfig
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 from mbot_workstation.training.worlds.rooms import TRAINING_ROOMS, gather_rooms
-from mbot_workstation.variation.perturbed_robot import trimmed
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +97,7 @@ def train(
         learner.set_logger(Logger(str(run.tensorboard), [writer]))
         teacher = Teacher(run, config, environment, display, stop, start)
         if step < config.steps:
-            callbacks = [teacher, *_guidance(config, environment)]
+            callbacks = [teacher, Remembering(environment, _guide(config), config.seed + step)]
             learner.learn(config.steps - step, callback=callbacks, reset_num_timesteps=not start)
             teacher.save()
         return TrainingResult(
@@ -130,11 +129,11 @@ def _environment(config: TrainingConfig, stage: int, step: int) -> FetchVecEnv:
     )
 
 
-def _guidance(config: TrainingConfig, environment: FetchVecEnv) -> list[BaseCallback]:
+def _guide(config: TrainingConfig) -> Guide | None:
     if config.learner.guided_decisions <= 0:
-        return []
-    effects = trimmed(config.ranges(), config.robot.wheel_maps)
-    return [AskTheGuide(Guide(config.robots, effects, config.robot), environment)]
+        return None
+    remembers = GUIDE_REMEMBERS if config.learner.memory_units else 0
+    return Guide(config.robots, config.ranges(), config.robot, remembers)
 
 
 def _note_code(run: RunDirectory, step: int) -> None:

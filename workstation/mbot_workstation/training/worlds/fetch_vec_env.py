@@ -64,9 +64,21 @@ class FetchVecEnv(VecEnv):
         self._lessons = [settings.lesson]
         self._returns = np.zeros(robots)
         self._lengths = np.zeros(robots, np.int64)
+        self._fresh = np.ones(robots, np.bool_)
         self._start_s = time.monotonic()
         super().__init__(robots, observation_space(), action_space())
         self.seed(seed)
+
+    @property
+    def situations(self) -> NDArray[np.void]:
+        """STEP_RECORD of the moment that the present observations show, shape (robots,)."""
+        arrays = self._arrays
+        return np.where(self._fresh, arrays.first_records, arrays.records)
+
+    @property
+    def bodies(self) -> NDArray[np.void]:
+        """BODY_RECORD of the robots that the present observations come from, shape (robots,)."""
+        return self._arrays.bodies.copy()
 
     @property
     def lesson(self) -> Lesson:
@@ -94,6 +106,7 @@ class FetchVecEnv(VecEnv):
         self._reset_options()
         self._returns[:] = 0
         self._lengths[:] = 0
+        self._fresh[:] = True
         self.reset_infos = [self._info(first) for first in self._arrays.first_records.tolist()]
         return self._arrays.frames.copy()
 
@@ -107,6 +120,7 @@ class FetchVecEnv(VecEnv):
         self._pool.wait()
         records = self._arrays.records
         rewards, ended = records["reward"].copy(), records["ended"].copy()
+        self._fresh = ended
         self._returns += rewards
         self._lengths += 1
         infos = [self._info(record) for record in records.tolist()]

@@ -154,7 +154,9 @@ class _Share:
     def _begin(self, index: int) -> None:
         self._worlds[index].begin(self._lesson)
         self._episode_lesson[index] = self._lesson_number
-        self._arrays.first_records[self._robots[index]] = self._record(index, NOTHING_YET)
+        row = self._robots[index]
+        self._arrays.first_records[row] = self._record(index, NOTHING_YET)
+        self._arrays.bodies[row] = self._worlds[index].body
 
     def _record(self, index: int, outcome: Outcome) -> tuple[float, ...]:
         world = self._worlds[index]

@@ -25,6 +25,7 @@ from mbot_workstation.simulation.simulation import Simulation
 from mbot_workstation.training.worlds.body_swap import robot_geoms, swap_body
 from mbot_workstation.training.worlds.fast_physics import PLACEHOLDER, hasten, hide, placeholders
 from mbot_workstation.training.worlds.lessons import Lesson
+from mbot_workstation.training.worlds.robot_body import body_record
 from mbot_workstation.training.worlds.robot_camera import Glimpse, RobotCamera
 from mbot_workstation.training.worlds.world_settings import WorldSettings
 from mbot_workstation.variation.effects import IDEAL, RealWorldEffects
@@ -129,6 +130,11 @@ class FetchWorld:
         self._plan_look()
         self._look_if_due()
         self.glimpse = self._glimpses.popleft()
+
+    @property
+    def body(self) -> tuple[float, ...]:
+        """What the robot makes of its commands: a BODY_RECORD."""
+        return body_record(self._known_effects, self._nominal.wheel_maps)
 
     @property
     def time_left_s(self) -> float:

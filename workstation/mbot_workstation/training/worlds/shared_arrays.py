@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbot_protocol.policy_contract import OBSERVATION_SIDE_PX
+from mbot_workstation.training.worlds.robot_body import BODY_RECORD
 
 FRAME_SHAPE = (OBSERVATION_SIDE_PX, OBSERVATION_SIDE_PX, 3)
 
@@ -36,7 +37,7 @@ class SharedMemory:
 
     Attributes:
         robots: how many robots it holds places for.
-        actions, frames, last_frames, records, first_records: see SharedArrays.
+        actions, frames, last_frames, records, first_records, bodies: see SharedArrays.
 
     """
 
@@ -46,6 +47,7 @@ class SharedMemory:
     last_frames: Any
     records: Any
     first_records: Any
+    bodies: Any
 
     @classmethod
     def allocate(cls, context: SpawnContext, robots: int) -> "SharedMemory":
@@ -58,6 +60,7 @@ class SharedMemory:
             last_frames=context.RawArray(ctypes.c_uint8, frame_bytes),
             records=context.RawArray(ctypes.c_uint8, robots * STEP_RECORD.itemsize),
             first_records=context.RawArray(ctypes.c_uint8, robots * STEP_RECORD.itemsize),
+            bodies=context.RawArray(ctypes.c_uint8, robots * BODY_RECORD.itemsize),
         )
 
     def arrays(self) -> "SharedArrays":
@@ -69,6 +72,7 @@ class SharedMemory:
             last_frames=np.frombuffer(self.last_frames, np.uint8).reshape(frames),
             records=np.frombuffer(self.records, STEP_RECORD),
             first_records=np.frombuffer(self.first_records, STEP_RECORD),
+            bodies=np.frombuffer(self.bodies, BODY_RECORD),
         )
 
 
@@ -82,6 +86,7 @@ class SharedArrays:
         last_frames: the same for the last observations of episodes that have just ended.
         records: STEP_RECORD, shape (n,), of the last step.
         first_records: the same for the start of the running episodes.
+        bodies: BODY_RECORD, shape (n,), of the running episodes.
 
     """
 
@@ -90,3 +95,4 @@ class SharedArrays:
     last_frames: NDArray[np.uint8]
     records: NDArray[np.void]
     first_records: NDArray[np.void]
+    bodies: NDArray[np.void]
