@@ -85,6 +85,7 @@ class ControlLoop:
         tick = self._observe(due_ns)
         tick = self._decide(tick)
         tick = self._act(tick)
+        self._remember(tick)
         self._publish(tick)
         return tick
 
@@ -107,6 +108,8 @@ class ControlLoop:
         """What is wanted, what is wrong, and the policy's picture of the newest frame."""
         started_ns = time.monotonic_ns()
         self._pilot.change_over()
+        if self.latest is not None and self._metronome.missed != self.latest.missed_ticks:
+            self._pilot.forget()
         self._helm.end_manual_if_due()
         orders = self._arm_or_latch(started_ns)
         frame = self._camera.latest()
@@ -183,6 +186,15 @@ class ControlLoop:
         delivery = self._board.delivery(ticket, ACKNOWLEDGE_WAIT_S)
         self._camera.drives(not joystick.is_stop)
         return replace(tick, steps=steps, joystick=joystick, delivery=delivery)
+
+    def _remember(self, tick: Tick) -> None:
+        """A policy with memory goes on from what its action did, and only without a break: in a
+        decision that was held, refused or missed the robot did something else.
+        """
+        if tick.steps is not None and tick.delivery is not None:
+            self._pilot.drove(*tick.steps.action)
+        else:
+            self._pilot.forget()
 
     def _publish(self, tick: Tick) -> None:
         """Tell the journal what has changed, and everybody who listens."""

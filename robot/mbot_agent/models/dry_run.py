@@ -91,7 +91,8 @@ def _try(rate_hz: float) -> Report:
     import numpy as np
 
     from mbot_agent.models.confinement import confine
-    from mbot_agent.models.policy import Policy
+    from mbot_agent.models.policy import Memory, Policy
+    from mbot_protocol.actions import to_steps
     from mbot_protocol.golden_frames import check_deviation
     from mbot_protocol.policy_contract import OBSERVATION_SHAPE
 
@@ -100,16 +101,20 @@ def _try(rate_hz: float) -> Report:
     confined = confine()
     policy = Policy(data)
     golden = policy.golden_frames()
+    memory = policy.blank
     for frame in golden:
-        answer = policy.act(frame.picture)
-        check_deviation(max(abs(a - b) for a, b in zip(answer, frame.action, strict=True)))
+        answer = policy.decide(frame.picture, policy.blank if frame.fresh else memory)
+        left, right = frame.action
+        check_deviation(max(abs(answer.left - left), abs(answer.right - right)))
+        memory = Memory(answer.state, to_steps(*frame.action).action)
     shape = OBSERVATION_SHAPE[1:]
     pictures = [np.full(shape, level, np.uint8) for level in (0, 128, 255)]
     pictures += [random.integers(0, 256, shape, np.uint8) for _ in range(_PICTURES)]
     # Not process_time: with RLIMIT_CPU set the kernel advances that by whole ticks only.
     began_s = time.thread_time()
     for picture in pictures:
-        policy.act(picture)
+        answer = policy.decide(picture, memory)
+        memory = Memory(answer.state, to_steps(answer.left, answer.right).action)
     inference_s = (time.thread_time() - began_s) / len(pictures)
     if inference_s > SHARE_OF_PERIOD / rate_hz:
         raise ContractError(

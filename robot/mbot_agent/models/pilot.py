@@ -5,7 +5,7 @@ import time
 from collections import deque
 
 from mbot_agent.faults import Fault
-from mbot_agent.models.policy import Policy, PolicyError
+from mbot_agent.models.policy import Answer, Memory, Policy, PolicyError
 from mbot_agent.models.trial import Trial
 from mbot_agent.tick import Action
 from mbot_protocol.picture import Picture
@@ -19,6 +19,8 @@ class Pilot:
 
     def __init__(self) -> None:
         self._policy: Policy | None = None
+        self._memory: Memory | None = None  # None: zeros
+        self._answer: Answer | None = None
         self._trial = Trial("", 0, lambda _: None)
         self._given_up: Fault | None = None
         self._incoming: deque[tuple[Policy, Trial]] = deque()
@@ -36,6 +38,7 @@ class Pilot:
         while self._incoming:
             self._policy, self._trial = self._incoming[0]
             self._given_up = None
+            self.forget()
             self._incoming.popleft()
 
     @property
@@ -68,7 +71,7 @@ class Pilot:
         return self._given_up
 
     def decide(self, observation: Picture, due_ns: int) -> Action | Fault:
-        """Ask it.
+        """Ask it, with what it remembers; it remembers this once `drove` says what came of it.
 
         Args:
             observation: shape (64, 64, 3), uint8, RGB.
@@ -80,14 +83,24 @@ class Pilot:
         """
         assert self._policy is not None  # no-model is a fault, and with a fault nothing drives
         try:
-            left, right = self._policy.act(observation)
+            answer = self._policy.decide(observation, self._memory or self._policy.blank)
         except PolicyError as error:
             return self._failed(error)
+        self._answer = answer
         if time.monotonic_ns() <= due_ns:
             self._trial.clean()
         else:
             self._trial.idle()
-        return Action(left, right)
+        return Action(answer.left, answer.right)
+
+    def drove(self, left: float, right: float) -> None:
+        """Its last answer has moved the robot: what the wheels were really told, in [-1, 1]."""
+        if self._answer is not None:
+            self._memory = Memory(self._answer.state, (left, right))
+
+    def forget(self) -> None:
+        """Begin anew: what it remembers has nothing to do with what comes next."""
+        self._memory = self._answer = None
 
     def rehearse(self, observation: Picture | None, due_ns: int) -> None:
         """Ask a model on trial though nobody needs its answer; None: it is not to be asked now."""

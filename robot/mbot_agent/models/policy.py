@@ -2,11 +2,13 @@
 
 import hashlib
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import onnxruntime as untyped_onnxruntime  # pyright: ignore[reportMissingTypeStubs]
+from numpy.typing import NDArray
 
 from mbot_protocol.errors import ContractError, MbotError
 from mbot_protocol.golden_frames import GoldenFrame, read_golden_frames
@@ -16,8 +18,12 @@ from mbot_protocol.policy_contract import (
     INPUT_NAME,
     LARGEST_MODEL_BYTES,
     OUTPUT_NAME,
+    PREVIOUS_ACTION_NAME,
+    STATE_IN_NAME,
+    STATE_OUT_NAME,
     PolicyMetadata,
-    check_tensor,
+    Tensor,
+    check_signature,
 )
 from mbot_protocol.static_shapes import check_static_shapes
 
@@ -32,13 +38,37 @@ class PolicyError(MbotError):
     """The model failed on a picture; its answer must not reach a motor."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Memory:
+    """What a model goes on with from one decision to the next.
+
+    Attributes:
+        state: shape (layers, 1, units), float32; without layers for a model without memory.
+        previous_action: what the wheels were really told, left and right in [-1, 1].
+
+    """
+
+    state: NDArray[np.float32]
+    previous_action: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answer:
+    """A decision: left and right wheel, finite, not yet clipped, and what the model remembers."""
+
+    left: float
+    right: float
+    state: NDArray[np.float32]
+
+
 class Policy:
-    """A loaded model.
+    """A loaded model. It keeps nothing between decisions: who runs it keeps its `Memory`.
 
     Attributes:
         sha256: digest of the file, hexadecimal.
         size_bytes: its length.
         metadata: what it says of itself.
+        blank: the memory to begin with.
 
     """
 
@@ -75,10 +105,15 @@ class Policy:
         except Exception as error:
             reason = str(error).splitlines()[0][:200]
             raise ContractError(f"onnxruntime cannot load the model: {reason}") from None
-        _check_tensors(self._session)
         properties = cast(dict[str, str], self._session.get_modelmeta().custom_metadata_map)
         self.metadata = PolicyMetadata.from_properties(properties)
         self._properties = properties
+        memory = check_signature(
+            _tensors(self._session.get_inputs()),
+            _tensors(self._session.get_outputs()),
+            self.metadata.contract_version,
+        )
+        self.blank = Memory(np.zeros((memory.layers, 1, memory.units), np.float32))
 
     @classmethod
     def load(cls, path: Path) -> "Policy":
@@ -94,6 +129,11 @@ class Policy:
             raise ContractError(f"cannot read the model {path}: {error.strerror}") from None
         return cls(data)
 
+    @property
+    def has_memory(self) -> bool:
+        """Whether what it answers depends on what was before."""
+        return self.blank.state.size > 0
+
     def golden_frames(self) -> list[GoldenFrame]:
         """The pictures the model brings along with the actions it should give.
 
@@ -104,36 +144,43 @@ class Policy:
         return read_golden_frames(self._properties)
 
     def act(self, observation: Picture) -> tuple[float, float]:
+        """Decide as if nothing had been before: left and right wheel; raises as `decide`."""
+        answer = self.decide(observation, self.blank)
+        return answer.left, answer.right
+
+    def decide(self, observation: Picture, memory: Memory) -> Answer:
         """Decide.
 
         Args:
             observation: shape (64, 64, 3), uint8, RGB.
-
-        Returns:
-            Left and right wheel, finite; not yet clipped.
+            memory: what the last answer left, or `blank`.
 
         Raises:
             PolicyError: inference failed, or the answer is not two finite numbers.
 
         """
+        feeds: dict[str, Any] = {INPUT_NAME: observation[np.newaxis]}
+        names = [OUTPUT_NAME]
+        if self.has_memory:
+            feeds[PREVIOUS_ACTION_NAME] = np.array([memory.previous_action], np.float32)
+            feeds[STATE_IN_NAME] = memory.state
+            names.append(STATE_OUT_NAME)
         try:
-            (action,) = self._session.run([OUTPUT_NAME], {INPUT_NAME: observation[np.newaxis]})
+            action, *states = self._session.run(names, feeds)
             left, right = (float(value) for value in np.asarray(action).reshape(2))
+            state = np.asarray(states[0], np.float32) if states else memory.state
         except Exception as error:
             reason = str(error).splitlines()[0][:200]
             raise PolicyError(f"the model failed on a picture: {reason}") from None
         if not (math.isfinite(left) and math.isfinite(right)):
             raise PolicyError(f"the model answered ({left}, {right}), expected two finite numbers")
-        return left, right
+        if not np.isfinite(state).all():
+            raise PolicyError("the model remembers what is not finite")
+        return Answer(left, right, state)
 
 
-def _check_tensors(session: Any) -> None:
-    for role, is_input, nodes in (
-        ("input", True, session.get_inputs()),
-        ("output", False, session.get_outputs()),
-    ):
-        if len(nodes) != 1:
-            raise ContractError(f"the model has {len(nodes)} {role}s, expected 1")
-        node = nodes[0]
-        kind = _TYPES.get(str(node.type), str(node.type))
-        check_tensor(role, node.name, kind, tuple(node.shape), is_input=is_input)
+def _tensors(nodes: Any) -> list[Tensor]:
+    return [
+        Tensor(node.name, _TYPES.get(str(node.type), str(node.type)), tuple(node.shape))
+        for node in nodes
+    ]

@@ -31,6 +31,11 @@ class Steps:
                     f"{name} is {step!r}, expected a whole number in -{STEP_LIMIT}..{STEP_LIMIT}"
                 )
 
+    @property
+    def action(self) -> tuple[float, float]:
+        """Left and right in [-1, 1]: what the wheels were really told of a policy's action."""
+        return self.left / STEP_LIMIT, self.right / STEP_LIMIT
+
 
 STANDSTILL = Steps(0, 0)
 

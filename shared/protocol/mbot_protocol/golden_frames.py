@@ -1,7 +1,9 @@
 """Golden frames: pictures with the actions they gave when the model was exported, inside the model.
 
 One metadata property, a JSON list of {"name", "png", "action"}: the picture as PNG in base64, the
-action as two numbers. Whoever runs the model can see whether it still does the same.
+action as two numbers. Whoever runs the model can see whether it still does the same. An entry with
+"fresh": false goes on with what a model with memory said to the entry before: of such a model they
+are a golden sequence.
 """
 
 import base64
@@ -22,22 +24,30 @@ PROPERTY = "mbot.golden_frames"
 TOLERANCE = 1e-4
 """Processors round differently; a motor step is 0.004."""
 
-MOST_FRAMES = 64
+MOST_FRAMES = 128
 
 
 class _Entry(msgspec.Struct):
     name: str
     png: str
     action: tuple[float, float]
+    fresh: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class GoldenFrame:
-    """A picture, shape (64, 64, 3), uint8, RGB, and the action the model gave for it."""
+    """A picture, shape (64, 64, 3), uint8, RGB, and the action the model gave for it.
+
+    Attributes:
+        fresh: with a zeroed memory; else with what it remembered of the frame before, whose action
+            the wheels were told.
+
+    """
 
     name: str
     picture: Picture
     action: tuple[float, float]
+    fresh: bool = True
 
 
 def read_golden_frames(properties: Mapping[str, str]) -> list[GoldenFrame]:
@@ -58,7 +68,9 @@ def read_golden_frames(properties: Mapping[str, str]) -> list[GoldenFrame]:
         raise ContractError(
             f"the model's {PROPERTY} is damaged: {len(entries)} frames, expected 1 to {MOST_FRAMES}"
         )
-    return [GoldenFrame(entry.name, _picture(entry), entry.action) for entry in entries]
+    return [
+        GoldenFrame(entry.name, _picture(entry), entry.action, entry.fresh) for entry in entries
+    ]
 
 
 def check_deviation(deviation: float) -> float:

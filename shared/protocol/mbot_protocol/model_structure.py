@@ -16,15 +16,15 @@ from mbot_protocol.wire_fields import LENGTH, VARINT, fields, varints
 OPERATORS = frozenset(
     """
     Abs Add And ArgMax ArgMin AveragePool BatchNormalization Cast Ceil Celu Clip Concat Constant
-    Conv Cos Div Dropout Elu Equal Erf Exp Flatten Floor Gather Gelu Gemm GlobalAveragePool
+    Conv Cos Div Dropout Elu Equal Erf Exp Flatten Floor GRU Gather Gelu Gemm GlobalAveragePool
     GlobalMaxPool Greater GreaterOrEqual GroupNormalization HardSigmoid HardSwish Identity
-    InstanceNormalization LRN LayerNormalization LeakyRelu Less LessOrEqual Log LogSoftmax
-    LpNormalization MatMul Max MaxPool Mean Min Mish Mod Mul Neg Not Or PRelu Pow Reciprocal
+    InstanceNormalization LRN LSTM LayerNormalization LeakyRelu Less LessOrEqual Log LogSoftmax
+    LpNormalization MatMul Max MaxPool Mean Min Mish Mod Mul Neg Not Or PRelu Pow RNN Reciprocal
     ReduceL1 ReduceL2 ReduceLogSum ReduceLogSumExp ReduceMax ReduceMean ReduceMin ReduceProd
     ReduceSum ReduceSumSquare Relu Reshape Round Selu Shape Sigmoid Sign Sin Slice Softmax
     Softplus Softsign SpaceToDepth Split Sqrt Squeeze Sub Sum Tanh ThresholdedRelu Transpose
     Unsqueeze Where Xor
-    """.split()  # noqa: SIM905 (84 quoted words are harder to read)
+    """.split()  # noqa: SIM905 (87 quoted words are harder to read)
 )
 """Of ONNX's own domain. Not among them: If, Loop and Scan; what draws random numbers; what makes a
 tensor as large as its input says (Expand, Tile, Range, ConstantOfShape, Pad, Resize)."""

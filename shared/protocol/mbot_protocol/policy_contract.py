@@ -1,25 +1,37 @@
 """The policy contract: what a model takes, gives and says of itself.
 
-A policy is an ONNX model with one input and one output:
+A policy is an ONNX model. Version 1 has one input and one output:
 
 - `observation`: uint8, shape (1, 64, 64, 3), RGB, row 0 at the top;
 - `action`: float32, shape (1, 2): left and right wheel in [-1, 1], 1 is full speed forward.
+
+Version 2 has a memory besides. Whoever runs it hands back what it said in the decision before, and
+zeros at first, after every break, and whenever it is not sure:
+
+- inputs `previous_action`: float32, shape (1, 2), what the wheels were really told, and `state_in`:
+  float32, shape (layers, 1, units);
+- output `state_out`, of the same shape.
 
 Its metadata says how it wants to be used; `PolicyMetadata` is that, typed.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from mbot_protocol.errors import ContractError, NewerSchemaError
 
-CONTRACT_VERSION = 1
+CONTRACT_VERSION = 2
 OBSERVATION_SIDE_PX = 64
 OBSERVATION_SHAPE = (1, OBSERVATION_SIDE_PX, OBSERVATION_SIDE_PX, 3)
 ACTION_SHAPE = (1, 2)
 INPUT_NAME, INPUT_TYPE = "observation", "uint8"
 OUTPUT_NAME, OUTPUT_TYPE = "action", "float32"
+PREVIOUS_ACTION_NAME = "previous_action"
+STATE_IN_NAME, STATE_OUT_NAME = "state_in", "state_out"
+INPUT_NAMES = frozenset((INPUT_NAME, PREVIOUS_ACTION_NAME, STATE_IN_NAME))
+LARGEST_STATE = 65_536
+"""Numbers of a memory; a tenth of the paper's weights."""
 DECISION_RATE_HZ = 2.5
 """The paper's decision rate; `control.decision_rate_hz` of a robot may differ."""
 
@@ -52,11 +64,12 @@ class PolicyMetadata:
     name: str
     view: FieldOfView = FULL_VIEW
     decision_rate_hz: float = DECISION_RATE_HZ
+    contract_version: int = 1
 
     def to_properties(self) -> dict[str, str]:
         """The ONNX metadata properties; `from_properties` reads them back."""
         return {
-            "mbot.contract_version": str(CONTRACT_VERSION),
+            "mbot.contract_version": str(self.contract_version),
             "mbot.name": self.name,
             "mbot.horizontal_fov_deg": repr(self.view.horizontal_deg),
             "mbot.vertical_fov_deg": repr(self.view.vertical_deg),
@@ -78,6 +91,10 @@ class PolicyMetadata:
                 f"the model follows policy contract {version:g}, this software knows up to "
                 f"{CONTRACT_VERSION}: upgrade mbot-agent"
             )
+        if version not in range(1, CONTRACT_VERSION + 1):
+            raise ContractError(
+                f"mbot.contract_version is {version:g}, expected 1, or 2 with a memory"
+            )
         rate_hz = _number(properties, "mbot.decision_rate_hz")
         if not 0.5 <= rate_hz <= 20.0:
             raise ContractError(f"mbot.decision_rate_hz is {rate_hz:g}, expected 0.5 to 20")
@@ -88,7 +105,7 @@ class PolicyMetadata:
             )
         except ValueError as error:
             raise ContractError(f"the model's {error}") from None
-        return cls(properties.get("mbot.name", "unnamed"), view, rate_hz)
+        return cls(properties.get("mbot.name", "unnamed"), view, rate_hz, int(version))
 
 
 def _number(properties: Mapping[str, str], key: str) -> float:
@@ -103,29 +120,102 @@ def _number(properties: Mapping[str, str], key: str) -> float:
         raise ContractError(f"the model's {key} is {text!r}, expected a number") from None
 
 
-def check_tensor(
-    role: str, name: str, kind: str, shape: tuple[object, ...], *, is_input: bool
-) -> None:
-    """Check one tensor of a model against the contract.
+@dataclass(frozen=True, slots=True)
+class Tensor:
+    """An input or output as a model declares it.
+
+    Attributes:
+        name: of it.
+        kind: of its elements, as numpy names it.
+        shape: with numbers, or names where it is symbolic.
+
+    """
+
+    name: str
+    kind: str
+    shape: tuple[object, ...]
+
+    def __str__(self) -> str:
+        return f"{self.name!r} {self.kind} {list(self.shape)}"
+
+
+@dataclass(frozen=True, slots=True)
+class MemoryShape:
+    """Of a model's state, (layers, 1, units); no layers: it has no memory."""
+
+    layers: int = 0
+    units: int = 0
+
+
+def check_signature(
+    inputs: Sequence[Tensor], outputs: Sequence[Tensor], version: int
+) -> MemoryShape:
+    """Compare a model's inputs and outputs with the contract.
 
     Args:
-        role: the word for the error text, "input" or "output".
-        name, kind, shape: as the model declares them; a symbolic dimension may stand for the
-            batch, which is 1.
-        is_input: which of the contract's two tensors to compare with.
+        inputs, outputs: as the model declares them; a symbolic dimension may stand for the batch,
+            which is 1.
+        version: of the contract that the model says it follows.
+
+    Returns:
+        The memory to keep for it.
 
     Raises:
         ContractError: with what was found and expected.
 
     """
-    expected = (
-        (INPUT_NAME, INPUT_TYPE, OBSERVATION_SHAPE)
-        if is_input
-        else (OUTPUT_NAME, OUTPUT_TYPE, ACTION_SHAPE)
+    if version == 1 or len(inputs) == 1:
+        _check("input", inputs, [Tensor(INPUT_NAME, INPUT_TYPE, OBSERVATION_SHAPE)])
+        _check("output", outputs, [Tensor(OUTPUT_NAME, OUTPUT_TYPE, ACTION_SHAPE)])
+        return MemoryShape()
+    memory = _memory(inputs)
+    state = (memory.layers, 1, memory.units)
+    action = Tensor(OUTPUT_NAME, OUTPUT_TYPE, ACTION_SHAPE)
+    _check(
+        "input",
+        inputs,
+        [
+            Tensor(INPUT_NAME, INPUT_TYPE, OBSERVATION_SHAPE),
+            Tensor(PREVIOUS_ACTION_NAME, OUTPUT_TYPE, ACTION_SHAPE),
+            Tensor(STATE_IN_NAME, OUTPUT_TYPE, state),
+        ],
     )
-    batch_free = (1, *shape[1:]) if shape and not isinstance(shape[0], int) else shape
-    if (name, kind, batch_free) != expected:
+    _check("output", outputs, [action, Tensor(STATE_OUT_NAME, OUTPUT_TYPE, state)])
+    return memory
+
+
+def _memory(inputs: Sequence[Tensor]) -> MemoryShape:
+    """The shape of `state_in`."""
+    for tensor in inputs:
+        if tensor.name == STATE_IN_NAME and len(tensor.shape) == 3:
+            layers, _, units = tensor.shape
+            if isinstance(layers, int) and isinstance(units, int):
+                if min(layers, units) < 1 or layers * units > LARGEST_STATE:
+                    raise ContractError(
+                        f"the model's {STATE_IN_NAME} has the shape {list(tensor.shape)}, expected "
+                        f"1 to {LARGEST_STATE} numbers"
+                    )
+                return MemoryShape(layers, units)
+    return MemoryShape(1, 1)  # which is then missed, or compared with what was found
+
+
+def _check(role: str, found: Sequence[Tensor], expected: Sequence[Tensor]) -> None:
+    names = ", ".join(tensor.name for tensor in found) or "none"
+    if len(found) != len(expected):
         raise ContractError(
-            f"the model's {role} is {name!r} {kind} {list(shape)}, expected {expected[0]!r} "
-            f"{expected[1]} {list(expected[2])}"
+            f"the model has {len(found)} {role}s ({names}), expected {len(expected)}: "
+            + ", ".join(tensor.name for tensor in expected)
         )
+    by_name = {tensor.name: tensor for tensor in found}
+    for wanted, at_its_place in zip(expected, found, strict=True):
+        tensor = by_name.get(wanted.name, at_its_place)
+        if Tensor(tensor.name, tensor.kind, _with_batch(tensor.shape, wanted.shape)) != wanted:
+            raise ContractError(f"the model's {role} is {tensor}, expected {wanted}")
+
+
+def _with_batch(shape: tuple[object, ...], wanted: tuple[object, ...]) -> tuple[object, ...]:
+    """The shape with 1 for a symbolic batch: a state's second dimension, else the first."""
+    at = 1 if len(wanted) == 3 else 0
+    if len(shape) == len(wanted) and not isinstance(shape[at], int):
+        return (*shape[:at], 1, *shape[at + 1 :])
+    return shape

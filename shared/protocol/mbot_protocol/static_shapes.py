@@ -1,13 +1,13 @@
 """Does every tensor of a model have the same size whatever the picture? Found out in its bytes.
 
-The input's shape is fixed. Of the operators allowed, all but a few make a tensor whose shape
+The inputs' shapes are fixed. Of the operators allowed, all but a few make a tensor whose shape
 follows from those of their inputs. The few take a shape, axes or positions as an input of their
 own: where that is a constant, or made of constants and shapes alone, the result's shape is fixed
 too, and so, by induction over the nodes in their order, are all.
 """
 
 from mbot_protocol.errors import ContractError
-from mbot_protocol.policy_contract import INPUT_NAME
+from mbot_protocol.policy_contract import INPUT_NAMES
 from mbot_protocol.wire_fields import LENGTH, fields
 
 SHAPING = {
@@ -37,14 +37,14 @@ def check_static_shapes(data: bytes) -> None:
 
     """
     known: set[str] = set()
-    made: set[str] = {INPUT_NAME}
+    made: set[str] = set(INPUT_NAMES)
     nodes: list[memoryview] = []
     for graph in _contents(memoryview(data), _MODEL_GRAPH):
         for tensor in _contents(graph, _GRAPH_INITIALIZER):
             known |= _names(tensor, _TENSOR_NAME)
         nodes += _contents(graph, _GRAPH_NODE)
     if known & made:
-        raise ContractError(f"the model has weights of the name {INPUT_NAME!r}")
+        raise ContractError(f"the model has weights of the name {min(known & made)!r}")
     made |= known
     for node in nodes:
         operator = "".join(_names(node, _NODE_OPERATOR))

@@ -19,20 +19,6 @@ class ExportOptions:
         None, "What to write; RUN's name if not given.", "--output", "-o", metavar="FILE.onnx"
     )
     name: str | None = option(None, "What robots call it; the file's name if not given.")
-    average: list[Path] | None = option(
-        None,
-        "Average the weights with those of this run or policy, which began with RUN's "
-        "weights or the other way round; may be given several times.",
-        metavar="RUN",
-    )
-    turn: float = option(
-        1.0,
-        "Turn by so much of what the policy says: 0.9 for a robot that turns too far "
-        "before it sees, on a slippery floor or with late pictures.",
-        min=0.3,
-        max=2,
-        metavar="SHARE",
-    )
     as_json: bool = json_option()
 
 
@@ -40,28 +26,25 @@ class ExportOptions:
 def export(options: ExportOptions) -> None:
     """Write a trained policy as one ONNX file, ready for `workstation push-model`.
 
-    The file says which run, code, lessons and rooms it comes from, and brings three frames with
-    the actions they should give, so that anyone can check it.
+    The file says which run, code, lessons and rooms it comes from, and brings the frames of
+    two drives with the actions they should give, so that anyone can check it.
 
     Examples:
 
     - `workstation export runs/first -o policy.onnx`
-    - `workstation export policy.onnx --turn 0.9 -o calmer.onnx`
+    - `workstation export runs/first/checkpoints/000400000 -o earlier.onnx`
     """
     import hashlib
     import json
 
     from mbot_protocol.errors import ConfigurationError
     from mbot_workstation.training.learning.policy_export import export_policy
-    from mbot_workstation.training.learning.trained_policy import averaged, trained_policy, turning
+    from mbot_workstation.training.learning.trained_policy import trained_policy
     from mbot_workstation.wording import short_digest, size_words
 
-    found = trained_policy(options.source)
-    path = options.output or Path(f"{found.name}.onnx")
+    policy = trained_policy(options.source)
+    path = options.output or Path(f"{policy.name}.onnx")
     policy_name = options.name or path.stem
-    policy = turning(
-        averaged(found, [trained_policy(one) for one in options.average or ()]), options.turn
-    )
     data = export_policy(policy, policy_name).SerializeToString(deterministic=True)
     try:
         path.write_bytes(data)
@@ -70,7 +53,7 @@ def export(options: ExportOptions) -> None:
     sha256 = hashlib.sha256(data).hexdigest()
     if options.as_json:
         fields = {"path": str(path), "name": policy_name, "sha256": sha256}
-        checkpoint = {"checkpoint": str(found.checkpoint), "size_bytes": len(data)}
+        checkpoint = {"checkpoint": str(policy.checkpoint), "size_bytes": len(data)}
         print(json.dumps({**fields, **checkpoint}))
     else:
         print(

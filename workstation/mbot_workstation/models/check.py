@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError, ContractError
 from mbot_protocol.model_structure import check_structure
-from mbot_protocol.policy_contract import LARGEST_MODEL_BYTES, PolicyMetadata, check_tensor
+from mbot_protocol.policy_contract import (
+    LARGEST_MODEL_BYTES,
+    PolicyMetadata,
+    Tensor,
+    check_signature,
+)
 from mbot_workstation.wording import one_line
 
 if TYPE_CHECKING:
@@ -72,13 +77,13 @@ def _check_contents(data: bytes) -> PolicyMetadata:
     # Old exporters list the weights among the inputs.
     weights = {tensor.name for tensor in graph.initializer}
     inputs = [value for value in graph.input if value.name not in weights]
-    for role, values, is_input in (("input", inputs, True), ("output", graph.output, False)):
-        if len(values) != 1:
-            names = ", ".join(value.name for value in values) or "none"
-            raise ContractError(f"the model has {len(values)} {role}s ({names}), expected one")
-        name, kind, shape = _tensor(values[0])
-        check_tensor(role, name, kind, shape, is_input=is_input)
-    return PolicyMetadata.from_properties({p.key: p.value for p in model.metadata_props})
+    metadata = PolicyMetadata.from_properties({p.key: p.value for p in model.metadata_props})
+    check_signature(
+        [_tensor(value) for value in inputs],
+        [_tensor(value) for value in graph.output],
+        metadata.contract_version,
+    )
+    return metadata
 
 
 def _parse(data: bytes) -> "onnx.ModelProto":
@@ -109,8 +114,8 @@ def _parse(data: bytes) -> "onnx.ModelProto":
     return model
 
 
-def _tensor(value: "onnx.ValueInfoProto") -> tuple[str, str, tuple[object, ...]]:
-    """Name, numpy name of the element type, and shape; a symbolic dimension is its name."""
+def _tensor(value: "onnx.ValueInfoProto") -> Tensor:
+    """As declared; a symbolic dimension is its name."""
     from onnx.helper import tensor_dtype_to_np_dtype
 
     tensor = value.type.tensor_type
@@ -122,4 +127,4 @@ def _tensor(value: "onnx.ValueInfoProto") -> tuple[str, str, tuple[object, ...]]
         dim.dim_value if dim.HasField("dim_value") else dim.dim_param or "?"
         for dim in tensor.shape.dim
     )
-    return value.name, kind, shape
+    return Tensor(value.name, kind, shape)

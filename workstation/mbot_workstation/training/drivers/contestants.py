@@ -1,9 +1,11 @@
 """Who can be evaluated: any policy file, and three that are built in."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.policy_contract import PolicyMetadata
@@ -12,9 +14,21 @@ from mbot_workstation.training.drivers.onnx_policy import Actions, OnnxPolicy, P
 from mbot_workstation.training.drivers.oracle import Oracle, Targets, middle
 from mbot_workstation.variation.effects import EffectRanges
 
-Driver = Callable[[Pictures, Targets], Actions]
-"""From what all robots see, and where their objects are, to their wheels. Only the oracle uses the
-latter."""
+
+@dataclass(frozen=True, slots=True)
+class Driver:
+    """Somebody who drives a number of robots.
+
+    Attributes:
+        act: from what all robots see, and where their objects are, to their wheels. Only the
+            oracle uses the latter.
+        forget: which robots begin another episode, shape (robots,).
+
+    """
+
+    act: Callable[[Pictures, Targets], Actions]
+    forget: Callable[[NDArray[np.bool_]], None] = lambda _: None
+
 
 SERVO, RANDOM, ORACLE = "servo", "random", "oracle"
 BUILT_IN = (SERVO, RANDOM, ORACLE)
@@ -44,12 +58,12 @@ def driver(
     if contestant == ORACLE:
         robot = robot or RobotParameters()
         oracle = Oracle(robots, middle(preset), robot)
-        return lambda _pictures, targets: oracle.act(targets)
+        return Driver(lambda _pictures, targets: oracle.act(targets))
     if contestant == RANDOM:
         rng = np.random.default_rng(seed)
-        return lambda pictures, _targets: _draw(rng, len(pictures))
+        return Driver(lambda pictures, _targets: _draw(rng, len(pictures)))
     policy = read_policy(contestant)
-    return lambda pictures, _targets: policy.act(pictures)
+    return Driver(lambda pictures, _targets: policy.act(pictures), policy.forget)
 
 
 def read_policy(contestant: str) -> OnnxPolicy:

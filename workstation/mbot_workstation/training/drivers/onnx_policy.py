@@ -2,7 +2,7 @@
 
 import os
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read when onnxruntime is imported
 
@@ -10,8 +10,16 @@ import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
 
+from mbot_protocol.actions import STEP_LIMIT
 from mbot_protocol.errors import ContractError
-from mbot_protocol.policy_contract import INPUT_NAME, OUTPUT_NAME, PolicyMetadata
+from mbot_protocol.policy_contract import (
+    INPUT_NAME,
+    OUTPUT_NAME,
+    PREVIOUS_ACTION_NAME,
+    STATE_IN_NAME,
+    STATE_OUT_NAME,
+    PolicyMetadata,
+)
 
 Pictures = NDArray[np.uint8]
 """Shape (robots, 64, 64, 3), RGB."""
@@ -46,7 +54,11 @@ class OnnxPolicy:
             raise ContractError(f"onnxruntime does not take the model: {error}") from None
         properties = self._session.get_modelmeta().custom_metadata_map
         self.metadata = PolicyMetadata.from_properties(properties)
-        self._takes_batches = not isinstance(self._session.get_inputs()[0].shape[0], int)
+        shapes = {tensor.name: tensor.shape for tensor in self._session.get_inputs()}
+        self._takes_batches = not isinstance(shapes[INPUT_NAME][0], int)
+        layers, _, units = shapes.get(STATE_IN_NAME, (0, 1, 0))
+        self._state = np.zeros((layers, 1, units), np.float32)
+        self._previous = np.zeros((1, 2), np.float32)
 
     @classmethod
     def load(cls, path: Path) -> "OnnxPolicy":
@@ -56,11 +68,37 @@ class OnnxPolicy:
         return cls(check_model(path).data)
 
     def act(self, observations: Pictures) -> Actions:
-        """All at once where the model allows it, else one after the other."""
-        if self._takes_batches:
-            return self._run(observations)
-        return np.concatenate([self._run(picture[None]) for picture in observations])
+        """Decide for some robots; of each it remembers what is needed for its next decision.
 
-    def _run(self, observations: Pictures) -> Actions:
-        (actions,) = self._session.run([OUTPUT_NAME], {INPUT_NAME: observations})
+        All at once where the model allows it, else one after the other. For another number of
+        robots than before it begins anew.
+        """
+        robots = len(observations)
+        if self._state.shape[1] != robots:
+            layers, _, units = self._state.shape
+            self._state = np.zeros((layers, robots, units), np.float32)
+            self._previous = np.zeros((robots, 2), np.float32)
+        one_by_one = [slice(row, row + 1) for row in range(robots)]
+        rows = [slice(None)] if self._takes_batches else one_by_one
+        actions = np.concatenate([self._run(observations, row) for row in rows])
+        self._previous = np.round(np.clip(actions, -1, 1) * STEP_LIMIT) / np.float32(STEP_LIMIT)
+        return actions
+
+    def forget(self, robots: NDArray[np.bool_] | None = None) -> None:
+        """Begin anew for these robots, shape (robots,), or for all."""
+        which = slice(None) if robots is None else robots
+        self._state[:, which] = 0
+        self._previous[which] = 0
+
+    def _run(self, observations: Pictures, row: slice) -> Actions:
+        if not self._state.size:
+            (actions,) = self._session.run([OUTPUT_NAME], {INPUT_NAME: observations[row]})
+            return cast(Actions, actions)
+        feeds = {
+            INPUT_NAME: observations[row],
+            PREVIOUS_ACTION_NAME: self._previous[row],
+            STATE_IN_NAME: self._state[:, row],
+        }
+        actions, state = self._session.run([OUTPUT_NAME, STATE_OUT_NAME], feeds)
+        self._state[:, row] = cast(Any, state)
         return cast(Actions, actions)

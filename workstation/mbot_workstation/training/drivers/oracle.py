@@ -61,7 +61,9 @@ class Oracle:
         # Radians a decision for every unit of difference between right and left wheel.
         self._turn_rad = self._way_m / (nominal.track_m * bodies["track_scale"])
         lag_ms = (
-            bodies["action_latency_ms"] + bodies["action_jitter_ms"] / 2 + bodies["time_constant_ms"]
+            bodies["action_latency_ms"]
+            + bodies["action_jitter_ms"] / 2
+            + bodies["time_constant_ms"]
         )
         self._carry = lag_ms / 1000 / DECISION_S
 
@@ -106,7 +108,9 @@ class Oracle:
         turn = np.clip(wanted, -left - right, left + right)
         return turn, np.minimum(left + turn / 2, right - turn / 2)
 
-    def _command(self, wheel: NDArray[np.float64], gain: NDArray[np.float32]) -> NDArray[np.float64]:
+    def _command(
+        self, wheel: NDArray[np.float64], gain: NDArray[np.float32]
+    ) -> NDArray[np.float64]:
         """The action that gives a wheel this speed, beyond both dead bands."""
         dead_band, compensation = self._bodies["dead_band"], self._bodies["dead_band_compensation"]
         board = dead_band + (SPEED_LIMIT - dead_band) * np.abs(wheel) / gain

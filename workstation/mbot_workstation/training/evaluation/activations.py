@@ -53,12 +53,22 @@ class Microscope:
         self._session = onnxruntime.InferenceSession(
             opened.SerializeToString(), options, providers=["CPUExecutionProvider"]
         )
+        self._nothing_before = {
+            tensor.name: np.zeros(
+                [n if isinstance(n, int) else 1 for n in tensor.shape], np.float32
+            )
+            for tensor in self._session.get_inputs()
+            if tensor.name != INPUT_NAME
+        }
 
     def look(self, frame: Picture) -> Activations:
-        """Run one observation through the policy. Shape (64, 64, 3)."""
+        """Run one observation, shape (64, 64, 3), through the policy, as if nothing had been before
+        it.
+        """
         names = [OUTPUT_NAME, *self._inner]
+        feeds = {INPUT_NAME: frame[None], **self._nothing_before}
         action, convolution, activation = (
-            np.asarray(value)[0] for value in self._session.run(names, {INPUT_NAME: frame[None]})
+            np.asarray(value)[0] for value in self._session.run(names, feeds)
         )
         return Activations(frame, convolution, activation, (float(action[0]), float(action[1])))
 

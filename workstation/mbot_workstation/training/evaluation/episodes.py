@@ -11,7 +11,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from mbot_protocol.picture import Picture
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_parameters import SceneParameters
-from mbot_workstation.training.drivers.contestants import driver
+from mbot_workstation.training.drivers.contestants import Driver, driver
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 from mbot_workstation.training.worlds.lessons import Lesson
 from mbot_workstation.variation.effects import EffectRanges
@@ -110,7 +110,7 @@ def evaluate(
     """
     robots = min(MOST_ROBOTS, trial.episodes)
     # Before anything slow: a path may be wrong.
-    drive = driver(contestant, robots, trial.seed, trial.preset, trial.robot)
+    driven = driver(contestant, robots, trial.seed, trial.preset, trial.robot)
     environment = FetchVecEnv(
         robots=robots,
         seed=trial.seed,
@@ -122,13 +122,13 @@ def evaluate(
         scene=trial.scene,
     )
     try:
-        return _episodes(environment, drive, trial, ended)
+        return _episodes(environment, driven, trial, ended)
     finally:
         environment.close()
 
 
 def _episodes(
-    environment: VecEnv, drive: Any, trial: Trial, ended: Callable[[int], None]
+    environment: VecEnv, driven: Driver, trial: Trial, ended: Callable[[int], None]
 ) -> list[EpisodeResult]:
     robots = environment.num_envs
     # Every robot has its share. To take the first that end would prefer short episodes.
@@ -137,7 +137,8 @@ def _episodes(
     observations: Any = environment.reset()
     targets = _targets(environment.reset_infos)
     while any(len(done) < share for done, share in zip(results, shares, strict=True)):
-        observations, _, dones, infos = environment.step(drive(observations, targets))
+        observations, _, dones, infos = environment.step(driven.act(observations, targets))
+        driven.forget(dones)
         targets = _targets(infos)
         for robot in np.flatnonzero(dones):
             if len(results[robot]) < shares[robot]:

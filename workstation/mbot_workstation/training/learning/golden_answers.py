@@ -5,24 +5,36 @@
 
 import base64
 import json
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
 import onnx
+from numpy.typing import NDArray
 
 from mbot_protocol.golden_frames import check_deviation, read_golden_frames
 from mbot_protocol.picture import Picture
 from mbot_workstation.training.drivers.onnx_policy import OnnxPolicy
 
 
-def golden_property(model: onnx.ModelProto, frames: Mapping[str, Picture]) -> str:
-    """The property for a model that has none yet: frames, and what the model makes of them."""
-    actions = OnnxPolicy(model.SerializeToString()).act(np.stack(list(frames.values())))
+def golden_property(model: onnx.ModelProto, frames: Sequence[tuple[Picture, bool]]) -> str:
+    """The property for a model that has none yet: frames, and what the model makes of them.
+
+    Args:
+        model: to be asked.
+        frames: pictures, shape (64, 64, 3), and whether the memory is zeroed before each.
+
+    """
+    answers = _answers(model, frames)
     return json.dumps(
         [
-            {"name": name, "png": _to_png(frame), "action": [round(float(v), 6) for v in action]}
-            for (name, frame), action in zip(frames.items(), actions, strict=True)
+            {
+                "name": str(number),
+                "png": _to_png(picture),
+                "action": [round(float(value), 6) for value in action],
+                "fresh": fresh,
+            }
+            for number, ((picture, fresh), action) in enumerate(zip(frames, answers, strict=True))
         ],
         separators=(",", ":"),
     )
@@ -41,9 +53,20 @@ def check_golden_frames(model: onnx.ModelProto) -> float | None:
     frames = read_golden_frames({entry.key: entry.value for entry in model.metadata_props})
     if not frames:
         return None
-    actions = OnnxPolicy(model.SerializeToString()).act(np.stack([f.picture for f in frames]))
+    answers = _answers(model, [(frame.picture, frame.fresh) for frame in frames])
     expected = np.array([frame.action for frame in frames], np.float64)
-    return check_deviation(float(np.abs(actions - expected).max()))
+    return check_deviation(float(np.abs(answers - expected).max()))
+
+
+def _answers(model: onnx.ModelProto, frames: Sequence[tuple[Picture, bool]]) -> NDArray[np.float32]:
+    """Actions, shape (n, 2)."""
+    policy = OnnxPolicy(model.SerializeToString())
+    actions: list[NDArray[np.float32]] = []
+    for picture, fresh in frames:
+        if fresh:
+            policy.forget()
+        actions.append(policy.act(picture[None])[0])
+    return np.stack(actions)
 
 
 def _to_png(frame: Picture) -> str:

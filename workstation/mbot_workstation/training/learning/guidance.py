@@ -7,7 +7,7 @@ own; its weight falls to nothing, and from there on PPO alone improves on it.
 import torch
 
 GUIDE_REMEMBERS = 6
-"""Decisions, 2.4 s: a policy with memory is taught to go back to an object that it has just lost."""
+"""Decisions, 2.4 s: a policy with memory learns to go back to an object that it has just lost."""
 
 
 def advice_loss(wheels: torch.Tensor, advice: torch.Tensor) -> torch.Tensor:

@@ -9,6 +9,7 @@ strong the motors are, how the floor grips and how late the picture is. The valu
 training, and is told the truth: where the object is and what the robot is like.
 """
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -130,31 +131,42 @@ class MemoryPolicy(ActorCriticPolicy):
 
         """
         length, n = forgot.shape
-        features = self.extract_features(pictures.flatten(0, 1).float())
+        features = self._features(pictures.flatten(0, 1))
         if self.memory is None:
             return features
         inputs = torch.cat([features, previous_actions.flatten(0, 1)], dim=1).unflatten(
             0, (length, n)
         )
+        cell = self.memory
+        weights = (cell.weight_ih, cell.weight_hh, cell.bias_ih, cell.bias_hh)
+        # From one forgetting to the next in one call: a call a decision costs as much as all the
+        # convolutions, and holds Python's lock, which the other thread waits for (measured).
+        cuts = torch.nonzero(forgot.any(dim=1)).flatten().tolist()
         states: list[torch.Tensor] = []
-        keep = (1.0 - forgot).unsqueeze(2)
-        for moment in range(length):
-            state = self.memory(inputs[moment], state * keep[moment])
-            states.append(state)
-        return torch.cat([features, torch.stack(states).flatten(0, 1)], dim=1)
+        for begin, end in itertools.pairwise(sorted({0, *cuts, length})):
+            state = state * (1.0 - forgot[begin]).unsqueeze(1)
+            seen, state = torch.gru(
+                inputs[begin:end], state[None], weights, True, 1, 0.0, True, False, False
+            )
+            state = state[0]
+            states.append(seen)
+        return torch.cat([features, torch.cat(states).flatten(0, 1)], dim=1)
 
     def value_of(self, known: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
         """Values, shape (n,), of what is known, shape (n, features + units), and the truth."""
         return self._value(known, truth).flatten()
 
     def _recall(self, pictures: torch.Tensor) -> torch.Tensor:
-        features = self.extract_features(pictures.float())
+        features = self._features(pictures)
         if self.memory is None:
             return features
         self._next_state = self.memory(
             torch.cat([features, self.previous_action], dim=1), self.state
         )
         return torch.cat([features, self._next_state], dim=1)
+
+    def _features(self, pictures: torch.Tensor) -> torch.Tensor:
+        return self.features_extractor(pictures.float())
 
     def _value(self, known: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
         return self.value_net(torch.cat([known, truth], dim=1))
@@ -169,9 +181,8 @@ class MemoryPolicy(ActorCriticPolicy):
         self.value_net = nn.Sequential(
             nn.Linear(known + TRUTH, CRITIC_UNITS), nn.Tanh(), nn.Linear(CRITIC_UNITS, 1)
         )
-        self.optimizer = self.optimizer_class(
-            self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs
-        )
+        options: dict[str, Any] = {"lr": lr_schedule(1), **self.optimizer_kwargs}
+        self.optimizer = self.optimizer_class(self.parameters(), **options)
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
         return {**super()._get_constructor_parameters(), "memory_units": self._units}

@@ -66,8 +66,8 @@ class PicturePPO(PPO):
     rehearsals = 0
     rehearsal_batch = 256
 
-    policy: MemoryPolicy
-    rollout_buffer: SequenceBuffer
+    policy: MemoryPolicy  # pyright: ignore[reportIncompatibleVariableOverride]
+    rollout_buffer: SequenceBuffer  # pyright: ignore[reportIncompatibleVariableOverride]
     _memory: AdviceMemory | None = None
 
     @staticmethod
@@ -157,7 +157,9 @@ class PicturePPO(PPO):
             tensor(field, self.device).flatten()
             for field in (batch.old_log_prob, batch.advantages, batch.returns)
         )
-        wheels = Normal(self.policy.action_net(known), self.policy.log_std.exp(), validate_args=False)
+        wheels = Normal(
+            self.policy.action_net(known), self.policy.log_std.exp(), validate_args=False
+        )
         values = self.policy.value_of(known, truth)
         change = wheels.log_prob(actions).sum(dim=1) - old_log_prob
         ratio = torch.exp(change)

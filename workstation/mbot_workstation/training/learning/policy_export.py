@@ -9,7 +9,7 @@ from mbot_protocol.policy_contract import FULL_VIEW, PolicyMetadata
 from mbot_workstation.training.learning.golden_answers import golden_property
 from mbot_workstation.training.learning.policy_graph import policy_graph
 from mbot_workstation.training.learning.trained_policy import PROVENANCE, TrainedPolicy
-from mbot_workstation.training.worlds.example_frames import example_frames
+from mbot_workstation.training.worlds.example_frames import golden_sequence
 
 
 def export_policy(policy: TrainedPolicy, name: str) -> onnx.ModelProto:
@@ -28,5 +28,5 @@ def export_policy(policy: TrainedPolicy, name: str) -> onnx.ModelProto:
     origin = json.dumps(policy.provenance, separators=(",", ":"))
     model = policy_graph(policy.weights, PolicyMetadata(name, FULL_VIEW), {PROVENANCE: origin})
     golden = model.metadata_props.add()
-    golden.key, golden.value = PROPERTY, golden_property(model, example_frames())
+    golden.key, golden.value = PROPERTY, golden_property(model, golden_sequence())
     return model

@@ -1,8 +1,8 @@
 """A trained network and where it comes from: of a run's checkpoint, or out of a policy file."""
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +18,6 @@ from mbot_workstation.training.learning.training_config import TrainingConfig, r
 
 PROVENANCE = "mbot.provenance"
 """Metadata property, a JSON object: which run, code, lessons and rooms made the model."""
-
-WHEELS = ("action_net.weight", "action_net.bias")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,37 +58,6 @@ def trained_policy(path: Path) -> TrainedPolicy:
     )
 
 
-def averaged(first: TrainedPolicy, others: Sequence[TrainedPolicy]) -> TrainedPolicy:
-    """The mean of several networks' weights; the provenance is the first one's.
-
-    Of runs that began with one another's weights the average keeps what they agree on, and loses
-    each one's luck.
-    """
-    every = [one.weights for one in (first, *others)]
-    mean = {name: torch.stack([one[name] for one in every]).mean(0) for name in first.weights}
-    with_others = {"averaged_with": [one.name for one in others]} if others else {}
-    return replace(first, weights=mean, provenance={**first.provenance, **with_others})
-
-
-def turning(policy: TrainedPolicy, share: float) -> TrainedPolicy:
-    """The same policy with every turn it commands scaled, before actions are clipped.
-
-    A policy of single pictures can't know how late they are or how the floor grips. One that
-    turns less gains on robots that turn on before they see, and loses on the others.
-    """
-    if share == 1:
-        return policy
-    same, other = (1 + share) / 2, (1 - share) / 2
-    mix = torch.tensor([[same, other], [other, same]])
-    wheels = {name: mix @ policy.weights[name] for name in WHEELS}
-    total = round(share * policy.provenance.get("turn", 1.0), 6)
-    return replace(
-        policy,
-        weights={**policy.weights, **wheels},
-        provenance={**policy.provenance, "turn": total},
-    )
-
-
 def _of_file(path: Path) -> TrainedPolicy:
     model = onnx.load_from_string(check_model(path).data)
     properties = {entry.key: entry.value for entry in model.metadata_props}
@@ -116,7 +83,6 @@ def _provenance(source: Source, config: TrainingConfig, state: CheckpointState) 
         ) from None
     return {
         "run": source.run.path.resolve().name,
-        "averaged_with": [],
         "seed": config.seed,
         "steps": state.step,
         "wall_s": round(state.wall_s),

@@ -1,4 +1,4 @@
-"""The three pictures that the paper explains its policy with, rendered by the simulation."""
+"""The three pictures that the paper explains its policy with, and a drive to check a policy by."""
 
 import math
 
@@ -37,4 +37,34 @@ def example_frames(room_picture: Picture | None = None) -> dict[str, Picture]:
             place = Pose(DISTANCE_M * math.cos(angle), DISTANCE_M * math.sin(angle), 0.4)
             simulation.place_object(place)
             frames[name] = camera.picture(simulation.snapshot())
+    return frames
+
+
+DRIVES_DEG = (150.0, -110.0)
+"""Where the object is at the beginning of each drive of the golden sequence."""
+SEARCH_STEP_DEG = 15.0
+APPROACH_STEP_M = 0.05
+DRIVE_FRAMES = 40
+
+
+def golden_sequence() -> list[tuple[Picture, bool]]:
+    """80 observations of two drives, and whether each begins one.
+
+    The robot turns on the spot until the object is ahead, and goes there. Nothing is drawn at
+    random: a machine that renders alike makes the same pictures.
+    """
+    simulation = Simulation()
+    side = OBSERVATION_SIDE_PX
+    frames: list[tuple[Picture, bool]] = []
+    with CameraRenderer(simulation, side, side) as camera:
+        for bearing_deg in DRIVES_DEG:
+            angle = math.radians(bearing_deg)
+            away_m = 2 * DISTANCE_M
+            simulation.place_object(Pose(away_m * math.cos(angle), away_m * math.sin(angle), 0.4))
+            turns = math.floor(abs(bearing_deg) / SEARCH_STEP_DEG)
+            for moment in range(DRIVE_FRAMES):
+                turned = math.copysign(min(moment, turns) * SEARCH_STEP_DEG, bearing_deg)
+                yaw, way_m = math.radians(turned), max(0, moment - turns) * APPROACH_STEP_M
+                simulation.place_robot(Pose(way_m * math.cos(yaw), way_m * math.sin(yaw), yaw))
+                frames.append((camera.picture(simulation.snapshot()), moment == 0))
     return frames

@@ -1,0 +1,100 @@
+"""The policy's memory: what an update computes is what the robots did, and it can be told apart."""
+
+import numpy as np
+import pytest
+import torch
+
+from mbot_workstation.training.learning.memory_policy import (
+    TRUTH,
+    MemoryPolicy,
+    memory_policy_arguments,
+    truth,
+)
+from mbot_workstation.training.worlds.fetch_env import action_space, observation_space
+from mbot_workstation.training.worlds.robot_body import BODY_RECORD
+from mbot_workstation.training.worlds.shared_arrays import STEP_RECORD
+
+RNG = np.random.default_rng(8)
+PICTURES = RNG.integers(0, 256, (9, 3, 64, 64, 3)).astype(np.uint8)
+ACTIONS = RNG.uniform(-1, 1, (9, 3, 2)).astype(np.float32)
+FORGETS = np.zeros((9, 3), np.bool_)
+FORGETS[2, 1] = FORGETS[6] = True
+
+
+def made(units: int) -> MemoryPolicy:
+    torch.manual_seed(3)
+    arguments = memory_policy_arguments(units, -1.0)
+    policy = MemoryPolicy(observation_space(), action_space(), lambda _: 1e-3, **arguments)
+    torch.nn.init.normal_(policy.action_net.weight, std=0.1)
+    return policy
+
+
+def driven(policy: MemoryPolicy) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Nine decisions of three robots: wheels, previous actions, forgettings."""
+    policy.begin(3)
+    wheels: list[torch.Tensor] = []
+    previous: list[torch.Tensor] = []
+    forgot = np.ones(3, np.bool_)
+    all_forgot: list[np.ndarray] = []
+    for pictures, actions, forget in zip(PICTURES, ACTIONS, FORGETS, strict=True):
+        previous.append(policy.previous_action)
+        all_forgot.append(forgot)
+        with torch.no_grad():
+            wheels.append(policy(torch.from_numpy(pictures), deterministic=True)[0])
+        policy.drove(actions, forget)
+        forgot = forget
+    return torch.stack(wheels), torch.stack(previous), torch.tensor(np.array(all_forgot)).float()
+
+
+@pytest.mark.parametrize("units", [16, 0])
+def test_an_update_sees_what_the_robots_remembered(units: int) -> None:
+    policy = made(units)
+    wheels, previous, forgot = driven(policy)
+    known = policy.unroll(torch.from_numpy(PICTURES), previous, forgot, torch.zeros(3, units))
+    torch.testing.assert_close(
+        policy.action_net(known).unflatten(0, (9, 3)), wheels, rtol=0, atol=1e-5
+    )
+
+
+def test_the_past_counts_until_it_is_forgotten() -> None:
+    policy = made(16)
+    _, previous, forgot = driven(policy)
+    pictures = torch.from_numpy(PICTURES).float().requires_grad_()
+    known = policy.unroll(pictures, previous, forgot, torch.zeros(3, 16)).unflatten(0, (9, 3))
+    known[5].sum().backward()
+    assert pictures.grad is not None
+    reach = pictures.grad.abs().amax(dim=(2, 3, 4)) > 0  # (moments, robots)
+    assert reach[:6, 0].all(), "the first robot remembers from its beginning"
+    assert not reach[:3, 1].any(), "the second forgot after its third decision"
+    assert reach[3:6, 1].all()
+    assert not reach[6:].any(), "nobody knows the future"
+
+
+def test_the_last_action_is_a_part_of_what_is_remembered() -> None:
+    policy = made(16)
+    _, previous, forgot = driven(policy)
+    arguments = (torch.from_numpy(PICTURES), forgot, torch.zeros(3, 16))
+    ours = policy.unroll(arguments[0], previous, *arguments[1:])
+    other = policy.unroll(arguments[0], -previous, *arguments[1:])
+    assert not torch.allclose(ours, other)
+
+
+def test_looking_ahead_for_a_value_remembers_nothing() -> None:
+    policy = made(16)
+    policy.begin(3)
+    before = policy.state.clone()
+    with torch.no_grad():
+        policy.predict_values(torch.from_numpy(PICTURES[0]))
+    torch.testing.assert_close(policy.state, before)
+
+
+def test_the_critic_is_told_finite_numbers_of_about_one() -> None:
+    situations = np.zeros(2, STEP_RECORD)
+    situations["target_ahead_m"] = (2.5, np.nan)
+    situations["time_left_s"] = 66
+    bodies = np.zeros(2, BODY_RECORD)
+    bodies["camera_latency_ms"] = 190
+    told = truth(situations, bodies)
+    assert told.shape == (2, TRUTH)
+    assert np.isfinite(told).all()
+    assert np.abs(told).max() < 2.5
