@@ -22,7 +22,7 @@ from mbot_protocol.errors import ContractError, NewerSchemaError, RefusedError
 from mbot_protocol.golden_frames import PROPERTY
 from mbot_protocol.policy_contract import PolicyMetadata
 
-from .tiny_models import constant_model
+from .tiny_models import constant_model, counting_model
 
 RATE_HZ = 2.5
 TRAINED = Path(__file__).parents[2] / "models" / "red-cube.onnx"
@@ -93,6 +93,33 @@ def with_golden_frame(action: tuple[float, float]) -> bytes:
     png = cv2.imencode(".png", picture)[1].tobytes()
     entry = {"name": "grey", "png": base64.b64encode(png).decode(), "action": action}
     return constant_model(0.25, -0.5, metadata=METADATA | {PROPERTY: json.dumps([entry])})
+
+
+def with_golden_sequence(*actions: tuple[float, float], fresh: tuple[int, ...] = (0,)) -> bytes:
+    """A counting model with what it should say."""
+    png = cv2.imencode(".png", np.full((64, 64, 3), 90, np.uint8))[1].tobytes()
+    entries = [
+        {
+            "name": str(place),
+            "png": base64.b64encode(png).decode(),
+            "action": action,
+            "fresh": place in fresh,
+        }
+        for place, action in enumerate(actions)
+    ]
+    model = onnx.load_from_string(counting_model())
+    golden = model.metadata_props.add()
+    golden.key, golden.value = PROPERTY, json.dumps(entries)
+    return model.SerializeToString()
+
+
+def test_a_golden_sequence_is_played_with_its_memory() -> None:
+    right = [(0.0, 0.0), (0.125, 0.0), (0.25, 0.124)]  # a wheel has 250 steps
+    assert dry_run(with_golden_sequence(*right), RATE_HZ).golden_frames == 3
+    again = [*right, (0.0, 0.0), (0.125, 0.0)]
+    assert dry_run(with_golden_sequence(*again, fresh=(0, 3)), RATE_HZ).golden_frames == 5
+    with pytest.raises(ContractError, match=r"golden frames are off by 0.375"):
+        dry_run(with_golden_sequence(*again), RATE_HZ)
 
 
 def test_a_good_model_passes_and_its_cost_is_told() -> None:

@@ -45,3 +45,39 @@ def constant_model(
         metadata = PolicyMetadata(name, decision_rate_hz=decision_rate_hz).to_properties()
     helper.set_model_props(model, metadata)
     return model.SerializeToString()
+
+
+def counting_model(name: str = "counting") -> bytes:
+    """A model with memory: left says an eighth of the decisions it remembers, right what the left
+    wheel was told before.
+    """
+    nodes = [
+        helper.make_node("Add", ["state_in", "one"], ["state_out"]),
+        helper.make_node("Squeeze", ["state_in", "axis"], ["count"]),
+        helper.make_node("Mul", ["count", "eighth"], ["left"]),
+        helper.make_node("Gather", ["previous_action", "axis"], ["right"], axis=1),
+        helper.make_node("Concat", ["left", "right"], ["action"], axis=1),
+    ]
+    constants = {
+        "one": np.ones((1, 1, 1), np.float32),
+        "eighth": np.full((1, 1), 0.125, np.float32),
+        "axis": np.array([0], np.int64),
+    }
+    state, pair = (1, 1, 1), (1, 2)
+    graph = helper.make_graph(
+        nodes,
+        name,
+        [
+            helper.make_tensor_value_info("observation", TensorProto.UINT8, (1, 64, 64, 3)),
+            helper.make_tensor_value_info("previous_action", TensorProto.FLOAT, pair),
+            helper.make_tensor_value_info("state_in", TensorProto.FLOAT, state),
+        ],
+        [
+            helper.make_tensor_value_info("action", TensorProto.FLOAT, pair),
+            helper.make_tensor_value_info("state_out", TensorProto.FLOAT, state),
+        ],
+        [numpy_helper.from_array(value, key) for key, value in constants.items()],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    helper.set_model_props(model, PolicyMetadata(name, contract_version=2).to_properties())
+    return model.SerializeToString()

@@ -35,7 +35,7 @@ from mbot_workstation.training.learning.learner import LearnerSettings, make_lea
 from mbot_workstation.training.learning.picture_ppo import PicturePPO
 from mbot_workstation.training.learning.policy_graph import policy_graph
 from mbot_workstation.training.learning.run_directory import RunDirectory, write_json
-from mbot_workstation.training.learning.trained_policy import PROVENANCE, WHEELS, trained_policy
+from mbot_workstation.training.learning.trained_policy import PROVENANCE, trained_policy
 from mbot_workstation.training.learning.training_config import TrainingConfig
 from mbot_workstation.training.learning.training_run import begin_run
 from mbot_workstation.training.worlds.fetch_env import FetchEnv
@@ -94,13 +94,29 @@ sqrt(5000) is 4e-5 (1.2e-5 was seen). A wheel's smallest step is 4e-3."""
 def test_onnx_decides_as_the_learner_does(learner: PicturePPO, run: RunDirectory) -> None:
     model = policy_graph(read_weights(run.last_checkpoint()), PolicyMetadata("first"))
     policy = OnnxPolicy(model.SerializeToString())
-    ours = policy.act(PICTURES)
-    theirs, _ = learner.policy.predict(PICTURES, deterministic=True)
-    np.testing.assert_allclose(ours, theirs, rtol=0, atol=FLOAT32)
-    assert (np.abs(ours) == 1.0).any(), "the test must reach the clipping"
-    assert (np.abs(ours) < 1.0).any()
-    one_by_one = np.concatenate([policy.act(picture[None]) for picture in PICTURES])
-    np.testing.assert_allclose(one_by_one, ours, rtol=0, atol=FLOAT32)
+    learner.policy.begin(len(PICTURES))
+    for moment in range(4):
+        ours = policy.act(PICTURES)
+        theirs, _ = learner.policy.predict(PICTURES, deterministic=True)
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=FLOAT32)
+        assert (np.abs(ours) == 1.0).any(), "the test must reach the clipping"
+        assert (np.abs(ours) < 1.0).any()
+        forgets = np.arange(len(PICTURES)) % 3 == moment
+        policy.forget(forgets)
+        learner.policy.drove(np.round(ours * 250) / np.float32(250), forgets)
+
+
+def test_a_batch_is_as_many_robots_each_with_its_memory(run: RunDirectory) -> None:
+    model = policy_graph(read_weights(run.last_checkpoint()), PolicyMetadata("first"))
+    together, alone = (OnnxPolicy(model.SerializeToString()) for _ in range(2))
+    pictures = PICTURES[:6].reshape(3, 2, 64, 64, 3)  # of two robots
+    ours = np.array([together.act(two) for two in pictures])
+    for robot in range(2):
+        alone.forget()
+        one = np.array([alone.act(pictures[moment, robot][None])[0] for moment in range(3)])
+        np.testing.assert_allclose(one, ours[:, robot], rtol=0, atol=FLOAT32)
+    alone.forget()
+    assert np.abs(alone.act(pictures[2, 0][None])[0] - ours[2, 0]).max() > 0.01, "it remembers"
 
 
 def test_robots_take_the_file(run: RunDirectory, tmp_path: Path) -> None:
@@ -114,7 +130,7 @@ def test_robots_take_the_file(run: RunDirectory, tmp_path: Path) -> None:
         "checkpoint": str(run.last_checkpoint()),
         "size_bytes": len(data),
     }
-    assert check_model(path).metadata == PolicyMetadata("policy", FULL_VIEW, 2.5)
+    assert check_model(path).metadata == PolicyMetadata("policy", FULL_VIEW, 2.5, 2)
     model = onnx.load_from_string(data)
     assert model.opset_import[0].version <= 17
     assert model.ir_version <= 10
@@ -135,47 +151,14 @@ def test_the_file_says_where_it_comes_from(run: RunDirectory, tmp_path: Path) ->
     assert "private" not in str(model.metadata_props)
 
 
-def test_weights_can_be_averaged_with_another_runs(
-    learner: PicturePPO, run: RunDirectory, tmp_path: Path
-) -> None:
-    other = begin_run(tmp_path / "second", CONFIG)
-    write_json(other.git_file, [{"from_step": 0, "commit": COMMIT, "changed_files": []}])
-    state = CheckpointState(10, 1.0, CurriculumState(), RandomState.now(), None)
-    kept = {name: weight.clone() for name, weight in learner.policy.state_dict().items()}
-    with torch.no_grad():
-        for parameter in learner.policy.parameters():
-            parameter.mul_(3.0)
-    other.add_checkpoint(10, lambda folder: write_checkpoint(folder, learner, state))
-    learner.policy.load_state_dict(kept)
-    path = tmp_path / "policy.onnx"
-    invoke(str(run.path), "--average", str(other.path), "-o", str(path))
-    model = onnx.load(path)
-    assert json.loads(properties(model)[PROVENANCE])["averaged_with"] == ["second"]
-    doubled = {name: 2 * weight for name, weight in read_weights(run.last_checkpoint()).items()}
-    expected = OnnxPolicy(policy_graph(doubled, PolicyMetadata("policy")).SerializeToString()).act(
-        PICTURES
-    )
-    ours = OnnxPolicy(model.SerializeToString()).act(PICTURES)
-    np.testing.assert_allclose(ours, expected, rtol=0, atol=1e-4)
-    assert np.abs(ours - learner.policy.predict(PICTURES, deterministic=True)[0]).max() > 0.01
-
-
-def test_a_policy_file_can_be_exported_again_turning_less(
-    run: RunDirectory, tmp_path: Path
-) -> None:
-    first, calmer = tmp_path / "first.onnx", tmp_path / "calmer.onnx"
-    invoke(str(run.path), "-o", str(first))
+def test_a_policy_file_can_be_exported_again(run: RunDirectory, tmp_path: Path) -> None:
+    first, again = tmp_path / "first.onnx", tmp_path / "again.onnx"
+    invoke(str(run.path), "-o", str(first), "--name", "same")
     for name, weight in trained_policy(first).weights.items():
         torch.testing.assert_close(weight, trained_policy(run.path).weights[name])
-    invoke(str(first), "--turn", "0.8", "-o", str(calmer))
-    before, after = (trained_policy(path).weights for path in (first, calmer))
-    for name in WHEELS:
-        (left, right), (new_left, new_right) = before[name], after[name]
-        torch.testing.assert_close(new_left - new_right, 0.8 * (left - right))
-        torch.testing.assert_close(new_left + new_right, left + right)
-    invoke(str(calmer), "--turn", "0.5", "-o", str(calmer))
-    origin = json.loads(properties(onnx.load(calmer))[PROVENANCE])
-    assert (origin["run"], origin["turn"]) == ("first", 0.4)
+    invoke(str(first), "-o", str(again), "--name", "same")
+    origins = [properties(onnx.load(path))[PROVENANCE] for path in (first, again)]
+    assert origins[0] == origins[1]
 
 
 def test_a_policy_that_was_not_exported_here_cannot_be_exported_again(tmp_path: Path) -> None:
@@ -190,7 +173,8 @@ def test_golden_frames_travel_along_and_are_checked(run: RunDirectory, tmp_path:
     invoke(str(run.path), "-o", str(path), "--name", "golden")
     model = onnx.load(path)
     entries = json.loads(properties(model)[PROPERTY])
-    assert [entry["name"] for entry in entries] == ["no object", "object left", "object central"]
+    assert [number for number, entry in enumerate(entries) if entry["fresh"]] == [0, 40]
+    assert len(entries) == 80
     assert all(base64.b64decode(entry["png"]).startswith(b"\x89PNG") for entry in entries)
     deviation = check_golden_frames(model)
     assert deviation is not None
@@ -208,7 +192,7 @@ def test_a_model_without_golden_frames_is_no_mistake_but_damaged_ones_are(
     assert check_golden_frames(model) is None
     entry = model.metadata_props.add()
     entry.key = PROPERTY
-    good = golden_property(model, {"a": PICTURES[0]})
+    good = golden_property(model, [(PICTURES[0], True), (PICTURES[1], False)])
     for text in ("{", "[]", "[{}]", good.replace('"png":"', '"png":"AAAA'), "[1]"):
         entry.value = text
         with pytest.raises(ContractError, match="damaged"):

@@ -7,30 +7,45 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_workstation.training.drivers.guide import SEARCH_TURN, Guide
-from mbot_workstation.training.learning.advice_memory import AdviceMemory
-from mbot_workstation.training.learning.guidance import (
-    AskTheGuide,
-    GuidedRolloutBuffer,
-    advice_loss,
-    guide_weight,
-)
+from mbot_protocol.actions import WheelMaps
+from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_workstation.training.drivers.guide import SEARCH_SPEED, Guide
+from mbot_workstation.training.drivers.oracle import Oracle, middle
+from mbot_workstation.training.learning.advice_memory import BURN_IN, AdviceMemory
+from mbot_workstation.training.learning.guidance import advice_loss, guide_weight
 from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
+from mbot_workstation.training.learning.remembering import Remembering
+from mbot_workstation.training.learning.sequences import Sequences
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.training.worlds.robot_body import BODY_RECORD, body_record
+from mbot_workstation.training.worlds.shared_arrays import STEP_RECORD
+from mbot_workstation.variation.effects import RealWorldEffects
 from mbot_workstation.variation.presets import preset
 
 NOMINAL = preset("nominal")
+SEARCH = Oracle(1, middle(NOMINAL)).commands(np.array([SEARCH_SPEED]), np.array([-SEARCH_SPEED]))[0]
+
+
+def situation(
+    ahead_m: float, left_m: float, seen_left_rad: float | None = None, time_left_s: float = 50
+) -> np.ndarray:
+    if seen_left_rad is None:  # a robot that stands: it sees where the object is
+        seen_left_rad = math.atan2(left_m, ahead_m - 0.06)
+    record = np.zeros(1, STEP_RECORD)
+    record["target_ahead_m"], record["target_left_m"] = ahead_m, left_m
+    record["seen_left_rad"], record["time_left_s"] = seen_left_rad, time_left_s
+    return record
 
 
 def advice(ahead_m: float, left_m: float, seen_left_rad: float | None = None) -> np.ndarray:
-    if seen_left_rad is None:  # a robot that stands: it sees where the object is
-        seen_left_rad = math.atan2(left_m, ahead_m - 0.06)
-    return Guide(1, NOMINAL).act(np.array([[ahead_m, left_m]]), np.array([seen_left_rad]))[0]
+    return Guide(1, NOMINAL).act(situation(ahead_m, left_m, seen_left_rad))[0]
 
 
 def test_what_the_camera_cannot_see_is_searched_clockwise() -> None:
+    assert SEARCH[0] == pytest.approx(-SEARCH[1])
+    assert SEARCH[0] > 0.2
     for ahead_m, left_m in ((-1.0, 0.1), (0.5, 1.0), (0.5, -1.0), (0.1, 0.5)):
-        np.testing.assert_allclose(advice(ahead_m, left_m), (SEARCH_TURN, -SEARCH_TURN))
+        np.testing.assert_allclose(advice(ahead_m, left_m), SEARCH)
 
 
 def test_what_it_sees_is_driven_at() -> None:
@@ -46,11 +61,63 @@ def test_what_it_sees_is_driven_at() -> None:
 def test_what_a_picture_shows_counts_though_the_robot_has_turned_past_it() -> None:
     left, right = advice(0.7, 0.7, seen_left_rad=0.4)
     assert right > left, "back to it, not once around"
-    np.testing.assert_allclose(advice(1.0, 0.3, seen_left_rad=0.6), (SEARCH_TURN, -SEARCH_TURN))
+    np.testing.assert_allclose(advice(1.0, 0.3, seen_left_rad=0.6), SEARCH)
+
+
+def test_what_has_just_been_lost_is_gone_back_to_and_then_searched() -> None:
+    guide = Guide(1, NOMINAL, remembers=2)
+    guide.act(situation(1.0, 0.3))
+    for _ in range(2):
+        left, right = guide.act(situation(0.3, 1.0))[0]
+        assert right > left
+    np.testing.assert_allclose(guide.act(situation(0.3, 1.0))[0], SEARCH)
+
+
+def test_the_next_object_was_not_seen_before() -> None:
+    guide = Guide(1, NOMINAL, remembers=2)
+    guide.act(situation(1.0, 0.3, time_left_s=50))
+    np.testing.assert_allclose(guide.act(situation(0.3, 1.0, time_left_s=66))[0], SEARCH)
 
 
 def test_without_a_target_there_is_no_advice() -> None:
     assert np.isnan(advice(math.nan, math.nan)).all()
+
+
+def test_who_knows_of_a_weak_motor_drives_straight_with_it() -> None:
+    """The stronger wheel is told less, so that both turn alike."""
+    effects = RealWorldEffects(left_gain=0.5)
+    guide = Guide(1, preset("ideal"))
+    guide.become(np.array([body_record(effects, RobotParameters().wheel_maps)], BODY_RECORD))
+    left, right = guide.act(situation(2.0, 0.0))[0]
+    assert left == pytest.approx(1.0, abs=0.01)
+    assert right == pytest.approx(0.5, abs=0.05)
+    left, right = guide.act(situation(-1.0, 0.0))[0]
+    assert left == pytest.approx(-2 * right, rel=0.01)
+
+
+def test_a_trim_is_a_weak_motor_to_a_body() -> None:
+    maps = RobotParameters().wheel_maps
+    weaker = WheelMaps(maps.left, type(maps.right)(**{**_fields(maps.right), "trim": 0.5}))
+    body = np.array([body_record(RealWorldEffects(), weaker)], BODY_RECORD)[0]
+    assert body["left_gain"] == 1.0
+    assert body["right_gain"] == pytest.approx(0.5)
+
+
+def _fields(motor: object) -> dict[str, object]:
+    from dataclasses import asdict
+
+    return asdict(motor)  # pyright: ignore[reportArgumentType]
+
+
+@given(st.floats(-1, 1), st.floats(0.4, 1.1))
+def test_the_oracle_knows_how_fast_its_commands_turn_a_wheel(speed: float, gain: float) -> None:
+    oracle = Oracle(1, RealWorldEffects(left_gain=gain, dead_band=50, dead_band_compensation=40))
+    speed *= gain
+    if abs(speed) < 1e-3:
+        return
+    command = oracle.commands(np.array([speed]), np.array([0.0]))
+    oracle.drove(command)
+    assert oracle._last_turn[0] == pytest.approx(-speed, abs=1e-5)  # pyright: ignore[reportPrivateUsage]
 
 
 def test_unknown_advice_costs_nothing_and_has_no_gradient() -> None:
@@ -73,40 +140,56 @@ def test_the_guides_weight_falls_to_nothing(decisions: int, guided: int) -> None
 
 def test_advice_stays_with_its_observation_and_teaches() -> None:
     """A few updates bring the student's wheels nearer to what the guide would have done."""
-    settings = LearnerSettings(steps_per_robot=32, batch=32, guided_decisions=10**6)
+    settings = LearnerSettings(steps_per_robot=32, batch=64, guided_decisions=10**6)
     with FetchVecEnv(robots=2, seed=1, preset="ideal", lesson="4", workers=1) as environment:
         learner = make_learner(environment, settings, seed=0)
-        asker = AskTheGuide(Guide(2, preset("ideal")), environment)
+        asker = Remembering(environment, Guide(2, preset("ideal")), seed=0)
         distances: list[float] = []
         for _ in range(6):
             learner.learn(64, callback=asker, reset_num_timesteps=False)
-            buffer = learner.rollout_buffer
-            assert isinstance(buffer, GuidedRolloutBuffer)
-            (batch,) = buffer.get(64)
+            everything = learner.rollout_buffer.everything()
             with torch.no_grad():
-                wheels, _, _ = learner.policy(batch.observations, deterministic=True)
-            distances.append(float(advice_loss(wheels, batch.advice)) / 64)
+                wheels = learner.policy.action_net(learner._known(everything))  # pyright: ignore[reportPrivateUsage]
+            asked = torch.from_numpy(everything.advice).flatten(0, 1)
+            distances.append(float(advice_loss(wheels, asked)) / 64)
     assert np.mean(distances[-2:]) < distances[0]
 
 
-def pictures(count: int, level: int) -> np.ndarray:
-    return np.full((count, 4, 4, 3), level, np.uint8)
+def sequences(count: int, level: int, length: int = 12) -> Sequences:
+    shape = (length, count)
+    return Sequences(
+        pictures=np.full((*shape, 4, 4, 3), level, np.uint8),
+        previous_actions=np.full((*shape, 2), level, np.float32),
+        forgot=np.zeros(shape, np.float32),
+        state=np.full((count, 5), level, np.float32),
+        advice=np.full((*shape, 2), level / 10, np.float32),
+    )
 
 
-def test_the_memory_keeps_the_newest_known_advice_with_its_pictures() -> None:
-    memory = AdviceMemory(5, (4, 4, 3))
-    unknown = np.array([[0.1, 0.1], [np.nan, np.nan], [0.1, 0.1]], np.float32)
-    memory.add(pictures(3, 1), unknown)
-    assert len(memory) == 2
-    memory.add(pictures(4, 2), np.full((4, 2), 0.2, np.float32))
-    assert len(memory) == 5
-    batch = memory.draw(200)
-    for picture, advised in zip(batch.pictures, batch.advice, strict=True):
-        assert advised[0] == pytest.approx(0.1 * picture[0, 0, 0])
-    assert {int(level) for level in batch.pictures[:, 0, 0, 0]} == {1, 2}
+def test_the_memory_keeps_the_newest_sequences_whole() -> None:
+    memory = AdviceMemory(5 * 12)
+    for level in (1, 2, 3):
+        memory.add(sequences(2, level))
+    assert len(memory) == 4 * 12, "no part of what is remembered is thrown away alone"
+    batch = memory.draw(200 * 12)
+    assert batch.pictures.shape == (12, 200, 4, 4, 3)
+    assert {int(level) for level in batch.pictures[0, :, 0, 0, 0]} == {2, 3}
+    levels = batch.pictures[:, :, 0, 0, 0]
+    np.testing.assert_allclose(batch.previous_actions[..., 0], levels)
+    np.testing.assert_allclose(batch.state[:, 0], levels[0])
+    np.testing.assert_allclose(batch.advice[BURN_IN:, :, 0], levels[BURN_IN:] / 10)
+    assert np.isnan(batch.advice[:BURN_IN]).all(), "the state is in terms of older weights there"
 
 
-def test_rehearsing_moves_the_wheels_and_nothing_else() -> None:
+def test_parts_are_side_by_side() -> None:
+    both = sequences(3, 1)
+    parts = [both.part(index, 2) for index in range(2)]
+    assert [part.forgot.shape for part in parts] == [(12, 2), (12, 1)]
+    assert [part.state.shape for part in parts] == [(2, 5), (1, 5)]
+    assert sum(part.decisions for part in parts) == both.decisions
+
+
+def test_rehearsing_moves_the_wheels_and_the_memory() -> None:
     settings = LearnerSettings(
         steps_per_robot=16,
         batch=16,
@@ -118,7 +201,8 @@ def test_rehearsing_moves_the_wheels_and_nothing_else() -> None:
     )
     with FetchVecEnv(robots=1, seed=1, preset="ideal", lesson="4", workers=1) as environment:
         learner = make_learner(environment, settings, seed=0)
-        learner.learn(16, callback=AskTheGuide(Guide(1, preset("ideal")), environment))
+        guide = Guide(1, preset("ideal"))
+        learner.learn(16, callback=Remembering(environment, guide, seed=0))
         before = {k: v.clone() for k, v in learner.policy.state_dict().items()}
         for group in learner.policy.optimizer.param_groups:
             group["lr"] = 1e-2
@@ -126,4 +210,5 @@ def test_rehearsing_moves_the_wheels_and_nothing_else() -> None:
             learner._rehearse(threads)  # pyright: ignore[reportPrivateUsage]
         after = learner.policy.state_dict()
     assert not torch.equal(before["action_net.bias"], after["action_net.bias"])
+    assert not torch.equal(before["memory.bias_hh"], after["memory.bias_hh"])
     assert "_memory" in learner._excluded_save_params()  # pyright: ignore[reportPrivateUsage]

@@ -51,7 +51,7 @@ def test_a_damaged_file_is_told_in_one_line(tmp_path: Path, data: bytes, text: s
         ({"input_shape": (1, 3, 64, 64)}, r"input is 'observation' uint8 \[1, 3, 64, 64\]"),
         ({"input_type": TensorProto.FLOAT}, r"input is 'observation' float32"),
         ({"output_shape": (1, 3)}, r"output is 'action' float32 \[1, 3\], expected .* \[1, 2\]"),
-        ({"outputs": 2}, r"2 outputs \(action, colour\), expected one"),
+        ({"outputs": 2}, r"2 outputs \(action, colour\), expected 1: action"),
         ({"properties": {}}, "no mbot.contract_version"),
         ({"properties": PROPERTIES | {"mbot.decision_rate_hz": "99"}}, "decision_rate_hz is 99"),
     ],
@@ -65,8 +65,8 @@ def test_what_is_off_the_contract_is_named(
 
 
 def test_a_newer_contract_asks_for_an_upgrade(tmp_path: Path) -> None:
-    model = small_policy(properties=PROPERTIES | {"mbot.contract_version": "2"})
-    with pytest.raises(NewerSchemaError, match="contract 2"):
+    model = small_policy(properties=PROPERTIES | {"mbot.contract_version": "3"})
+    with pytest.raises(NewerSchemaError, match="contract 3"):
         check_model(write(tmp_path / "policy.onnx", model.SerializeToString()))
 
 

@@ -18,11 +18,13 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import DummyVecEnv
+from torch.distributions import Normal
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.training.learning.checkpoint import read_state, read_weights
 from mbot_workstation.training.learning.curriculum import CurriculumState
 from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
+from mbot_workstation.training.learning.memory_policy import TRUTH, MemoryPolicy
 from mbot_workstation.training.learning.picture_ppo import PicturePPO
 from mbot_workstation.training.learning.progress_display import LineDisplay
 from mbot_workstation.training.learning.progress_log import Episode, ProgressLog, read_progress
@@ -276,12 +278,22 @@ class Pictures(gymnasium.Env[Any, Any]):
         return self.np_random.integers(0, 256, (64, 64, 3), np.uint8)
 
 
-def test_threads_learn_what_stable_baselines_learns() -> None:
-    settings = LearnerSettings(steps_per_robot=16, batch=16, epochs=3)
+def test_threads_learn_what_stable_baselines_learns(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a memory and with the whole rollout as one batch there is nothing else in it."""
+
+    def evaluate_actions(self: MemoryPolicy, obs: Any, actions: Any) -> Any:
+        known = self.features_extractor(obs)
+        wheels = Normal(self.action_net(known), self.log_std.exp())
+        values = self.value_of(known, torch.zeros(len(obs), TRUTH))
+        return values, wheels.log_prob(actions).sum(dim=1), wheels.entropy().sum(dim=1)
+
+    monkeypatch.setattr(MemoryPolicy, "evaluate_actions", evaluate_actions)
+    settings = LearnerSettings(steps_per_robot=16, batch=32, epochs=3, memory_units=0)
     learned: list[dict[str, torch.Tensor]] = []
     for update in (PicturePPO.train, PPO.train):
         environment = DummyVecEnv([Pictures, Pictures])
         learner = make_learner(environment, settings, seed=3)
+        learner.policy.begin(2)
         learner.set_logger(Logger(None, []))
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(PicturePPO, "train", update)

@@ -101,6 +101,9 @@ class MemoryPolicy(ActorCriticPolicy):
         actions = wheels.mean if deterministic else wheels.sample()
         return actions, self._value(known, self.truth), wheels.log_prob(actions).sum(dim=1)
 
+    def _predict(self, observation: Any, deterministic: bool = False) -> torch.Tensor:
+        return self(observation, deterministic)[0]
+
     def predict_values(self, obs: Any) -> torch.Tensor:
         """Values of the running robots' pictures; nothing is remembered of it."""
         return self._value(self._recall(obs), self.truth)
