@@ -21,16 +21,18 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 from torch.distributions import Normal
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.training.learning.checkpoint import read_state, read_weights
+from mbot_workstation.commands import train as command
+from mbot_workstation.training.learning.checkpoint import read_state, read_weights, restore_learner
 from mbot_workstation.training.learning.curriculum import CurriculumState
 from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
-from mbot_workstation.training.learning.memory_policy import TRUTH, MemoryPolicy
+from mbot_workstation.training.learning.memory_policy import MEMORY_UNITS, TRUTH, MemoryPolicy
 from mbot_workstation.training.learning.picture_ppo import PicturePPO
 from mbot_workstation.training.learning.progress_display import LineDisplay
 from mbot_workstation.training.learning.progress_log import Episode, ProgressLog, read_progress
 from mbot_workstation.training.learning.run_directory import RunDirectory
 from mbot_workstation.training.learning.training_config import TrainingConfig, read_config
 from mbot_workstation.training.learning.training_run import TrainingResult, begin_run, train
+from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 
 TINY = TrainingConfig(
     steps=128,
@@ -282,7 +284,7 @@ def test_threads_learn_what_stable_baselines_learns(monkeypatch: pytest.MonkeyPa
     """Without a memory and with the whole rollout as one batch there is nothing else in it."""
 
     def evaluate_actions(self: MemoryPolicy, obs: Any, actions: Any) -> Any:
-        known = self.features_extractor(obs)
+        known = self.features_extractor(obs.float())
         wheels = Normal(self.action_net(known), self.log_std.exp())
         values = self.value_of(known, torch.zeros(len(obs), TRUTH))
         return values, wheels.log_prob(actions).sum(dim=1), wheels.entropy().sum(dim=1)
@@ -327,3 +329,49 @@ def pairs(first: Path, second: Path) -> list[tuple[torch.Tensor, torch.Tensor]]:
 def assert_same_weights(first: RunDirectory, second: RunDirectory) -> None:
     for ours, theirs in pairs(first.last_checkpoint(), second.last_checkpoint()):
         assert torch.equal(ours, theirs)
+
+
+def configured(**given: Any) -> TrainingConfig:
+    return command._configured(command.TrainOptions(**given))  # pyright: ignore[reportPrivateUsage]
+
+
+def test_without_options_a_policy_with_memory_learns_from_a_guide_on_any_robot() -> None:
+    config = configured()
+    assert config.lessons == ("rough",)
+    assert config.steps == command.GUIDED_STEPS
+    assert config.learner.guided_decisions == command.GUIDED_DECISIONS
+    assert config.learner.memory_units == command.MEMORY_UNITS == MEMORY_UNITS
+
+
+def test_the_papers_way_is_ten_lessons_without_guide_or_memory() -> None:
+    config = configured(guide=0, memory=0)
+    assert config.lessons == tuple(str(number) for number in range(1, 11))
+    assert config.learner == LearnerSettings(memory_units=0)
+    with pytest.raises(ConfigurationError, match="add --from RUN"):
+        configured(guide=0, lesson=["rough"])
+
+
+def test_a_policy_without_memory_gets_one_that_it_does_not_heed_yet(tmp_path: Path) -> None:
+    paper = replace(TINY, learner=replace(TINY.learner, memory_units=0))
+    parent = begin_run(tmp_path / "paper", paper)
+    run_to_end(parent, paper)
+    config = configured(parent=parent.path, memory=16)
+    assert config.learner.guided_decisions == 0
+    with FetchVecEnv(robots=2, workers=1, preset="ideal") as environment:
+        learner = make_learner(environment, config.learner, seed=5)
+        restore_learner(Path(config.parent), learner, with_optimizer=False)
+        before = make_learner(environment, paper.learner, seed=6)
+        restore_learner(Path(config.parent), before, with_optimizer=True)
+        pictures = environment.reset()
+        for one in (learner, before):
+            one.policy.begin(2)
+        for _ in range(3):
+            ours, theirs = (one.policy.predict(pictures)[0] for one in (learner, before))
+            means = [
+                one.policy.predict(pictures, deterministic=True)[0] for one in (learner, before)
+            ]
+            np.testing.assert_allclose(means[0], means[1], rtol=0, atol=1e-5)
+            assert ours.shape == theirs.shape == (2, 2)
+            learner.policy.drove(ours, np.zeros(2, np.bool_))
+    with pytest.raises(ConfigurationError, match="weights of another network"):
+        restore_learner(Path(config.parent), learner, with_optimizer=True)

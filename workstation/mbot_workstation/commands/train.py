@@ -16,6 +16,11 @@ if TYPE_CHECKING:
     from mbot_workstation.training.learning.training_config import TrainingConfig
     from mbot_workstation.training.learning.training_run import TrainingResult
 
+MEMORY_UNITS = 128
+"""`learning/memory_policy.py` says the same; importing it takes seconds."""
+
+GUIDED_DECISIONS, GUIDED_STEPS = 400_000, 1_000_000
+
 _WHAT, _ROOMS, _HOW = "What to learn", "Rooms", "How"
 
 
@@ -33,8 +38,9 @@ class TrainOptions:
     )
     lesson: list[str] | None = option(
         None,
-        "Other lessons than all ten: one, a range such as 1-10, or several. Beside 1 to "
-        "10 there are blur and rough (worn robots, poor light), for trained models.",
+        "One, a range such as 1-10, or several. rough (any robot, also a worn one; any arena) if "
+        "not given; all ten, one after the other, with --guide 0. There is blur as well, for "
+        "trained models.",
         panel=_WHAT,
         metavar="NAME",
     )
@@ -46,7 +52,10 @@ class TrainOptions:
         metavar="RUN",
     )
     steps: int | None = option(
-        None, "Decisions of all robots together; 1,500,000 if not given.", panel=_WHAT, min=1
+        None,
+        "Decisions of all robots together; 1,000,000 if not given, 1,500,000 with --guide 0.",
+        panel=_WHAT,
+        min=1,
     )
     target_reward: float | None = option(
         None,
@@ -62,11 +71,11 @@ class TrainOptions:
         panel=_WHAT,
     )
     calibration: Path | None = calibration_option()
-    guide: int = option(
-        0,
-        "For the first N decisions learn from a guide as well, which knows where the "
-        "object is while the camera can see it; its weight falls to 0. Not the paper's way, "
-        "but far shorter.",
+    guide: int | None = option(
+        None,
+        "For the first N decisions learn from a guide as well, which knows what the robot is like "
+        "and where the object is while the camera can see it; its weight falls to 0. 400,000 if "
+        "not given, 0 with --from; 0 is PPO alone, as in the paper.",
         panel=_WHAT,
         metavar="N",
         min=0,
@@ -84,6 +93,13 @@ class TrainOptions:
         min=0,
         metavar="N",
     )
+    memory: int = option(
+        MEMORY_UNITS,
+        "Numbers that the policy remembers from decision to decision; 0 is the paper's network.",
+        panel=_HOW,
+        metavar="N",
+        min=0,
+    )
     robots: int = option(16, "How many learn in parallel.", panel=_HOW, min=1)
     workers: int | None = option(
         None, "Processes that simulate them; one a core if not given.", panel=_HOW, min=0
@@ -99,7 +115,7 @@ class TrainOptions:
 
 @with_options
 def train(options: TrainOptions) -> None:
-    """Train a policy in simulation: the paper's ten lessons, PPO, 16 robots at once.
+    """Train a policy in simulation: PPO, 16 robots at once, a guide for the beginning.
 
     Everything of a run is in its folder: configuration, state of the code, progress.csv, the last
     two checkpoints, TensorBoard's files, and at the end the curve. Ctrl-C saves; a crash costs at
@@ -111,7 +127,7 @@ def train(options: TrainOptions) -> None:
     - `workstation train --panorama kitchen.jpg --panorama hall.jpg --seed 3`
     - `workstation train --calibration calibration/mbot-1`
     - `workstation train --resume runs/first --steps 2000000`
-    - `workstation train --name guided --guide 400000 --lesson 1-10 --lesson rough`
+    - `workstation train --name paper --guide 0 --memory 0`
     - `workstation train --lesson blur --from runs/first --steps 300000`
     """
     import json
@@ -181,31 +197,36 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
 
     rooms = photographs(options.panorama, options.calibration)
     default = TrainingConfig()
+    guided = options.guide
+    if guided is None:
+        guided = 0 if options.parent else GUIDED_DECISIONS
+    learner = FINE_TUNING if options.parent else default.learner
+    if guided:
+        learner = replace(GUIDED, guided_decisions=guided)
     config = TrainingConfig(
-        steps=options.steps or default.steps,
+        steps=options.steps or (GUIDED_STEPS if guided else default.steps),
         robots=options.robots,
         workers=options.workers,
         seed=options.seed,
         preset=options.preset,
         calibration=read_files(options.calibration) if options.calibration else None,
-        lessons=_lessons(options.lesson) if options.lesson else default.lessons,
+        lessons=_lessons(options.lesson)
+        if options.lesson
+        else (("rough",) if guided else default.lessons),
         panoramas=tuple(str(path.resolve()) for path in rooms),
         made_up_rooms=(0 if rooms else 6)
         if options.made_up_rooms is None
         else options.made_up_rooms,
         target_reward=options.target_reward,
         device=_device(options.device),
+        learner=replace(learner, memory_units=options.memory),
     )
-    if options.guide:
-        config = replace(config, learner=replace(GUIDED, guided_decisions=options.guide))
     if options.parent is not None:
-        parent = str(find_source(options.parent).checkpoint.resolve())
-        learner = config.learner if options.guide else FINE_TUNING
-        return replace(config, parent=parent, learner=learner)
-    if config.lessons[0] in ("blur", "rough"):
+        return replace(config, parent=str(find_source(options.parent).checkpoint.resolve()))
+    if config.lessons[0] in ("blur", "rough") and not guided:
         raise ConfigurationError(
-            f"--lesson {config.lessons[0]} trains a trained model on: add --from RUN, such as "
-            "runs/first"
+            f"--lesson {config.lessons[0]} without a guide trains a trained model on: add --from "
+            "RUN, such as runs/first, or --guide 400000"
         )
     return config
 
