@@ -293,6 +293,15 @@ BESIDE = (
         (f"{CAMERA}::test_a_short_gap_of_the_camera_is_forgiven",),
     ),
     Fault(
+        "a wall, a cable",
+        (Bar("stopped after ≤ 4.5 s of driving", "stuck, stopped after s", 4.5),),
+        (
+            f"{END}/test_stuck.py",
+            "tests/robot/test_stuck.py",
+            "tests/workstation/test_stuck_simulated.py",
+        ),
+    ),
+    Fault(
         "a thread that dies, or hangs",
         (Bar("process ended ≤ 1.5 s", "ended ms", 1500),),
         (

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from mbot_agent.arming import Hold, Mode, Orders, State
+from mbot_agent.camera.stuck import StuckCheck
 from mbot_agent.configuration import Configuration
 from mbot_agent.faults import Fault
 from mbot_agent.hardware import Board, Camera, DriveCommand, Frame
@@ -66,6 +67,7 @@ class ControlLoop:
         self._observer: Observer | None = None
         self._observer_for: tuple[tuple[int, ...], FieldOfView] | None = None
         self._hold = Hold(configuration.control.longest_hold_s)
+        self._stuck = StuckCheck()
         self._resets = board.resets
         self._ticks = 0
         self.latest: Tick | None = None
@@ -85,6 +87,8 @@ class ControlLoop:
         tick = self._observe(due_ns)
         tick = self._decide(tick)
         tick = self._act(tick)
+        if (fault := self._stuck.judge(tick)) is not None:
+            self._helm.latch(fault.detail)
         self._publish(tick)
         return tick
 
@@ -101,6 +105,8 @@ class ControlLoop:
             found += [self._camera.fault, self._pilot.fault]
         if mode in (Mode.RUNNING, Mode.WAITING):
             found.append(self._link_fault())
+        if mode is Mode.STOPPED:  # why it stands; a `run` says that this is mended
+            found.append(self._stuck.fault)
         return tuple(fault for fault in found if fault is not None)
 
     def _observe(self, due_ns: int) -> Tick:

@@ -151,6 +151,38 @@ def test_a_board_that_was_reset_disarms(bench: Bench, mode: Mode) -> None:
     assert bench.helm.orders.stop.why == "the board was reset"
 
 
+def test_a_robot_that_is_stuck_disarms_and_waits_for_a_word(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive_with(bench, 0.6, 0.6)
+    clock = Clock(monkeypatch)
+    for _ in range(2):
+        for _ in range(8):
+            assert bench.tick().state is State.RUNNING
+            clock.advance(0.4)
+        bench.tick()
+        assert bench.board.asked[-1] == "stop"
+        driven = len(bench.board.commands)
+        for _ in range(10):
+            clock.advance(0.4)
+            tick = bench.tick()
+            assert (tick.state, [fault.kind for fault in tick.faults]) == (State.STOPPED, ["stuck"])
+        assert "the picture stands still" in bench.helm.orders.stop.why
+        assert len(bench.board.commands) == driven
+        assert bench.loop.faults(Mode.RUNNING) == (), "a `run` must be possible"
+        bench.run()
+    tick = bench.tick()
+    assert (tick.state, tick.faults) == (State.RUNNING, ())
+
+
+def test_a_hand_is_never_stuck(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock(monkeypatch)
+    for _ in range(20):
+        bench.helm.steer_by_hand(Joystick(-200, 200), 10**9, bench.stops)
+        assert bench.tick().state is State.MANUAL
+        clock.advance(0.4)
+
+
 def test_a_reset_of_a_board_that_stands_counts_for_nobody(bench: Bench) -> None:
     bench.board.resets += 1
     bench.tick()
