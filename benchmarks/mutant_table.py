@@ -435,6 +435,13 @@ MUTANTS = (
         f"{T}/test_journal.py::test_a_log_that_nobody_reads_blocks_nobody",
     ),
     Mutant(
+        "the model keeper logs under its lock",
+        f"{ROBOT}/models/turn.py",
+        "        if self._holder == threading.get_ident():\n",
+        "        if False:\n",
+        f"{T}/test_model_keeper.py",
+    ),
+    Mutant(
         "a crash is forgotten",
         f"{ROBOT}/process/last_end.py",
         "        if kind is None:\n",

@@ -194,6 +194,9 @@ class ControlLoop:
         """Tell the journal what has changed, and everybody who listens."""
         self._ticks += 1
         previous, self.latest = self.latest, tick
+        stop = tick.orders.stop
+        if previous is not None and stop != previous.orders.stop and stop.why:
+            log.warning("disarmed: %s; `workstation run` when that is mended", stop.why)
         before = (previous.state, previous.faults) if previous is not None else (State.IDLE, ())
         if before != (tick.state, tick.faults) and tick.state is State.FAULT:
             log.warning("not driving: %s", "; ".join(fault.detail for fault in tick.faults))

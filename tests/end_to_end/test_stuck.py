@@ -1,5 +1,6 @@
 """The virtual robot driven at the border of its arena by the real daemon."""
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +15,7 @@ from mbot_workstation.simulation.scene_renderer import TRAINING
 from mbot_workstation.virtual.camera_stream import NOISY, CameraSettings
 from mbot_workstation.virtual.stand_in import VirtualRobot, VirtualRobotSettings
 
+from ..reliability.effort import within
 from ..robot.tiny_models import constant_model
 from .processes import Daemon, until
 
@@ -45,17 +47,24 @@ def test_a_robot_at_the_border_stops_and_says_that_it_is_stuck(
     tmp_path: Path, record_property: Callable[[str, object], None]
 ) -> None:
     with driven_at_the_wall(tmp_path, NOISY) as (daemon, robot):
-        for stops in (2, 3):
+
+        def stopped_s() -> float:
+            """Of driving, until the wheels stand again; it leaves the robot at the wall."""
+            stops = daemon.status().last_stop.count
             assert until(lambda: robot.world.status().motors != STOP)
-            began_s = robot.world.status().time_s
-            assert until(lambda: daemon.status().state == State.STATE_STOPPED, 20)
+            began_s = time.monotonic()
+            assert until(lambda: robot.world.status().motors == STOP, 20)
+            took_s = time.monotonic() - began_s
+            assert until(lambda: daemon.status().state == State.STATE_STOPPED)
             status = daemon.status()
             assert [fault.kind for fault in status.faults] == ["stuck"]
-            assert status.last_stop.count == stops
-            assert until(lambda: robot.world.status().motors == STOP)
-            if stops == 3:  # it stood at the wall from the first moment on
-                record_property("stuck, stopped after s", robot.world.status().time_s - began_s)
+            assert status.last_stop.count == stops + 1
             daemon.run()
+            return took_s
+
+        stopped_s()  # it has to get there first
+        found = within(4, stopped_s)
+    record_property("stuck, stopped after s", round(max(found), 2))
 
 
 def test_without_noise_its_camera_is_believed_to_be_frozen_even_sooner(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 import pytest
 
 from mbot_agent.arming import Mode, State
+from mbot_agent.configuration import Control
 from mbot_agent.faults import Fault
 from mbot_agent.models.policy import Policy
 from mbot_agent.models.trial import Finding, Trial, Verdict
@@ -111,7 +112,9 @@ def test_a_gap_that_is_longer_than_forgiven_disarms(
     clock = Clock(monkeypatch)
     bench.tick()
     part = bench.camera if where == "camera" else bench.board
-    for gap_s, state in ((1.9, State.RUNNING), (2.1, State.STOPPED)):
+    longest_s = Control().longest_hold_s
+    assert longest_s == 2
+    for gap_s, state in ((longest_s - 0.1, State.RUNNING), (longest_s + 0.1, State.STOPPED)):
         part.fault = Fault("gone", "nobody knows where")
         assert bench.tick().state is State.FAULT
         for _ in range(10):

@@ -17,6 +17,7 @@ from mbot_protocol.picture import Picture
 PERIOD_S = 0.4
 AHEAD = Joystick(-169, 169)
 """0.6 of full speed."""
+FAST = Joystick(-255, 255)
 Look = Callable[[float], Picture]
 
 
@@ -49,19 +50,26 @@ def camera(
     return look
 
 
-def found_after_s(look: Look, joystick: Joystick = AHEAD, longest_s: float = 20.0) -> float | None:
+def found_after_s(
+    look: Look, joystick: Joystick = AHEAD, longest_s: float = 20.0, period_s: float = PERIOD_S
+) -> float | None:
     """When a robot that is driven so, and sees this, is found to be stuck."""
     check = StuckCheck()
-    for number in range(round(longest_s / PERIOD_S)):
-        if check.judge(beat(number, look(number * PERIOD_S), joystick)) is not None:
-            return round(number * PERIOD_S, 1)
+    for number in range(round(longest_s / period_s)):
+        tick = beat(number, look(number * period_s), joystick, period_s=period_s)
+        if check.judge(tick) is not None:
+            return round(number * period_s, 1)
     return None
 
 
 def beat(
-    number: int, observation: Picture | None, joystick: Joystick, mode: Mode = Mode.RUNNING
+    number: int,
+    observation: Picture | None,
+    joystick: Joystick,
+    mode: Mode = Mode.RUNNING,
+    period_s: float = PERIOD_S,
 ) -> Tick:
-    at_ns = round(number * PERIOD_S * 1e9)
+    at_ns = round(number * period_s * 1e9)
     orders = Orders(mode)
     return Tick(number, at_ns, at_ns, 0, orders, observation=observation, joystick=joystick)
 
@@ -80,7 +88,8 @@ STANDING: dict[str, Look] = {
 
 @pytest.mark.parametrize("name", STANDING)
 def test_a_picture_that_stands_still_for_3_s_of_driving_is_stuck(name: str) -> None:
-    assert found_after_s(STANDING[name]) == 3.2
+    assert found_after_s(STANDING[name]) == 3.2  # the next decision
+    assert found_after_s(STANDING[name], FAST, period_s=0.1) == 3
 
 
 MOVING: dict[str, Look] = {
@@ -103,7 +112,7 @@ def test_a_picture_that_changes_is_not(name: str) -> None:
 
 def test_creeping_takes_as_long_as_half_a_metre() -> None:
     wall = camera(plain(150), noise=1.0)
-    assert found_after_s(wall, Joystick(-255, 255)) == 3.2
+    assert found_after_s(wall, FAST) == 3.2
     # (94 - 65) / (255 - 65) of 0.3 m/s.
     assert found_after_s(wall, Joystick(-94, 94)) == pytest.approx(0.5 / 0.0458, abs=PERIOD_S)
 
