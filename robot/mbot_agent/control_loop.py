@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from mbot_agent.arming import Hold, Mode, Orders, State
+from mbot_agent.camera.stuck import StuckCheck
 from mbot_agent.configuration import Configuration
 from mbot_agent.faults import Fault
 from mbot_agent.hardware import Board, Camera, DriveCommand, Frame
@@ -66,6 +67,7 @@ class ControlLoop:
         self._observer: Observer | None = None
         self._observer_for: tuple[tuple[int, ...], FieldOfView] | None = None
         self._hold = Hold(configuration.control.longest_hold_s)
+        self._stuck = StuckCheck()
         self._resets = board.resets
         self._ticks = 0
         self.latest: Tick | None = None
@@ -85,7 +87,7 @@ class ControlLoop:
         tick = self._observe(due_ns)
         tick = self._decide(tick)
         tick = self._act(tick)
-        self._remember(tick)
+        self._reflect(tick)
         self._publish(tick)
         return tick
 
@@ -102,6 +104,8 @@ class ControlLoop:
             found += [self._camera.fault, self._pilot.fault]
         if mode in (Mode.RUNNING, Mode.WAITING):
             found.append(self._link_fault())
+        if mode is Mode.STOPPED:  # why it stands; a `run` says that this is mended
+            found.append(self._stuck.fault)
         return tuple(fault for fault in found if fault is not None)
 
     def _observe(self, due_ns: int) -> Tick:
@@ -187,19 +191,25 @@ class ControlLoop:
         self._camera.drives(not joystick.is_stop)
         return replace(tick, steps=steps, joystick=joystick, delivery=delivery)
 
-    def _remember(self, tick: Tick) -> None:
-        """A policy with memory goes on from what its action did, and only without a break: in a
-        decision that was held, refused or missed the robot did something else.
+    def _reflect(self, tick: Tick) -> None:
+        """What follows for the next beat. A policy with memory goes on from what its action did, and
+        only without a break: in a decision that was held, refused or missed the robot did something
+        else. A robot that is stuck is disarmed.
         """
         if tick.steps is not None and tick.delivery is not None:
             self._pilot.drove(*tick.steps.action)
         else:
             self._pilot.forget()
+        if (fault := self._stuck.judge(tick)) is not None:
+            self._helm.latch(fault.detail)
 
     def _publish(self, tick: Tick) -> None:
         """Tell the journal what has changed, and everybody who listens."""
         self._ticks += 1
         previous, self.latest = self.latest, tick
+        stop = tick.orders.stop
+        if previous is not None and stop != previous.orders.stop and stop.why:
+            log.warning("disarmed: %s; `workstation run` when that is mended", stop.why)
         before = (previous.state, previous.faults) if previous is not None else (State.IDLE, ())
         if before != (tick.state, tick.faults) and tick.state is State.FAULT:
             log.warning("not driving: %s", "; ".join(fault.detail for fault in tick.faults))

@@ -5,15 +5,12 @@ The control loop and the command service both move the wheels, but only through 
 does not know of it is obeyed.
 """
 
-import logging
 import threading
 import time
 
 from mbot_agent.arming import Mode, Orders
 from mbot_agent.hardware import Board, DriveCommand
 from mbot_protocol.mcore import Joystick
-
-log = logging.getLogger(__name__)
 
 
 class Helm:
@@ -53,14 +50,16 @@ class Helm:
             self._board.stop()
 
     def latch(self, why: str) -> None:
-        """Disarm a robot that is armed, for a reason that it must not forgive by itself."""
+        """Disarm a robot that is armed, for a reason that it must not forgive by itself.
+
+        The loop's next beat writes it into the log: who calls may hold a lock.
+        """
         with self._lock:
             if not self._orders.is_armed:
                 return
             self._orders = self._orders.stopped(time.monotonic_ns(), why=why)
             self._board.disarm()
             self._board.stop()
-        log.warning("disarmed: %s; `workstation run` when that is mended", why)
 
     def begin(self, orders: Orders) -> None:
         """What these orders were waiting for has come."""

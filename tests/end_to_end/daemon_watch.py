@@ -46,8 +46,8 @@ class Observer:
     def missed_in(self, seconds: float) -> int:
         """Decisions missed within a time; the bar is 0.
 
-        Checked is that most were made: on a machine that has no time some are missed whatever the
-        network does, while a loop that waits for the network misses them all.
+        On a machine that has no time some are missed whatever the network does, while a loop that
+        waits for the network misses them all: whoever asks may try again.
         """
         before = self.status()
         time.sleep(seconds)

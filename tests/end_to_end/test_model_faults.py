@@ -125,8 +125,9 @@ def test_a_model_that_answers_nan_stops_the_robot_and_is_rolled_back_after_3(
             assert link.status().active_model.name == "good"
         failed = [d for d in decisions if d.model_sha256 == digest(bad)]
         assert len([d for d in failed if d.faults]) >= 3
-        assert {(d.board_m1, d.board_m2) for d in failed} == {(0, 0)}
-        record_property("decisions with the bad model that moved a motor", 0)
+        moved = sum((d.board_m1, d.board_m2) != (0, 0) for d in failed)
+        record_property("decisions with the bad model that moved a motor", moved)
+        assert moved == 0
         record_property("decisions until the bad one was gone", len(failed))
         # The one before it is in use, and waits for somebody's word.
         mark = len(board.commands)

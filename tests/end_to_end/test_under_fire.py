@@ -25,6 +25,7 @@ from mbot_workstation.link.address import parse_address
 from mbot_workstation.link.remote_control import RemoteControl
 from mbot_workstation.link.robot_session import open_session
 
+from ..reliability.effort import within
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
 from .daemon_watch import Observer, PeakMemory, open_files, resident_mb
@@ -98,9 +99,8 @@ def test_malformed_messages_are_refused_and_a_stop_gets_through(
     daemon: Daemon, running: Process, record_property: Record
 ) -> None:
     stops_ms: list[float] = []
-    ending = threading.Event()
 
-    def stop_again_and_again(control: RemoteControl) -> None:
+    def stop_again_and_again(control: RemoteControl, ending: threading.Event) -> None:
         while not ending.wait(0.05):
             asked_s = time.monotonic()
             assert control.stop() == "stopped"
@@ -108,22 +108,29 @@ def test_malformed_messages_are_refused_and_a_stop_gets_through(
 
     with Observer(daemon.address) as observer, daemon.link() as link:
         before_mb = resident_mb(running.pid)
-        stopping = threading.Thread(target=stop_again_and_again, args=(RemoteControl(link),))
-        stopping.start()
-        try:
-            for number, topic in enumerate(QUERIES):
-                answered = fire(observer.session, topic.key(ROBOT_ID), random.Random(number))
-                assert answered >= MALFORMED, topic.name
-        finally:
-            ending.set()
-            stopping.join()
+
+        def worst_ms() -> float:
+            ending, known = threading.Event(), len(stops_ms)
+            arguments = (RemoteControl(link), ending)
+            stopping = threading.Thread(target=stop_again_and_again, args=arguments)
+            stopping.start()
+            try:
+                for number, topic in enumerate(QUERIES):
+                    answered = fire(observer.session, topic.key(ROBOT_ID), random.Random(number))
+                    assert answered >= MALFORMED, topic.name
+            finally:
+                ending.set()
+                stopping.join()
+            assert len(stops_ms) > known + 5
+            return max(stops_ms[known:])
+
+        worst = within(100, worst_ms)
         growth_mb = resident_mb(running.pid) - before_mb
         record_property("messages", MALFORMED * len(QUERIES))
         record_property("stops meanwhile", len(stops_ms))
         record_property("stop p50 ms", round(statistics.median(stops_ms), 1))
-        record_property("stop worst ms", round(max(stops_ms), 1))
+        record_property("stop worst ms", round(max(worst), 1))
         record_property("memory MB", round(growth_mb, 1))
-        assert len(stops_ms) > 5
         assert statistics.median(stops_ms) <= 100
         assert growth_mb <= 20
         assert running.is_running()
@@ -272,6 +279,7 @@ def test_no_more_sessions_than_may_be_and_those_there_are_go_on(
 ) -> None:
     endpoint = parse_address(daemon.address)
     with ExitStack() as stack, daemon.link() as link:
+        assert MOST_SESSIONS == 32
         for _ in range(MOST_SESSIONS - 1):
             stack.enter_context(open_session(endpoint, None))
         with pytest.raises(UnreachableError, match="as many workstations as it may"):

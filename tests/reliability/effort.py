@@ -14,6 +14,9 @@ REPEATS = int(os.environ.get("MBOT_REPEATS", "1"))
 FUZZ_CASES = int(os.environ.get("MBOT_FUZZ_CASES", "2000"))
 """Inputs for each parser."""
 
+GARBAGE_CASES = int(os.environ.get("MBOT_GARBAGE_CASES", str(FUZZ_CASES)))
+"""Pieces of garbage from the board."""
+
 SOAK_DECISIONS = int(os.environ.get("MBOT_SOAK_DECISIONS", "600"))
 
 TRIES = 3

@@ -54,5 +54,7 @@ def test_a_disk_that_takes_nothing_keeps_the_old_model_and_the_robot_driving(
         with daemon.start():
             assert daemon.is_up()
             loaded = daemon.status().active_model
-    record_property("old model loads %", 100 * (loaded.name == "constant"))
+    loads_percent = 100 * (loaded.name == "constant")
+    record_property("old model loads %", loads_percent)
+    assert loads_percent == 100
     assert loaded.size_bytes == len(FORWARD)

@@ -1,5 +1,6 @@
 """Rows of the fault table: a slow inference, SIGTERM in motion, SIGKILL, a clock that jumps."""
 
+import itertools
 import re
 import signal
 import statistics
@@ -164,7 +165,10 @@ def test_a_clock_that_jumps_by_ten_years_changes_nothing(
         link = stack.enter_context(daemon.link())
         before = link.status()
         assert wall_clock_s(link) == pytest.approx(time.time(), abs=3600)
-        for jump_s in (TEN_YEARS_S, -TEN_YEARS_S):
+        jumps_s = itertools.cycle((TEN_YEARS_S, -TEN_YEARS_S))
+
+        def missed() -> float:
+            jump_s, first = next(jumps_s), link.status()
             mark, began_s = len(board.commands), time.monotonic()
             with clock.open("r+b") as file:
                 file.write(jump_s.to_bytes(8, sys.byteorder, signed=True))
@@ -175,9 +179,11 @@ def test_a_clock_that_jumps_by_ten_years_changes_nothing(
             assert board.wait_for(*FORWARD_BOARD)
             driven = sum(command[1:] == FORWARD_BOARD for command in board.commands[mark:])
             assert driven > 3 * (time.monotonic() - began_s)
+            return link.status().missed_ticks - first.missed_ticks
+
+        found = [*within(0, missed), *within(0, missed)]  # there and back
         after = link.status()
-    record_property("missed decisions", after.missed_ticks - before.missed_ticks)
-    assert after.decisions - before.decisions > after.missed_ticks - before.missed_ticks
+    record_property("missed decisions", max(found))
     assert after.session_id == before.session_id
 
 

@@ -18,7 +18,7 @@ from mbot_protocol.mcore import Joystick
 
 from ..end_to_end.processes import until
 from ..robot.fake_board import FakeBoard
-from .effort import FUZZ_CASES
+from .effort import GARBAGE_CASES
 
 FULL_SPEED = Joystick(-255, 255)
 PIECES = (
@@ -93,12 +93,12 @@ def attack(seed: int, cases: int) -> tuple[int, int]:
 @pytest.mark.timeout(7200)
 def test_garbage_from_the_board_ends_stopped(record_property: Record) -> None:
     """A case counts only if the wheels were turning at full speed when the garbage came."""
-    cases = FUZZ_CASES // AT_ONCE
+    cases = GARBAGE_CASES // AT_ONCE
     with ThreadPoolExecutor(AT_ONCE) as boards:
         found = list(boards.map(lambda seed: attack(seed, cases), range(AT_ONCE)))
     turning, not_stopped = (sum(column) for column in zip(*found, strict=True))
-    record_property("cases", turning)
-    record_property("of all %", round(100 * turning / (cases * AT_ONCE), 1))
+    share_percent = 100 * turning / (cases * AT_ONCE)
+    record_property("at full speed %", round(share_percent, 1))
     record_property("not stopped", not_stopped)
-    assert turning >= 0.95 * cases * AT_ONCE
+    assert share_percent >= 95, "the others prove nothing: their wheels stood anyway"
     assert not_stopped == 0

@@ -4,6 +4,7 @@ from collections.abc import Callable
 import pytest
 
 from mbot_agent.arming import Mode, State
+from mbot_agent.configuration import Control
 from mbot_agent.faults import Fault
 from mbot_agent.models.policy import Policy
 from mbot_agent.models.trial import Finding, Trial, Verdict
@@ -111,7 +112,9 @@ def test_a_gap_that_is_longer_than_forgiven_disarms(
     clock = Clock(monkeypatch)
     bench.tick()
     part = bench.camera if where == "camera" else bench.board
-    for gap_s, state in ((1.9, State.RUNNING), (2.1, State.STOPPED)):
+    longest_s = Control().longest_hold_s
+    assert longest_s == 2
+    for gap_s, state in ((longest_s - 0.1, State.RUNNING), (longest_s + 0.1, State.STOPPED)):
         part.fault = Fault("gone", "nobody knows where")
         assert bench.tick().state is State.FAULT
         for _ in range(10):
@@ -149,6 +152,38 @@ def test_a_board_that_was_reset_disarms(bench: Bench, mode: Mode) -> None:
     bench.board.resets += 1
     assert bench.tick().state is State.STOPPED
     assert bench.helm.orders.stop.why == "the board was reset"
+
+
+def test_a_robot_that_is_stuck_disarms_and_waits_for_a_word(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive_with(bench, 0.6, 0.6)
+    clock = Clock(monkeypatch)
+    for _ in range(2):
+        for _ in range(8):
+            assert bench.tick().state is State.RUNNING
+            clock.advance(0.4)
+        bench.tick()
+        assert bench.board.asked[-1] == "stop"
+        driven = len(bench.board.commands)
+        for _ in range(10):
+            clock.advance(0.4)
+            tick = bench.tick()
+            assert (tick.state, [fault.kind for fault in tick.faults]) == (State.STOPPED, ["stuck"])
+        assert "the picture stands still" in bench.helm.orders.stop.why
+        assert len(bench.board.commands) == driven
+        assert bench.loop.faults(Mode.RUNNING) == (), "a `run` must be possible"
+        bench.run()
+    tick = bench.tick()
+    assert (tick.state, tick.faults) == (State.RUNNING, ())
+
+
+def test_a_hand_is_never_stuck(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock(monkeypatch)
+    for _ in range(20):
+        bench.helm.steer_by_hand(Joystick(-200, 200), 10**9, bench.stops)
+        assert bench.tick().state is State.MANUAL
+        clock.advance(0.4)
 
 
 def test_a_reset_of_a_board_that_stands_counts_for_nobody(bench: Bench) -> None:

@@ -181,7 +181,7 @@ class ModelLife(RuleBasedStateMachine):
         if not self.had_one:
             return
         assert self.robot.active
-        with self.robot.keeper._lock:  # pyright: ignore[reportPrivateUsage]
+        with self.robot.keeper._turn:  # pyright: ignore[reportPrivateUsage]
             copy = shutil.copytree(self.directory, self.folder / "copy", dirs_exist_ok=False)
         self.patched.undo()
         again = Robot(copy, keep=2)

@@ -87,6 +87,9 @@ def test_exposure_is_low() -> None:
         check=False,
     )
     assert result.returncode == 0, result.stdout + result.stderr
+    told = re.search(r"Overall exposure level for .*: ([\d.]+)", result.stdout)
+    assert told is not None
+    assert float(told[1]) <= 1.6
 
 
 @pytest.mark.parametrize(

@@ -57,6 +57,17 @@ def test_percentiles_are_values_that_occurred(share: float, value: float) -> Non
     assert percentile(range(100, 0, -1), share) == value
 
 
+def test_a_robot_that_is_stuck_is_shown_as_stopped_and_why() -> None:
+    window, stuck = TelemetryWindow(), decision(0)
+    stuck.state = State.STATE_STOPPED
+    stuck.faults.add(kind="stuck", detail="the picture stands still")
+    window.add(Sample(stuck, 0.0))
+    shown = drawn(window)
+    assert "stopped" in shown
+    assert "the picture stands still" in shown
+    assert "the picture stands still" in plain_line("mbot-1", window, LinkState.LIVE, 0)
+
+
 def test_a_percentile_of_nothing_is_an_error() -> None:
     with pytest.raises(ValueError, match="0 values"):
         percentile([], 0.5)

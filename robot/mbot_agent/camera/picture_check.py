@@ -96,11 +96,13 @@ class PictureCheck:
         elif self._stands_still_too_long(captured_ns):
             self._frozen = True
         if self._frozen:
-            return Fault(
-                "camera-frozen",
-                "the camera repeats the same picture: restart it; for a simulated camera without "
-                'noise set camera.identical_frames = "refuse-while-driving"',
+            mend = (
+                "restart it; for a simulated camera without noise set camera.identical_frames = "
+                '"refuse-while-driving"'
+                if self._refuse_identical
+                else "restart it; or free the robot, if it is stuck"
             )
+            return Fault("camera-frozen", f"the camera repeats the same picture: {mend}")
         if is_black(picture):
             return Fault("camera-black", "the picture is black: lens cap, light or cable?")
         return None

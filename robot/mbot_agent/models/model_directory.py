@@ -55,7 +55,13 @@ class StoredModel(msgspec.Struct, frozen=True):
 
 
 class ModelDirectory:
-    """The directory of models. Only one thread at a time may change it."""
+    """The directory of models. Only one thread at a time may change it.
+
+    Attributes:
+        say: takes what is worth a line in the log: level, line, values. Whoever calls under a lock
+            puts something here that waits.
+
+    """
 
     def __init__(self, directory: Path, keep: int) -> None:
         """Use `directory`, made if missing; keep at most `keep` models.
@@ -66,6 +72,7 @@ class ModelDirectory:
         """
         self._directory = directory
         self._keep = keep
+        self.say: Callable[..., None] = log.log
         try:
             directory.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -87,7 +94,7 @@ class ModelDirectory:
         try:
             return self._read_activation()
         except OSError as error:
-            log.error("which model is active can't be read: %s", error.strerror)
+            self.say(logging.ERROR, "which model is active can't be read: %s", error.strerror)
             return Activation()
 
     def models(self) -> list[StoredModel]:
@@ -210,7 +217,7 @@ class ModelDirectory:
         except FileNotFoundError:
             return Activation()
         except (msgspec.DecodeError, UnicodeDecodeError) as error:
-            log.error("%s is damaged: %s", self._activation_path, error)
+            self.say(logging.ERROR, "%s is damaged: %s", self._activation_path, error)
             return Activation()
 
     def _forget_oldest(self) -> None:
@@ -220,7 +227,7 @@ class ModelDirectory:
         try:
             stored = self.models()
         except RefusedError as error:
-            log.warning("no room was made for further models: %s", error)
+            self.say(logging.WARNING, "no room was made for further models: %s", error)
             return
         spare = [model for model in stored if model.sha256 not in needed]
         room = self._keep - (len(stored) - len(spare))

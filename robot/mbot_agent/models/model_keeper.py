@@ -1,6 +1,7 @@
 """Keeps the robot supplied with a working model: loads, activates, and goes back when one fails.
 
-Pushes and the control loop's verdicts come from different threads; a lock makes them take turns.
+Pushes and the control loop's verdicts come from different threads, which take turns; nothing is
+logged meanwhile.
 The loop itself never waits here: its verdicts are carried out by a thread of their own.
 """
 
@@ -20,6 +21,7 @@ from mbot_agent.models.model_notices import model_notices
 from mbot_agent.models.policy import Policy
 from mbot_agent.models.trial import Finding, Trial, Verdict
 from mbot_agent.models.trust import Admission, Trust
+from mbot_agent.models.turn import Turn
 from mbot_protocol.errors import MbotError, RefusedError
 
 log = logging.getLogger(__name__)
@@ -74,7 +76,8 @@ class ModelKeeper:
         self._clean_decisions = clean_decisions
         self._use = use
         self._changes = changes
-        self._lock = threading.Lock()
+        self._turn = Turn()
+        store.say = self._turn.say
         self._in_use: InUse | None = None
         self._unusable = ""
         self.notices: tuple[Notice, ...] = ()
@@ -93,7 +96,7 @@ class ModelKeeper:
     ) -> None:
         self._verdicts.put(None)
         self._thread.join(timeout=END_WAIT_S)
-        if kind is None and self._lock.acquire(timeout=END_WAIT_S):
+        if kind is None and self._turn.taken_within(END_WAIT_S):
             self._change("end", Activation.survived)  # an orderly end is no crash
 
     @property
@@ -110,11 +113,11 @@ class ModelKeeper:
         """At start: use the active model. If it can't be used, or has crashed the daemon at its
         last starts, use the one to go back to.
         """
-        with self._lock:
+        with self._turn:
             self._store.sweep()
             self._end_crash_loop()
             for notice in self._notices():
-                log.warning("%s", notice.detail)
+                self._turn.say(logging.WARNING, "%s", notice.detail)
             activation = self._store.activation
             for sha256 in (activation.active, *self._store.successors(activation.active)):
                 unproven = sha256 not in activation.proven
@@ -127,11 +130,13 @@ class ModelKeeper:
                     self._adopt(Policy(data), signer)
                     return
                 except MbotError as error:
-                    log.error("model %s cannot be used: %s", sha256[:12], error)
+                    self._turn.say(logging.ERROR, "model %s cannot be used: %s", sha256[:12], error)
                     if sha256 == activation.active:
                         self._unusable = str(error)
             self.notices = self._notices()
-            log.warning("no model to drive with: `workstation push-model` sends one")
+            self._turn.say(
+                logging.WARNING, "no model to drive with: `workstation push-model` sends one"
+            )
 
     def install(self, data: bytes, expected_active: str, admission: Admission) -> Policy:
         """Store a model that has passed its dry run and make it active.
@@ -145,7 +150,7 @@ class ModelKeeper:
         policy = Policy(data)
         signed = admission.signed.to_text() if admission.signed is not None else ""
         label = Label(policy.metadata.name, policy.metadata.decision_rate_hz, signed)
-        with self._lock:
+        with self._turn:
             self.check_active(expected_active)
             self._store.add(policy.sha256, data, label)
             self._trust.note(admission)
@@ -173,7 +178,7 @@ class ModelKeeper:
             RefusedError: it can't be used, or the disk refuses.
 
         """
-        with self._lock:
+        with self._turn:
             try:
                 policy, signer = self._load(sha256)
             except MbotError as error:
@@ -186,7 +191,7 @@ class ModelKeeper:
     def carry_out(self, verdict: Verdict) -> None:
         """Do what follows from a verdict on the model in use; an outdated one changes nothing."""
         sha256 = verdict.sha256
-        with self._lock:
+        with self._turn:
             if sha256 != self.active_sha256:
                 return  # a person was faster
             if verdict.finding is Finding.BROKEN:
@@ -196,7 +201,7 @@ class ModelKeeper:
             elif self._change("proof", lambda a: a.proved(sha256)):
                 if self._in_use is not None:
                     self._in_use = replace(self._in_use, proven=True)
-                log.info("model %s has proven itself", sha256[:12])
+                self._turn.say(logging.INFO, "model %s has proven itself", sha256[:12])
 
     def check_active(self, expected_sha256: str) -> None:
         """Compare and swap: nobody undoes what he has not seen.
@@ -229,7 +234,8 @@ class ModelKeeper:
         self._in_use = InUse(policy, signer, stored_ns, proven)
         self._use(policy, Trial(policy.sha256, needed, self._verdicts.put))
         self.notices = self._notices()
-        log.info(
+        self._turn.say(
+            logging.INFO,
             "model %s (%s, %s) is active%s",
             policy.sha256[:12],
             policy.metadata.name,
@@ -247,9 +253,9 @@ class ModelKeeper:
             return
         successors = self._store.successors(sha256)
         if not successors:
-            log.error("model %s: %s, and there is no other", sha256[:12], why)
+            self._turn.say(logging.ERROR, "model %s: %s, and there is no other", sha256[:12], why)
             return
-        log.error("model %s is rolled back: %s", sha256[:12], why)
+        self._turn.say(logging.ERROR, "model %s is rolled back: %s", sha256[:12], why)
         self._change("roll-back", lambda a: a.rolled_back(sha256, successors[0], why))
 
     def _run(self) -> None:
@@ -263,10 +269,12 @@ class ModelKeeper:
         """Replace a model that fails by the best other one that loads."""
         loaded = self._first_usable(self._store.successors(sha256))
         if loaded is None:
-            log.error("model %s fails and there is no other: %s", sha256[:12], reason)
+            self._turn.say(
+                logging.ERROR, "model %s fails and there is no other: %s", sha256[:12], reason
+            )
             return
         policy, signer = loaded
-        log.error("model %s is rolled back: %s", sha256[:12], reason)
+        self._turn.say(logging.ERROR, "model %s is rolled back: %s", sha256[:12], reason)
         self._change("roll-back", lambda a: a.rolled_back(sha256, policy.sha256, reason))
         self._changes("the model failed and was rolled back")
         self._adopt(policy, signer)
@@ -276,7 +284,7 @@ class ModelKeeper:
             try:
                 return self._load(sha256)
             except MbotError as error:
-                log.error("model %s cannot be used: %s", sha256[:12], error)
+                self._turn.say(logging.ERROR, "model %s cannot be used: %s", sha256[:12], error)
         return None
 
     def _change(self, what: str, step: Callable[[Activation], Activation]) -> bool:
@@ -284,7 +292,7 @@ class ModelKeeper:
         try:
             self._store.change(step)
         except RefusedError as error:
-            log.warning("the model's %s was not noted: %s", what, error)
+            self._turn.say(logging.WARNING, "the model's %s was not noted: %s", what, error)
             return False
         return True
 

@@ -91,9 +91,11 @@ class ModelService:
     def expire_staging(self) -> None:
         """Free the memory of a push whose sender has fallen silent. Any thread may call it."""
         with self._staging_lock:
-            if self._staging is not None and self._staging.has_expired:
-                log.warning("a push of %s was never finished", self._staging.sha256[:12])
-                self._staging = None
+            expired = self._staging
+            if expired is None or not expired.has_expired:
+                return
+            self._staging = None
+        log.warning("a push of %s was never finished", expired.sha256[:12])
 
     def nonce(self, payload: bytes) -> bytes:
         """Reply to `models/push/nonce`."""

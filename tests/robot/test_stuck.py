@@ -1,0 +1,151 @@
+"""Whether the picture stands still while the wheels turn; pictures made by hand."""
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mbot_agent.arming import Mode, Orders
+from mbot_agent.camera.stuck import StuckCheck
+from mbot_agent.tick import Tick
+from mbot_protocol.mcore import STOP, Joystick
+from mbot_protocol.picture import Picture
+
+PERIOD_S = 0.4
+AHEAD = Joystick(-169, 169)
+"""0.6 of full speed."""
+FAST = Joystick(-255, 255)
+Look = Callable[[float], Picture]
+
+
+def scene(seed: int = 0) -> np.ndarray:
+    """Something to see, soft as a lens shows it. Shape (64, 128, 3), float."""
+    rough = np.random.default_rng(seed).uniform(40, 200, (8, 16, 3))
+    return cv2.resize(rough, (128, 64), interpolation=cv2.INTER_CUBIC).clip(0, 255)
+
+
+def plain(level: float) -> np.ndarray:
+    return np.full((64, 128, 3), float(level))
+
+
+def camera(
+    light: np.ndarray,
+    *,
+    noise: float = 0.0,
+    exposure: Callable[[float], float] = lambda _: 1.0,
+    turn_px_s: float = 0.0,
+) -> Look:
+    """What a camera shows of the left half, or of what lies further right once it turns."""
+    rng = np.random.default_rng(1)
+
+    def look(time_s: float) -> Picture:
+        shift = np.array([[1, 0, -turn_px_s * time_s], [0, 1, 0]], np.float64)
+        turned = cv2.warpAffine(light, shift, (128, 64), borderMode=cv2.BORDER_WRAP)[:, :64]
+        seen = turned * exposure(time_s) + rng.normal(0, noise, turned.shape)
+        return seen.round().clip(0, 255).astype(np.uint8)
+
+    return look
+
+
+def found_after_s(
+    look: Look, joystick: Joystick = AHEAD, longest_s: float = 20.0, period_s: float = PERIOD_S
+) -> float | None:
+    """When a robot that is driven so, and sees this, is found to be stuck."""
+    check = StuckCheck()
+    for number in range(round(longest_s / period_s)):
+        tick = beat(number, look(number * period_s), joystick, period_s=period_s)
+        if check.judge(tick) is not None:
+            return round(number * period_s, 1)
+    return None
+
+
+def beat(
+    number: int,
+    observation: Picture | None,
+    joystick: Joystick,
+    mode: Mode = Mode.RUNNING,
+    period_s: float = PERIOD_S,
+) -> Tick:
+    at_ns = round(number * period_s * 1e9)
+    orders = Orders(mode)
+    return Tick(number, at_ns, at_ns, 0, orders, observation=observation, joystick=joystick)
+
+
+STANDING: dict[str, Look] = {
+    "no noise": camera(scene()),
+    "noise": camera(scene(), noise=1.0),
+    "much noise": camera(scene(), noise=3.0),
+    "exposure settles": camera(scene(), noise=1.0, exposure=lambda s: 1 - 0.4 * 0.6**s),
+    "exposure hunts": camera(scene(), noise=1.0, exposure=lambda s: 1 + 0.1 * np.sin(s)),
+    "a plain wall": camera(plain(150)),
+    "a plain wall, noise": camera(plain(150), noise=1.0),
+    "a plain wall, rounding": camera(plain(150), exposure=lambda s: 1 + 0.002 * np.sin(9 * s)),
+}
+
+
+@pytest.mark.parametrize("name", STANDING)
+def test_a_picture_that_stands_still_for_3_s_of_driving_is_stuck(name: str) -> None:
+    assert found_after_s(STANDING[name]) == 3.2  # the next decision
+    assert found_after_s(STANDING[name], FAST, period_s=0.1) == 3
+
+
+MOVING: dict[str, Look] = {
+    "a slow turn": camera(scene(), noise=3.0, turn_px_s=1.0),
+    "a turn": camera(scene(), turn_px_s=30.0),
+    "a carpet": camera(
+        np.random.default_rng(2).uniform(60, 190, (64, 128, 1)).repeat(3, 2), turn_px_s=3.0
+    ),
+    "from a scene to a plain wall and back": lambda s: camera(
+        scene() if int(s / PERIOD_S) % 2 else plain(120)
+    )(s),
+    "light that is switched": lambda s: camera(scene() * (0.3 if int(s) % 2 else 1.0))(s),
+}
+
+
+@pytest.mark.parametrize("name", MOVING)
+def test_a_picture_that_changes_is_not(name: str) -> None:
+    assert found_after_s(MOVING[name]) is None
+
+
+def test_creeping_takes_as_long_as_half_a_metre() -> None:
+    wall = camera(plain(150), noise=1.0)
+    assert found_after_s(wall, FAST) == 3.2
+    # (94 - 65) / (255 - 65) of 0.3 m/s.
+    assert found_after_s(wall, Joystick(-94, 94)) == pytest.approx(0.5 / 0.0458, abs=PERIOD_S)
+
+
+@given(st.integers(-65, 65), st.integers(-65, 65))
+def test_in_the_dead_band_nobody_is_stuck(m1: int, m2: int) -> None:
+    assert found_after_s(lambda _: np.full((64, 64, 3), 90, np.uint8), Joystick(m1, m2)) is None
+
+
+def test_to_and_fro_leads_nowhere() -> None:
+    check, still = StuckCheck(), scene()[:, :64].astype(np.uint8)
+    for number in range(50):
+        joystick = Joystick(-200, 200) if number % 2 else Joystick(200, -200)
+        assert check.judge(beat(number, still, joystick)) is None
+
+
+@pytest.mark.parametrize("gap", [STOP, None])
+def test_it_is_3_s_without_a_pause(gap: Joystick | None) -> None:
+    check, still = StuckCheck(), scene()[:, :64].astype(np.uint8)
+    for number in range(40):
+        pause = number % 8 == 7
+        seen = None if pause and gap is None else still
+        told = STOP if pause and gap is not None else AHEAD
+        assert check.judge(beat(number, seen, told)) is None
+
+
+def test_it_is_said_until_somebody_sets_the_robot_in_motion() -> None:
+    check, still = StuckCheck(), scene()[:, :64].astype(np.uint8)
+    fault = next(filter(None, (check.judge(beat(n, still, AHEAD)) for n in range(20))))
+    assert fault.kind == "stuck"
+    assert "3.2 s" in fault.detail
+    for number in range(20, 40):
+        assert check.judge(beat(number, still, STOP, Mode.STOPPED)) is None
+        assert check.fault == fault
+    check.judge(beat(40, still, AHEAD))
+    assert check.fault is None
