@@ -19,9 +19,10 @@ import numpy as np
 from machine import machine
 from numpy.typing import NDArray
 
-from mbot_workstation.calibration.camera.camera_fit import CameraFit, fit_camera
+from mbot_workstation.calibration.camera.board_detection import Sighting
+from mbot_workstation.calibration.camera.camera_fit import fit_camera
 from mbot_workstation.calibration.camera.camera_pictures import look_for_boards
-from mbot_workstation.calibration.camera.sighting import Sighting
+from mbot_workstation.calibration.camera.picture_sizes import View, error_px
 from mbot_workstation.targets.specifications import Board
 from mbot_workstation.training.evaluation.provenance import provenance
 
@@ -99,36 +100,16 @@ def by_ours(sightings: list[Sighting], paths: list[Path], *, keep_outliers: bool
     held_out = []
     for index, left_out in enumerate(kept):
         others = fit_camera([*kept[:index], *kept[index + 1 :]], keep_outliers=True)
-        held_out.append(_error_px(others, left_out))
+        seen = View.of(left_out, others.camera.width_px, others.camera.height_px)
+        held_out.append(error_px(seen, others.camera))
     camera = fit.camera
     return Result(
         f"{len(kept)} of {len(paths)}",
-        _of_all(fit),
+        fit.error_px,
         float(np.median(held_out)),
         (camera.focal_x_px, camera.focal_y_px),
         (camera.principal_x_px, camera.principal_y_px),
     )
-
-
-def _of_all(fit: CameraFit) -> float:
-    squares = [(one.residuals_px**2).sum(axis=1) for one in fit.pictures if one.kept]
-    return float(np.sqrt(np.concatenate(squares).mean()))
-
-
-def _error_px(fit: CameraFit, sighting: Sighting) -> float:
-    camera = fit.camera
-    matrix = np.array(
-        [
-            [camera.focal_x_px, 0, camera.principal_x_px],
-            [0, camera.focal_y_px, camera.principal_y_px],
-            [0, 0, 1],
-        ]
-    )
-    lens = np.array(camera.distortion)
-    points, corners = sighting.board.points_m, sighting.board.corners_px
-    _, turn, way = cv2.solvePnP(points, corners, matrix, lens)
-    there, _ = cv2.projectPoints(points, turn, way, matrix, lens)
-    return float(np.sqrt(((there.reshape(-1, 2) - corners) ** 2).sum(axis=1).mean()))
 
 
 def page(results: dict[str, dict[str, Result]], command: str) -> str:

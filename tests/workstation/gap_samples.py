@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
-from mbot_workstation.gap_report.compared_run import ComparedRun
-from mbot_workstation.gap_report.missing import missing_parts
-from mbot_workstation.gap_report.report import GapReport, driven, judged
+from mbot_workstation.gap_report.compare import ComparedRun
+from mbot_workstation.gap_report.figures import driving
+from mbot_workstation.gap_report.quantities import quantities
+from mbot_workstation.gap_report.report import GapReport, missing_parts
+from mbot_workstation.gap_report.verdict import judge
 from mbot_workstation.recordings.maneuver import MANEUVERS, Maneuver
 from mbot_workstation.recordings.track import Array
 from mbot_workstation.training.studies.tolerance_file import MapAxis, RewardMap, Tolerances
@@ -93,26 +95,21 @@ def report(
     **changes: object,
 ) -> GapReport:
     """A report about these runs without frames."""
-    figures = driven(runs)
-    names = [one.name for one in figures.maneuvers]
+    driven = driving(runs)
+    folder = Path("recordings/mbot-1")
     fields: dict[str, object] = {
         "robot_id": "mbot-1",
         "made_on": "2026-11-21",
-        "recordings": ("recordings/mbot-1",),
+        "recordings": (str(folder),),
         "recorded_runs": 2 * len(runs),
         "held_out_words": "Every other repetition.",
         "left_out": {},
         "files": files,
-        "maneuvers": figures.maneuvers,
-        "rates": figures.rates,
-        "calibrated": figures.calibrated,
-        "nominal": figures.nominal,
-        "judged": judged(files, figures.rates, maps),
+        "driving": driven,
+        "judged": tuple(judge(one, maps) for one in quantities(files, runs)),
         "tolerances": maps,
         "frames": (),
-        "frames_words": "There is none.",
-        "missing": missing_parts(
-            files, Path("recordings/mbot-1"), names, tolerances=maps, has_frames=False
-        ),
+        "given_frames": 0,
+        "missing": missing_parts(files, folder, tuple(driven.maneuvers), maps, has_frames=False),
     }
     return GapReport(**(fields | changes))  # type: ignore[arg-type]

@@ -10,7 +10,7 @@ from mbot_protocol.camera_model import nominal_pi_camera
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.calibration.body.body_mjcf import robot_mjcf, write_mjcf
 from mbot_workstation.calibration.body.body_views import FRONT, SIDE, TOP
-from mbot_workstation.calibration.camera.board_detection import find_board
+from mbot_workstation.calibration.camera.board_detection import Sighting, find_board
 from mbot_workstation.calibration.camera.camera_live import collect
 from mbot_workstation.calibration.camera.picture_sizes import (
     check_aspects,
@@ -18,7 +18,6 @@ from mbot_workstation.calibration.camera.picture_sizes import (
     scaled_corners,
 )
 from mbot_workstation.calibration.camera.pictures import picture_files, read_picture
-from mbot_workstation.calibration.camera.sighting import Sighting
 from mbot_workstation.calibration.light.card_frame import find_framed_card
 from mbot_workstation.calibration.light.plain_card import find_plain_card
 from mbot_workstation.calibration.light.simulated_card import camera_axes, simulated_card

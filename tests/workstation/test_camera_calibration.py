@@ -22,15 +22,15 @@ from mbot_workstation.calibration.camera.board_collector import STILL_S, BoardCo
 from mbot_workstation.calibration.camera.board_detection import (
     MOST_BEND,
     FoundBoard,
+    Sighting,
     bend,
     find_board,
     most_likely_checkerboard,
 )
-from mbot_workstation.calibration.camera.bundle import View, adjust, intrinsics_of, pose_of
-from mbot_workstation.calibration.camera.camera_fit import CameraFit, fit_camera
+from mbot_workstation.calibration.camera.camera_fit import CameraFit, fit_camera, solve
 from mbot_workstation.calibration.camera.camera_pictures import look_for_boards
 from mbot_workstation.calibration.camera.camera_quality import judge
-from mbot_workstation.calibration.camera.sighting import Sighting
+from mbot_workstation.calibration.camera.picture_sizes import View, error_px
 from mbot_workstation.commands.calibrate_camera import camera as camera_command
 from mbot_workstation.targets.specifications import Board
 from mbot_workstation.virtual.mjpeg_server import MjpegServer
@@ -76,6 +76,12 @@ def opencv_fit(sightings: Sequence[Sighting]) -> tuple[float, NDArray]:
         None,  # pyright: ignore[reportArgumentType]
     )
     return error, matrix
+
+
+def intrinsics_of(camera: CameraModel) -> NDArray[np.float64]:
+    """As a fit's deviations are ordered."""
+    axis = camera.principal_x_px, camera.principal_y_px
+    return np.array([camera.focal_x_px, camera.focal_y_px, *axis, *camera.distortion])
 
 
 def worst_share(fit: CameraFit, truth: CameraModel = FULL) -> float:
@@ -261,12 +267,10 @@ def test_exact_corners_give_the_exact_camera(
             camera.matrix,
             np.array(camera.distortion),
         )
-        views.append(View(points, np.asarray(corners, np.float64).reshape(-1, 2)))
-    start = intrinsics_of(CameraModel(1000, 750, 1000 * focal * 1.08, 1000 * focal, 499.5, 374.5))
-    from_poses = np.array([pose_of(view, start) for view in views])
-    found = adjust(views, start, from_poses, np.ones(len(views)))
-    np.testing.assert_allclose(found.intrinsics[:4], intrinsics_of(camera)[:4], rtol=1e-4)
-    assert found.errors_px.max() < 1e-3
+        views.append(View(points, np.asarray(corners, np.float64).reshape(-1, 2), 1.0))
+    found, _ = solve(views, CameraModel(1000, 750, 1000 * focal * 1.08, 1000 * focal, 499.5, 374.5))
+    np.testing.assert_allclose(intrinsics_of(found)[:4], intrinsics_of(camera)[:4], rtol=1e-4)
+    assert max(error_px(view, found) for view in views) < 1e-3
 
 
 def saved(folder: Path, made: Sequence[NDArray]) -> list[Path]:

@@ -16,7 +16,7 @@ from mbot_workstation.calibration_files.calibration_folder import (
     read_calibration,
     read_files,
 )
-from mbot_workstation.gap_report.frames_folder import read_frames
+from mbot_workstation.gap_report.frames import read_frames
 from mbot_workstation.recordings.commands_csv import read_commands
 from mbot_workstation.recordings.maneuver import MANEUVERS
 from mbot_workstation.recordings.recording_folder import read_recording, write_recording

@@ -11,11 +11,8 @@ from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.lens import folds_in_view, folds_within
 from mbot_protocol.policy_contract import FULL_VIEW
-from mbot_workstation.calibration.camera.board_detection import FoundBoard
-from mbot_workstation.calibration.camera.bundle import intrinsics_of
-from mbot_workstation.calibration.camera.camera_fit import fit_camera
-from mbot_workstation.calibration.camera.sighting import Sighting
-from mbot_workstation.calibration.camera.wide_lens import wide_fit
+from mbot_workstation.calibration.camera.board_detection import FoundBoard, Sighting
+from mbot_workstation.calibration.camera.camera_fit import fit_camera, solve
 from mbot_workstation.calibration_files.calibration_folder import write_camera
 from mbot_workstation.simulation.lens_distortion import covering_pinhole
 
@@ -81,9 +78,9 @@ def test_a_wide_lens_is_followed_to_its_corners_and_written(tmp_path: Path) -> N
 
 
 def test_pictures_that_are_no_camera_are_refused_in_one_line() -> None:
-    start = intrinsics_of(CameraModel(*SIZE, FOCAL_PX, FOCAL_PX, 640.0, 480.0))
+    start = CameraModel(*SIZE, FOCAL_PX, FOCAL_PX, 640.0, 480.0)
     with pytest.raises(ConfigurationError, match="these pictures fit no camera"):
-        wide_fit([], np.zeros(0, bool), start, SIZE)
+        solve([], start)
 
 
 def test_a_fold_beyond_what_a_policy_sees_is_no_reason_to_refuse() -> None:

@@ -4,8 +4,12 @@ from hypothesis import strategies as st
 from mbot_protocol.v1.messages_pb2 import STATE_RUNNING, Fault
 from mbot_workstation.wording import (
     LONGEST_TEXT,
+    degrees,
     fault_lines,
+    metres,
     one_line,
+    percent,
+    seconds,
     short_digest,
     size_words,
     state_word,
@@ -27,3 +31,15 @@ def test_values_become_words() -> None:
     assert (size_words(4600), size_words(2_410_000)) == ("4.6 kB", "2.41 MB")
     fault = Fault(kind="camera", detail="black\x1b[2J\npictures")
     assert fault_lines([fault]) == ["camera: black [2J pictures"]
+
+
+def test_numbers_have_the_digits_and_units_of_their_size() -> None:
+    assert [metres(value) for value in (0.0042, 0.032, 1.314)] == ["4.2 mm", "3.2 cm", "1.31 m"]
+    assert [degrees(value) for value in (0.84, 123.4)] == ["0.8°", "123°"]
+    assert [percent(share) for share in (0.0031, 0.024, 0.12, None)] == [
+        "0.31 %",
+        "2.4 %",
+        "12 %",
+        "not known",
+    ]
+    assert seconds(10.0) == "10 s"

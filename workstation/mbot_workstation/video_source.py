@@ -8,6 +8,7 @@ import cv2
 
 from mbot_protocol.errors import UnreachableError
 from mbot_protocol.picture import Picture
+from mbot_protocol.video_capture import open_capture
 
 OPEN_TIMEOUT_S, READ_TIMEOUT_S = 5.0, 3.0
 """A stream over Wi-Fi may pause for a second; one that is gone must not hang for half a minute."""
@@ -29,16 +30,7 @@ class VideoSource:
         # What went wrong is said once, by us: OpenCV and FFmpeg would each write lines of theirs.
         os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
         cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-        digits = self.source.removeprefix("/dev/video")
-        if digits.isascii() and digits.isdigit():
-            capture = cv2.VideoCapture(int(digits))
-            capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # the newest frame, not one from a second ago
-        else:
-            timeouts = [
-                *(cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, int(OPEN_TIMEOUT_S * 1000)),
-                *(cv2.CAP_PROP_READ_TIMEOUT_MSEC, int(READ_TIMEOUT_S * 1000)),
-            ]
-            capture = cv2.VideoCapture(self.source, cv2.CAP_FFMPEG, timeouts)
+        capture = open_capture(self.source, OPEN_TIMEOUT_S, READ_TIMEOUT_S)
         if not capture.isOpened():
             capture.release()
             raise UnreachableError(

@@ -1,4 +1,4 @@
-"""How values of the messages are written for people: states, digests, texts from the wire."""
+"""How values are written for people: lengths and shares, states, digests, texts from the wire."""
 
 from collections.abc import Iterable
 
@@ -16,6 +16,31 @@ def one_line(text: str) -> str:
     printable = "".join(c if c.isprintable() else " " for c in text[: LONGEST_TEXT + 1])
     words = " ".join(printable.split())
     return words if len(words) <= LONGEST_TEXT else words[: LONGEST_TEXT - 1] + "…"
+
+
+def metres(value_m: float) -> str:
+    """Such as 4 mm, 3.2 cm or 1.31 m."""
+    if value_m < 0.01:
+        return f"{value_m * 1000:.1f} mm"
+    return f"{value_m * 100:.1f} cm" if value_m < 1 else f"{value_m:.2f} m"
+
+
+def degrees(value_deg: float) -> str:
+    """Such as 0.8° or 123°."""
+    return f"{value_deg:.1f}°" if value_deg < 10 else f"{value_deg:.0f}°"
+
+
+def percent(share: float | None) -> str:
+    """Such as 0.31 % or 12 %."""
+    if share is None:
+        return "not known"
+    value = 100 * share
+    return f"{value:.{0 if value >= 10 else 1 if value >= 1 else 2}f} %"
+
+
+def seconds(value_s: float) -> str:
+    """Such as 10 s."""
+    return f"{value_s:.3g} s"
 
 
 def state_word(state: int) -> str:

@@ -9,7 +9,6 @@ import http.client
 import io
 import socket
 import time
-from types import TracebackType
 from typing import Self, cast
 from urllib.parse import SplitResult, unquote, urlsplit
 
@@ -44,12 +43,7 @@ class MjpegSource:
         self._connection = _Connection(self._url)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
         if self._connection is not None:
             self._connection.close()
             self._connection = None

@@ -3,7 +3,6 @@
 import os
 import time
 from pathlib import Path
-from types import TracebackType
 from typing import Self, cast
 
 import cv2
@@ -11,18 +10,13 @@ import cv2
 from mbot_agent.camera.source_contract import OPEN_TIMEOUT_S, READ_TIMEOUT_S, CameraError, Shot
 from mbot_agent.configuration import Camera, shown_source
 from mbot_protocol.picture import Picture
+from mbot_protocol.video_capture import device_index, open_capture
 
 FFMPEG = "ffmpeg:"
 """In front of an address that FFmpeg is to open: rtsp://, https://, a film over http://."""
 
 os.environ["OPENCV_FFMPEG_CAPTURE_OPTIONS"] = "max_redirects;0"
 """Who answers at the address must not send us to another one, on this computer for instance."""
-
-
-def device_index(source: str) -> int | None:
-    """The number of a camera given as "0" or "/dev/video0"; None for files and addresses."""
-    digits = source.removeprefix("/dev/video")
-    return int(digits) if digits.isascii() and digits.isdigit() else None
 
 
 class OpenCvSource:
@@ -40,16 +34,8 @@ class OpenCvSource:
 
     def __enter__(self) -> Self:
         source = self._camera.source.removeprefix(FFMPEG)
-        index = device_index(source)
-        if index is None:
-            timeouts = [
-                *(cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, int(OPEN_TIMEOUT_S * 1000)),
-                *(cv2.CAP_PROP_READ_TIMEOUT_MSEC, int(READ_TIMEOUT_S * 1000)),
-            ]
-            capture = cv2.VideoCapture(source, cv2.CAP_FFMPEG, timeouts)
-        else:
-            capture = cv2.VideoCapture(index)
-            capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+        capture = open_capture(source, OPEN_TIMEOUT_S, READ_TIMEOUT_S)
+        if device_index(source) is not None:
             if self._camera.width_px is not None and self._camera.height_px is not None:
                 capture.set(cv2.CAP_PROP_FRAME_WIDTH, self._camera.width_px)
                 capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self._camera.height_px)
@@ -67,12 +53,7 @@ class OpenCvSource:
         self._capture = capture
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
         if self._capture is not None:
             self._capture.release()
             self._capture = None

@@ -1,7 +1,6 @@
 """The Raspberry Pi camera."""
 
 import time
-from types import TracebackType
 from typing import Any, Self, cast
 
 from mbot_agent.camera.source_contract import READ_TIMEOUT_S, CameraError, Shot
@@ -61,12 +60,7 @@ class PiCameraSource:
         self._picamera = picamera
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
         if self._picamera is not None:
             self._picamera.close()
             self._picamera = None

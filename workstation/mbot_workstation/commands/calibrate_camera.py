@@ -286,7 +286,7 @@ def _row(picture: "PictureFit", fit: "CameraFit") -> dict[str, Any]:
 
 
 def _print_words(seen: "SeenBoards", fit: "CameraFit", quality: "CameraQuality") -> None:
-    from mbot_workstation.calibration.camera.bundle import WIDE_INTRINSICS
+    from mbot_workstation.calibration.camera.camera_fit import INTRINSICS
     from mbot_workstation.calibration.camera.camera_quality import view_deg
 
     model, sigma = fit.camera, fit.deviations
@@ -304,7 +304,7 @@ def _print_words(seen: "SeenBoards", fit: "CameraFit", quality: "CameraQuality")
         f"optical axis at {model.principal_x_px:.2f} +- {2 * sigma[2]:.2f}, "
         f"{model.principal_y_px:.2f} +- {2 * sigma[3]:.2f} px"
     )
-    names = WIDE_INTRINSICS[4 : 4 + len(model.distortion)]
+    names = INTRINSICS[4 : 4 + len(model.distortion)]
     parts = [
         f"{name} {value:+.5f} +- {2 * spread:.5f}"
         for name, value, spread in zip(names, model.distortion, sigma[4:], strict=True)
@@ -338,18 +338,12 @@ def _fields(
 ) -> dict[str, Any]:
     from dataclasses import asdict
 
+    from mbot_workstation.calibration.camera.camera_fit import INTRINSICS
+
     return {
         "camera": asdict(fit.camera),
-        "standard_deviations": dict(
-            zip(
-                (
-                    *("focal_x_px", "focal_y_px", "principal_x_px", "principal_y_px"),
-                    *("k1", "k2", "p1", "p2", "k3"),
-                ),
-                fit.deviations.tolist(),
-                strict=True,
-            )
-        ),
+        # strict=False: only wide lenses have all.
+        "standard_deviations": dict(zip(INTRINSICS, fit.deviations.tolist(), strict=False)),
         "reprojection_error_px": fit.error_px,
         "limit_px": None if fit.limit_px == float("inf") else fit.limit_px,
         "pictures": [_row(picture, fit) for picture in fit.pictures],

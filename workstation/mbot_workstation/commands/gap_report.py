@@ -1,15 +1,12 @@
 """`workstation gap-report`: one page on how far robot and simulation are apart."""
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands.link_options import json_option
 from mbot_workstation.commands.options import argument, option, with_options
-
-if TYPE_CHECKING:
-    from mbot_workstation.gap_report.report import GapReport
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,24 +53,23 @@ def gap_report(options: GapReportOptions) -> None:
     - `workstation gap-report recordings/mbot-1-* --calibration calibration/mbot-1
       --tolerance results/tolerance.json --frames frames -o gap.html`
     """
-    from datetime import datetime
-
     from rich.console import Console
 
-    from mbot_workstation.gap_report.building import Sources, build
-    from mbot_workstation.gap_report.page import page
+    from mbot_workstation.gap_report.page import page, printed
+    from mbot_workstation.gap_report.report import as_fields, build
 
     if not options.output.parent.is_dir():  # said before the work, not after
         raise ConfigurationError(
             f"can't write {options.output}: there is no folder {options.output.parent}"
         )
-    today = datetime.now().astimezone().date().isoformat()
-    sources = Sources(
-        tuple(options.recordings), options.calibration, options.tolerance, options.frames, today
-    )
-    console = Console(stderr=True)
-    with console.status("reading") as status:
-        report = build(sources, status.update)
+    with Console(stderr=True).status("reading") as status:
+        report = build(
+            options.recordings,
+            options.calibration,
+            options.tolerance,
+            options.frames,
+            status.update,
+        )
         status.update("drawing the page")
         text = page(report)
     try:
@@ -81,34 +77,7 @@ def gap_report(options: GapReportOptions) -> None:
     except OSError as error:
         raise ConfigurationError(f"can't write {options.output}: {error.strerror}") from None
     if options.as_json:
-        import json
-
-        from mbot_workstation.gap_report.figures_json import figures
-
-        print(json.dumps(figures(report) | {"path": str(options.output)}, indent=2))
+        print(json.dumps(as_fields(report) | {"path": str(options.output)}, indent=2))
         return
-    _print(report, options.output)
-
-
-def _print(report: "GapReport", output: Path) -> None:
-    from mbot_workstation.gap_report.number_words import degrees, metres, percent, seconds
-    from mbot_workstation.gap_report.summary_section import verdict_lines
-
-    after, before = report.calibrated, report.nominal
-    print(
-        f"{report.held_out} held-out runs; after {seconds(report.driven_s)} the calibrated "
-        f"simulation is {metres(after.position_m)} and {degrees(after.yaw_rad)} off (medians), "
-        f"the nominal one {metres(before.position_m)} and {degrees(before.yaw_rad)}"
-    )
-    if after.turned_share is not None:
-        print(
-            f"of runs that turn, the heading is off by {percent(after.turned_share)} of the angle "
-            f"turned, nominal {percent(before.turned_share)}"
-        )
-    for title, words in verdict_lines(report):
-        print(f"{title}: {words}")
-    for name, why in report.left_out.items():
-        print(f"left out: {name}: {why}")
-    for one in report.missing:
-        print(f"missing: {one.what}: {one.command}")
-    print(f"wrote {output}")
+    for line in (*printed(report), f"wrote {options.output}"):
+        print(line)

@@ -160,6 +160,7 @@ def _identified(
 def _show(found: "Identification", uneven: "Handicap", written: "Sequence[str]") -> None:
     from rich.console import Console
 
+    from mbot_workstation.identification.left_out import grouped
     from mbot_workstation.identification.result_words import (
         backward_lines,
         error_lines,
@@ -173,8 +174,8 @@ def _show(found: "Identification", uneven: "Handicap", written: "Sequence[str]")
     console = Console()
     if not console.is_terminal:
         console = Console(width=TABLE_WIDTH)
-    for name, why in found.left_out.items():
-        print(f"left out {name}: {why}")
+    for line in grouped(found.left_out):
+        print(f"left out: {line}")
     print(f"{found.robot_id}: fitted {found.fitted} runs, {len(found.errors)} held out\n")
     console.print(parameter_table(found))
     print("\nnot to be told from these recordings:")

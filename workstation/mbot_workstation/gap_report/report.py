@@ -1,72 +1,54 @@
-"""All that the page shows, worked out; nothing here knows HTML."""
+"""The report from files, all that the page shows worked out; nothing here knows HTML."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
-from mbot_workstation.gap_report.compared_run import CALIBRATED, NOMINAL, ComparedRun
-from mbot_workstation.gap_report.deviation import SPINS, STRAIGHT, deviation
-from mbot_workstation.gap_report.frame_pair import FramePair
-from mbot_workstation.gap_report.path_error import PathError, path_error
-from mbot_workstation.gap_report.quantity import quantities
-from mbot_workstation.gap_report.steady_rates import RunRates, steady_rates
+from mbot_protocol.calibration import CAMERA_FILE, MOTION_FILE
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.calibration_files.body_calibration import BODY_FILE
+from mbot_workstation.calibration_files.calibration_folder import (
+    CalibrationFiles,
+    read_files,
+    room_pictures,
+)
+from mbot_workstation.calibration_files.light_calibration import LIGHT_FILE
+from mbot_workstation.gap_report.compare import CALIBRATED, NOMINAL, PATHS, ComparedRun, compare
+from mbot_workstation.gap_report.figures import Driving, driving, path_error
+from mbot_workstation.gap_report.frames import read_frames, telemetry_frames
+from mbot_workstation.gap_report.quantities import TITLES, quantities
+from mbot_workstation.gap_report.simulated_view import FramePair, frame_pairs
 from mbot_workstation.gap_report.verdict import Judged, judge
-from mbot_workstation.identification.held_out import heading_share
 from mbot_workstation.recordings.maneuver import MANEUVERS
-from mbot_workstation.training.studies.tolerance_file import Tolerances
+from mbot_workstation.recordings.recording_folder import read_recording
+from mbot_workstation.training.studies.tolerance_file import Tolerances, read_tolerances
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ManeuverGap:
-    """One manoeuvre.
-
-    Attributes:
-        name: of the manoeuvre.
-        runs: its held-out repetitions.
-        calibrated, nominal: errors of the two simulated robots.
-
-    """
-
-    name: str
-    runs: tuple[ComparedRun, ...]
-    calibrated: PathError
-    nominal: PathError
-
-
-@dataclass(frozen=True, slots=True)
-class Headline:
-    """A simulated robot in a few numbers; a rate is None if no run is long enough for it.
-
-    Attributes:
-        position_m, yaw_rad: at the end of the drive: the middle one of all held-out runs.
-        turned_share: the heading's error as a share of the angle turned, as `identify` tells it;
-            None if no run turns once.
-        worst_position_m, worst_yaw_rad: and the largest.
-        speed: largest error of a manoeuvre's mean steady speed, of the speed straight on.
-        turn: likewise of the turn rate, of that on the spot.
-
-    """
-
-    position_m: float
-    yaw_rad: float
-    worst_position_m: float
-    worst_yaw_rad: float
-    turned_share: float | None
-    speed: float | None
-    turn: float | None
+CALIBRATION_PARTS = {
+    "body": (
+        f"no {BODY_FILE}: masses and the camera's mounting are the nominal robot's",
+        "calibrate body COMPONENTS.toml",
+    ),
+    "camera": (
+        f"no {CAMERA_FILE}: the lens is the data sheet's, its error is not known",
+        "calibrate camera PHOTOS",
+    ),
+    "light": (
+        f"no {LIGHT_FILE}: exposure and white balance are nominal, the gray card's error is not "
+        "known",
+        "calibrate light PHOTOS",
+    ),
+    "room": ("no panorama: simulated pictures show a made-up room", "panorama PHOTO.jpg"),
+}
+"""What is lost without each, and the command that makes it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Missing:
-    """Something the page can't show.
-
-    Attributes:
-        what: it is, with what is lost by it.
-        command: that would make it.
-
-    """
+    """What the page can't show, with what is lost by it; and the command that would make it."""
 
     what: str
     command: str
@@ -77,21 +59,12 @@ class GapReport:
     """The whole report.
 
     Attributes:
-        robot_id: whose.
         made_on: ISO date.
-        recordings: folders.
-        recorded_runs: in them, in all.
+        recorded_runs: in all recordings.
         held_out_words: which runs were held out.
         left_out: runs that could not be used, by name, and why.
-        files: the calibration.
-        maneuvers: those that were driven, in the usual order.
-        rates: steady rates of all held-out runs.
-        calibrated, nominal: headlines.
-        judged: the quantities with their verdicts.
-        tolerances: the maps they were held against.
-        frames: pictures in pairs.
-        frames_words: where they come from, or why there are none.
-        missing: see `Missing`.
+        driving: figures of the held-out runs.
+        given_frames: of the frames those from marked places, first; the others are telemetry's.
 
     """
 
@@ -102,97 +75,175 @@ class GapReport:
     held_out_words: str
     left_out: dict[str, str]
     files: CalibrationFiles
-    maneuvers: tuple[ManeuverGap, ...]
-    rates: tuple[RunRates, ...]
-    calibrated: Headline
-    nominal: Headline
+    driving: Driving
     judged: tuple[Judged, ...]
     tolerances: Tolerances | None
     frames: tuple[FramePair, ...]
-    frames_words: str
+    given_frames: int
     missing: tuple[Missing, ...]
 
-    @property
-    def held_out(self) -> int:
-        """How many runs are shown."""
-        return sum(len(one.runs) for one in self.maneuvers)
 
-    @property
-    def driven_s(self) -> float:
-        """The longest time after which errors are given."""
-        return max(float(one.calibrated.time_s[-1]) for one in self.maneuvers)
+def build(
+    recordings: Sequence[Path],
+    calibration: Path | None,
+    tolerance: Path | None,
+    frames: Path | None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> GapReport:
+    """Read everything, simulate, and work out all figures.
 
-    @property
-    def turned_rad(self) -> float:
-        """How far the robot turned in a run, either way; the middle one of all shown."""
-        runs = [run for one in self.maneuvers for run in one.runs]
-        return float(np.median([abs(run.turned_rad) for run in runs]))
+    Args:
+        recordings: folders, at least one, of one robot.
+        calibration: its folder; None is calibration/ROBOT.
+        tolerance: tolerance.json, if there is one.
+        frames: a folder of pictures with their places, if there is one.
+        tell: called with what is being done.
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Driven:
-    """What the figures of driving are worked out from.
-
-    Attributes:
-        maneuvers, rates, calibrated, nominal: as in `GapReport`.
+    Raises:
+        ConfigurationError: something is unusable.
 
     """
-
-    maneuvers: tuple[ManeuverGap, ...]
-    rates: tuple[RunRates, ...]
-    calibrated: Headline
-    nominal: Headline
-
-
-def driven(runs: Sequence[ComparedRun]) -> Driven:
-    """All figures of the held-out runs; there is at least one."""
-    gaps: list[ManeuverGap] = []
-    for maneuver in MANEUVERS:
-        mine = tuple(run for run in runs if run.maneuver == maneuver.name)
-        if mine:
-            errors = [path_error(mine, path) for path in (CALIBRATED, NOMINAL)]
-            gaps.append(ManeuverGap(maneuver.name, mine, *errors))
-    rates = steady_rates(runs)
-    return Driven(
-        tuple(gaps),
-        rates,
-        _headline(gaps, rates, CALIBRATED),
-        _headline(gaps, rates, NOMINAL),
+    tolerances = read_tolerances(tolerance) if tolerance else None
+    given = read_frames(frames) if frames else ()
+    files = read_files(calibration) if calibration else None
+    tell("reading the recordings")
+    folder, read = recordings[0], [read_recording(one) for one in recordings]
+    robot_id = read[0].robot_id
+    for other, recording in zip(recordings, read, strict=True):
+        if recording.robot_id != robot_id:
+            raise ConfigurationError(
+                f"{other} is a recording of {recording.robot_id}, {folder} one of {robot_id}: "
+                "one report is about one robot"
+            )
+    files = files or read_files(Path("calibration") / robot_id)
+    tell("driving every run in simulation")
+    comparison = compare(read, files)
+    start_s = read[0].runs[0].commands.start_s
+    seen = telemetry_frames(folder, comparison.first, start_s) if comparison.first else ()
+    tell("drawing frames")
+    pairs = frame_pairs([*given, *seen], files)
+    driven = driving(comparison.held_out)
+    return GapReport(
+        robot_id=robot_id,
+        made_on=datetime.now().astimezone().date().isoformat(),
+        recordings=tuple(str(one) for one in recordings),
+        recorded_runs=sum(len(one.runs) for one in read),
+        held_out_words=comparison.words,
+        left_out=comparison.left_out,
+        files=files,
+        driving=driven,
+        judged=tuple(judge(one, tolerances) for one in quantities(files, driven.runs)),
+        tolerances=tolerances,
+        frames=pairs,
+        given_frames=len(given),
+        missing=missing_parts(
+            files, folder, tuple(driven.maneuvers), tolerances, has_frames=bool(pairs)
+        ),
     )
 
 
-def judged(
-    files: CalibrationFiles, rates: Sequence[RunRates], tolerances: Tolerances | None
-) -> tuple[Judged, ...]:
-    """Every quantity with its verdicts."""
-    before, after = (deviation(rates, path) for path in (NOMINAL, CALIBRATED))
-    return tuple(judge(one, tolerances) for one in quantities(files, before, after))
+def missing_parts(
+    files: CalibrationFiles,
+    recording: Path,
+    maneuvers: Sequence[str],
+    tolerances: Tolerances | None,
+    *,
+    has_frames: bool,
+) -> tuple[Missing, ...]:
+    """What the page can't show and the command that would make it, in the afternoon's order.
+
+    Args:
+        files: the calibration, read from a folder.
+        recording: one of the recordings.
+        maneuvers: those that were driven.
+        tolerances: the maps that were given.
+        has_frames: whether there are pictures.
+
+    """
+    into = f"--calibration {files.folder}"
+    known = {field: getattr(files, field) is not None for field in ("body", "camera", "light")}
+    known["room"] = bool(room_pictures(Path(files.folder)))
+    found = [
+        Missing(what, f"workstation {command} {into}")
+        for part, (what, command) in CALIBRATION_PARTS.items()
+        if not known[part]
+    ]
+    undriven = [one.name for one in MANEUVERS if one.name not in maneuvers]
+    if undriven:
+        options = " ".join(f"--maneuver {name}" for name in undriven)
+        command = f"workstation maneuvers run --resume {recording} {options}"
+        found.append(Missing(f"no runs of {', '.join(undriven)}", command))
+    if files.motion is None:
+        what = (
+            f"no {MOTION_FILE}: the simulated motors are nominal, so both simulations drive alike"
+        )
+        found.append(Missing(what, f"workstation identify {recording} {into}"))
+    if not has_frames:
+        what = "no frame of the real camera with its place"
+        found.append(Missing(what, "workstation gap-report ... --frames FOLDER"))
+    study = "workstation study tolerance POLICY.onnx"
+    if tolerances is None:
+        what = "no tolerance map, hence no verdicts: nobody has tried what the policy bears"
+        command = f"{study} -o FOLDER, then --tolerance FOLDER/tolerance.json"
+        return (*found, Missing(what, command))
+    mapped = {axis.name for one in tolerances.maps for axis in (one.across, one.up)}
+    unmapped = [name for name in TITLES if name not in mapped]
+    if unmapped:
+        pairs = " ".join(f"--pair '{name}:exposure_ms'" for name in unmapped)
+        found.append(Missing(f"no tolerance map over {', '.join(unmapped)}", f"{study} {pairs}"))
+    return tuple(found)
 
 
-def _headline(gaps: Sequence[ManeuverGap], rates: Sequence[RunRates], path: str) -> Headline:
-    errors: list[PathError] = [getattr(gap, path) for gap in gaps]
-    runs = [run for gap in gaps for run in gap.runs]
-    off = [(run.paths()[path][-1, 2] - run.measured[-1, 2], run.turned_rad) for run in runs]
-    position_m = np.concatenate([error.position_at_end_m for error in errors])
-    yaw_rad = np.concatenate([error.yaw_at_end_rad for error in errors])
-    return Headline(
-        position_m=float(np.median(position_m)),
-        yaw_rad=float(np.median(yaw_rad)),
-        worst_position_m=float(position_m.max()),
-        worst_yaw_rad=float(yaw_rad.max()),
-        turned_share=heading_share(off),
-        speed=_largest(rates, path, "speed_mps", STRAIGHT),
-        turn=_largest(rates, path, "turn_radps", SPINS),
-    )
+def as_fields(report: GapReport) -> dict[str, Any]:
+    """Everything but paths and pictures, for programs. Radians where no name says degrees."""
+    camera, light, driven = report.files.camera, report.files.light, report.driving
+    return {
+        "robot_id": report.robot_id,
+        "made_on": report.made_on,
+        "recordings": report.recordings,
+        "recorded_runs": report.recorded_runs,
+        "held_out_runs": len(driven.runs),
+        "left_out": report.left_out,
+        "after_s": round(driven.driven_s, 3),
+        "turned_deg": float(np.degrees(driven.turned_rad)),
+        "calibrated": asdict(driven.calibrated),
+        "nominal": asdict(driven.nominal),
+        "not_helped": driven.not_helped,
+        "maneuvers": {name: _maneuver(name, runs) for name, runs in driven.maneuvers.items()},
+        "reprojection_error_px": camera and camera.reprojection_error_px,
+        "gray_card_delta_e": light
+        and {"before": light.delta_e_before, "after": light.delta_e_after},
+        "verdicts": [
+            {
+                "quantity": one.quantity.title,
+                "deviation": one.quantity.deviation,
+                "bearable": one.borne and [one.borne.low, one.borne.high],
+                "uncalibrated": asdict(one.uncalibrated),
+                "calibrated": asdict(one.calibrated),
+                "source": one.quantity.source,
+            }
+            for one in report.judged
+        ],
+        "frames": len(report.frames),
+        "missing": [asdict(one) for one in report.missing],
+    }
 
 
-def _largest(rates: Sequence[RunRates], path: str, field: str, full: Sequence[str]) -> float | None:
-    """Largest error of any manoeuvre's mean, as a share of the full speed or turn rate."""
-    errors: dict[str, list[float]] = {}
-    for one in rates:
-        error = getattr(one.rate(path), field) - getattr(one.measured, field)
-        errors.setdefault(one.maneuver, []).append(error)
-    fulls = [abs(getattr(one.measured, field)) for one in rates if one.maneuver in full]
-    if not fulls or not errors:
-        return None
-    return max(abs(float(np.mean(some))) for some in errors.values()) / float(np.mean(fulls))
+def _maneuver(name: str, runs: Sequence[ComparedRun]) -> dict[str, Any]:
+    errors = {path: path_error(runs, path) for path in (CALIBRATED, NOMINAL)}
+    return {
+        "repetitions": [run.repetition for run in runs],
+        **{
+            path: {
+                "at_s": float(error.time_s[-1]),
+                "position_m": error.position_m[:, -1].tolist(),
+                "yaw_deg": np.degrees(error.yaw_rad[:, -1]).tolist(),
+            }
+            for path, error in errors.items()
+        },
+        "rates": [
+            {"maneuver": name} | {path: asdict(run.rate(path)) for path in PATHS}
+            for run in runs
+            if run.is_steady
+        ],
+    }

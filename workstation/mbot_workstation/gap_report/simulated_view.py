@@ -1,18 +1,22 @@
 """What the simulated robot's camera sees from a place: with its calibration, and without."""
 
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from types import TracebackType
-from typing import Self
+from pathlib import Path
 
 import numpy as np
 
-from mbot_protocol.picture import Picture
-from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
+from mbot_protocol.picture import Observer, Picture
+from mbot_protocol.policy_contract import FULL_VIEW
+from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles, room_pictures
 from mbot_workstation.simulation.camera_renderer import CameraRenderer
 from mbot_workstation.simulation.isp import IspSettings
 from mbot_workstation.simulation.pose import Pose
-from mbot_workstation.simulation.scene_parameters import SceneParameters
-from mbot_workstation.simulation.scene_renderer import SHOW, Quality
+from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_workstation.simulation.room import load_room
+from mbot_workstation.simulation.room_generator import generate_room
+from mbot_workstation.simulation.scene_renderer import SHOW, TRAINING, Quality
 from mbot_workstation.simulation.simulation import Simulation
 from mbot_workstation.variation.isp_settings import isp_settings
 
@@ -33,61 +37,95 @@ class Place:
     cube: Pose | None = None
 
 
-class SimulatedView:
-    """Draws pictures; a context manager, which holds an OpenGL context."""
+@dataclass(frozen=True, slots=True, eq=False)
+class RealFrame:
+    """A picture, shape (h, w, 3), RGB, with the place it was taken from: the camera's own, or as an
+    observation 64 x 64, as the daemon hands it to a policy.
+    """
 
-    def __init__(
-        self,
-        files: CalibrationFiles,
-        room_picture: Picture,
-        size: tuple[int, int],
-        *,
-        walls: bool,
-        quality: Quality = SHOW,
-    ) -> None:
-        """Prepare to draw.
-
-        Args:
-            files: the robot; an empty one is nominal.
-            room_picture: the panorama.
-            size: width and height of the pictures.
-            walls: whether the arena has any.
-            quality: of the drawing.
-
-        """
-        scene = files.scene if walls else without_walls(files.scene)
-        self._simulation = Simulation(files.robot, scene, room_picture)
-        self._renderer = CameraRenderer(
-            self._simulation,
-            *size,
-            quality,
-            isp=IspSettings(gains=isp_settings(files.effects).gains),
-        )
-
-    def picture(self, place: Place) -> Picture:
-        """Shape (height, width, 3), RGB."""
-        self._simulation.place_object(place.cube or NOWHERE)
-        self._simulation.place_robot(place.robot)
-        self._simulation.step(0.2)  # the soft contacts take the weight
-        return self._renderer.picture(self._simulation.snapshot())
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self._renderer.close()
+    title: str
+    picture: Picture
+    place: Place
+    is_observation: bool
 
 
-def without_walls(scene: SceneParameters) -> SceneParameters:
-    """The scene with its walls out of sight."""
-    return replace(scene, arena=replace(scene.arena, wall_m=FREE_FLOOR_M, border_m=FREE_FLOOR_M))
+@dataclass(frozen=True, slots=True, eq=False)
+class FramePair:
+    """One frame three times; all of one shape."""
+
+    title: str
+    real: Picture
+    calibrated: Picture
+    nominal: Picture
+
+    def levels_off(self, drawn: Picture) -> float:
+        """Mean absolute difference of all levels between the real picture and another, of 255."""
+        return float(np.abs(self.real.astype(np.int16) - drawn.astype(np.int16)).mean())
 
 
-def mean_difference(first: Picture, second: Picture) -> float:
-    """Mean absolute difference of all levels, of 255."""
-    return float(np.abs(first.astype(np.int16) - second.astype(np.int16)).mean())
+@contextmanager
+def simulated_view(
+    files: CalibrationFiles,
+    room: Picture,
+    size: tuple[int, int],
+    *,
+    walls: bool = True,
+    quality: Quality = SHOW,
+) -> Iterator[Callable[[Place], Picture]]:
+    """Something that draws pictures, shape (height, width, 3), RGB; it holds an OpenGL context.
+
+    Args:
+        files: the robot; an empty one is nominal.
+        room: the panorama.
+        size: width and height of the pictures.
+        walls: whether the arena has any.
+        quality: of the drawing.
+
+    """
+    scene = files.scene
+    if not walls:
+        far = replace(scene.arena, wall_m=FREE_FLOOR_M, border_m=FREE_FLOOR_M)
+        scene = replace(scene, arena=far)
+    simulation = Simulation(files.robot, scene, room)
+    isp = IspSettings(gains=isp_settings(files.effects).gains)
+    with CameraRenderer(simulation, *size, quality, isp=isp) as renderer:
+
+        def picture(place: Place) -> Picture:
+            simulation.place_object(place.cube or NOWHERE)
+            simulation.place_robot(place.robot)
+            simulation.step(0.2)  # the soft contacts take the weight
+            return renderer.picture(simulation.snapshot())
+
+        yield picture
+
+
+def frame_pairs(frames: Sequence[RealFrame], files: CalibrationFiles) -> tuple[FramePair, ...]:
+    """Draw each frame with the calibration and without, in the calibration's first room.
+
+    Raises:
+        ConfigurationError: the room's panorama is unusable.
+
+    """
+    if not frames:
+        return ()
+    rooms = room_pictures(Path(files.folder)) if files.folder else ()
+    room = load_room(rooms[0]) if rooms else generate_room(seed=0)
+    robots = files, CalibrationFiles()
+    return tuple(
+        FramePair(frame.title, frame.picture, *(_draw(frame, robot, room) for robot in robots))
+        for frame in frames
+    )
+
+
+def _draw(frame: RealFrame, files: CalibrationFiles, room: Picture) -> Picture:
+    if not frame.is_observation:
+        height, width, _ = frame.picture.shape
+        with simulated_view(files, room, (width, height)) as draw:
+            return draw(frame.place)
+    # A recording is made before the calibration is, so the daemon takes its camera for a nominal
+    # one. Manoeuvres need more floor than the arena has, so they are driven without its walls; and
+    # a policy's pictures are drawn as in its training.
+    camera = RobotParameters().camera
+    size = camera.width_px, camera.height_px
+    with simulated_view(files, room, size, walls=False, quality=TRAINING) as draw:
+        return Observer(camera, FULL_VIEW).observe(draw(frame.place))

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from mbot_protocol.actions import WheelMaps
 from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
-from mbot_workstation.gap_report.steady_rates import Rate, steady_rate
+from mbot_workstation.gap_report.compare import Rate, steady_rate
 from mbot_workstation.identification.model import simulate_run
 from mbot_workstation.recordings.maneuver import maneuver_named
 from mbot_workstation.recordings.run import CommandSeries, Run

@@ -1,12 +1,11 @@
 """A page as a PNG that knows its own size in millimetres."""
 
-import struct
-import zlib
-from typing import cast
+from io import BytesIO
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from mbot_workstation.targets.sheet import Page
 
@@ -39,9 +38,7 @@ def draw(page: Page, dots_a_mm: float = DOTS_A_MM) -> NDArray[np.uint8]:
 
 def to_png(page: Page) -> bytes:
     """The page as the bytes of a PNG file with its dots per metre in it."""
-    encoded = cv2.imencode(".png", draw(page))[1].tobytes()
-    dots_a_metre = round(DOTS_A_MM * 1000)
-    body = b"pHYs" + struct.pack(">IIB", dots_a_metre, dots_a_metre, 1)
-    chunk = struct.pack(">I", 9) + body + struct.pack(">I", zlib.crc32(body))
-    after_header = 8 + 25  # the signature, then IHDR, which is always first and as long as this
-    return cast(bytes, encoded[:after_header] + chunk + encoded[after_header:])
+    file = BytesIO()
+    dots_an_inch = DOTS_A_MM * 25.4
+    Image.fromarray(draw(page)).save(file, "PNG", dpi=(dots_an_inch, dots_an_inch))
+    return file.getvalue()

@@ -51,6 +51,17 @@ class FoundBoard:
     mirrored: bool | None
 
 
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """A board in one picture of a set: the picture's name, its width and height in pixels, and the
+    board. This is what a camera is fitted to.
+    """
+
+    name: str
+    size: tuple[int, int]
+    board: FoundBoard
+
+
 def find_board(picture: Grey, board: Board) -> FoundBoard | None:
     """The board in a grey picture of shape (h, w), or None.
 

@@ -1,32 +1,30 @@
-"""From board corners in many pictures to one camera, with the pictures that don't fit left out."""
+"""From board corners in many pictures to one camera, with the pictures that don't fit left out.
+
+OpenCV fits; on the same corners a bundle adjustment of our own found the same cameras
+(docs/results/camera.md). What it lacks is here: which pictures to believe, and how far.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.lens import folds_within
-from mbot_workstation.calibration.camera.bundle import (
-    Adjusted,
+from mbot_workstation.calibration.camera.board_detection import Sighting
+from mbot_workstation.calibration.camera.picture_sizes import (
     Values,
     View,
-    adjust,
-    camera_of,
-    error_px,
-    intrinsics_of,
-    pose_of,
-    residuals,
-)
-from mbot_workstation.calibration.camera.picture_sizes import (
     check_aspects,
     check_zooms,
     commonest_size,
-    scaled_corners,
+    error_px,
+    pose_of,
+    residuals,
 )
-from mbot_workstation.calibration.camera.sighting import Sighting
-from mbot_workstation.calibration.camera.wide_lens import wide_fit
 
 FEWEST_PICTURES = 3
 """9 intrinsics and 6 numbers a pose: two pictures of a plane can't tell them."""
@@ -42,11 +40,26 @@ LIMIT_DEVIATIONS, LIMIT_MEDIANS = 3.0, 3.0
 than 3 standard deviations (1.48 times the median deviation). Sharp pictures of a flat board are
 within twice the median, shaken ones beyond 5 times (drawn pictures)."""
 
-ROBUST_ROUNDS = 5
-_P1, _P2, _K2, _K3 = 6, 7, 5, 8
+MOST_ROUNDS = 10
+"""Of leaving pictures out and fitting again; two or three settle it."""
+
+MOST_REFITS = 20
+"""For the deviations: each without another part of the pictures."""
+
+INTRINSICS = (
+    *("focal_x_px", "focal_y_px", "principal_x_px", "principal_y_px"),
+    *("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+)
+"""In the order of deviations; k4 to k6 of wide lenses only."""
+
+_ROUGH = cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3
+_FINER = (_ROUGH | cv2.CALIB_FIX_PRINCIPAL_POINT, _ROUGH, cv2.CALIB_FIX_K3)
+"""From a rough focal length, or pulled by spoilt pictures, the finer terms might run away."""
+
+_K3 = INTRINSICS.index("k3")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class PictureFit:
     """How one picture fits.
 
@@ -54,8 +67,8 @@ class PictureFit:
         sighting: what was seen in it.
         error_px: root mean square distance of its corners, in its own pixels.
         kept: whether the camera was fitted to it.
-        pose: rotation vector and translation of the board, shape (6,); metres.
-        residuals_px: projected minus seen, shape (n, 2), in its own pixels.
+        pose: rotation vector and translation of the board, shape (6,).
+        residuals_px: projected minus seen corners in its own pixels, shape (n, 2).
 
     """
 
@@ -66,14 +79,13 @@ class PictureFit:
     residuals_px: Values
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class CameraFit:
     """A calibrated camera and how well it is known.
 
     Attributes:
         camera: at the largest resolution among the pictures.
-        deviations: standard deviations of the intrinsics, in the order of `bundle.INTRINSICS`,
-            shape (9,), or `WIDE_INTRINSICS`, shape (12,).
+        deviations: standard deviations of its intrinsics, as in `INTRINSICS`; shape (9,) or (12,).
         pictures: in the order they came.
         limit_px: error above which a picture was left out.
         k3_is_told: whether the pictures tell k3 from 0; if not, it is 0.
@@ -103,7 +115,7 @@ def fit_camera(sightings: Sequence[Sighting], *, keep_outliers: bool = False) ->
 
     Args:
         sightings: boards found in pictures of one camera; resolutions may differ.
-        keep_outliers: fit to all pictures alike.
+        keep_outliers: fit to all pictures alike, as OpenCV does.
 
     Raises:
         ConfigurationError: too few pictures, or they were taken with different views.
@@ -116,123 +128,123 @@ def fit_camera(sightings: Sequence[Sighting], *, keep_outliers: bool = False) ->
         )
     check_aspects(sightings)
     width_px, height_px = max(sighting.size for sighting in sightings)
-    views = [
-        View(
-            sighting.board.points_m.astype(float),
-            scaled_corners(sighting, width_px, height_px),
-        )
-        for sighting in sightings
-    ]
-    scales = np.array([width_px / sighting.size[0] for sighting in sightings])
-    start = _first_guess(views, width_px, height_px)
-    start = _checked_for_crops(sightings, views, start)
-    robust = _robust_fit(views, start, 1 / scales**2)
-    errors = robust.errors_px / scales
+    views = [View.of(sighting, width_px, height_px) for sighting in sightings]
+    camera = _rough_camera(sightings, views, width_px, height_px)
     kept, limit = np.ones(len(views), bool), np.inf
     if not keep_outliers:
-        for _ in range(2):
-            limit = _limit(errors)
-            kept = errors <= limit
-            found = _fit(views, robust, kept, scales)
-            errors = _errors(views, found.intrinsics) / scales
-    found = _fit(views, robust, kept, scales)
-    # Told to fit everything, do as OpenCV's calibrateCamera does.
-    k3_is_told = keep_outliers or abs(found.intrinsics[_K3]) > 2 * found.deviations[_K3]
-    if not k3_is_told:
-        without = Adjusted(found.intrinsics.copy(), found.deviations, robust.poses, errors)
-        without.intrinsics[_K3] = 0
-        found = _fit(views, without, kept, scales, held=(_K3,))
-    try:
-        camera = camera_of(found.intrinsics, width_px, height_px)
-    except ValueError as error:
-        raise ConfigurationError(f"these pictures fit no camera: {error}") from None
+        kept, limit = _believed(views, camera)
+    some = [view for view, keeps in zip(views, kept, strict=True) if keeps]
+    camera, deviations = solve(some, camera)
+    flags = 0
+    if not keep_outliers and abs(camera.distortion[4]) <= 2 * deviations[_K3]:
+        flags = cv2.CALIB_FIX_K3
+        start = replace(camera, distortion=(*camera.distortion[:4], 0.0))
+        camera, deviations = solve(some, start, flags)
     if folds_within(camera):
-        wide = wide_fit(views, kept, found.intrinsics, (width_px, height_px))
-        found, camera = wide, camera_of(wide.intrinsics, width_px, height_px)
-        k3_is_told = True
+        # OpenCV's rational model, a quotient of two polynomials, keeps rising further out.
+        flags = cv2.CALIB_RATIONAL_MODEL
+        start = replace(camera, distortion=(0.0,) * 8)
+        camera, deviations = solve(some, start, flags)
+    spread = np.maximum(deviations, _by_pictures(some, camera, flags))
     pictures = tuple(
-        _judge(view, found.intrinsics, sighting, float(scale), bool(keeps))
-        for view, sighting, scale, keeps in zip(views, sightings, scales, kept, strict=True)
+        _judge(view, camera, sighting, bool(keeps))
+        for view, sighting, keeps in zip(views, sightings, kept, strict=True)
     )
-    return CameraFit(camera, found.deviations, pictures, float(limit), k3_is_told)
+    return CameraFit(camera, spread, pictures, float(limit), flags != cv2.CALIB_FIX_K3)
 
 
-def _checked_for_crops(
-    sightings: Sequence[Sighting], views: Sequence[View], start: Values
-) -> Values:
-    """Intrinsics to start from, after a look whether all sizes show the same view."""
+def solve(views: Sequence[View], start: CameraModel, flags: int = 0) -> tuple[CameraModel, Values]:
+    """The camera that fits all corners best, by OpenCV.
+
+    Args:
+        views: at least 3, of pictures as large as the camera's.
+        start: near the camera.
+        flags: OpenCV's, for what to fit.
+
+    Returns:
+        The camera; and standard deviations of its intrinsics, by the scatter of single corners,
+        shape (9,), or (12,) of a rational model.
+
+    Raises:
+        ConfigurationError: OpenCV finds no camera.
+
+    """
+    try:
+        _, matrix, distortion, _, _, deviations, *_ = cv2.calibrateCameraExtended(
+            [view.points_m.astype(np.float32) for view in views],
+            [view.corners_px.astype(np.float32) for view in views],
+            (start.width_px, start.height_px),
+            start.matrix,
+            np.array(start.distortion),
+            flags=cv2.CALIB_USE_INTRINSIC_GUESS | flags,
+        )
+        terms = len(start.distortion)
+        numbers = np.asarray(distortion, np.float64).ravel()[:terms].tolist()
+        fx, fy, cx, cy = np.asarray(matrix, np.float64).ravel()[[0, 4, 2, 5]].tolist()
+        camera = CameraModel(start.width_px, start.height_px, fx, fy, cx, cy, tuple(numbers))
+    except (cv2.error, ValueError) as error:
+        raise ConfigurationError(f"these pictures fit no camera: {error}") from None
+    return camera, np.asarray(deviations, np.float64).ravel()[: 4 + terms]
+
+
+def _rough_camera(
+    sightings: Sequence[Sighting], views: Sequence[View], width_px: int, height_px: int
+) -> CameraModel:
+    """A camera to start from, after a look whether pictures of all sizes show the same view."""
+    up = height_px / width_px
+    guesses = [
+        CameraModel.from_field_of_view(
+            width_px, height_px, deg, np.degrees(2 * np.arctan(np.tan(np.radians(deg) / 2) * up))
+        )
+        for deg in FIELDS_OF_VIEW_DEG
+    ]
+    guess = min(guesses, key=lambda one: float(np.nanmedian([error_px(v, one) for v in views])))
     most = commonest_size(sightings)
     usual = [v for v, sighting in zip(views, sightings, strict=True) if sighting.size == most]
-    if not FEWEST_OF_A_SIZE <= len(usual) < len(views):
-        return start
-    intrinsics = _robust_fit(usual, start, np.ones(len(usual))).intrinsics
-    check_zooms(sightings, intrinsics)
-    return intrinsics
+    if FEWEST_OF_A_SIZE <= len(usual) < len(views):
+        kept, _ = _believed(usual, solve(usual, guess, _FINER[0])[0])
+        fitted, _ = solve([v for v, keeps in zip(usual, kept, strict=True) if keeps], guess)
+        check_zooms(sightings, fitted)
+    return solve(views, guess, _FINER[0])[0]
 
 
-def _judge(
-    view: View, intrinsics: Values, sighting: Sighting, scale: float, kept: bool
-) -> PictureFit:
-    pose = pose_of(view, intrinsics)
-    apart = residuals(view, intrinsics, pose) / scale
+def _believed(views: Sequence[View], start: CameraModel) -> tuple[NDArray[np.bool_], float]:
+    """Which views fit the others, shape (n,), and the error in pixels above which one does not.
+
+    Fitted to all, the camera is pulled by the spoilt ones, but they still stand out; without them
+    others do, or do no more.
+    """
+    camera, kept, limit = start, np.ones(len(views), bool), np.inf
+    for number in range(MOST_ROUNDS):
+        errors = np.array([error_px(view, camera) / view.scale for view in views])
+        middle = float(np.nanmedian(errors))
+        spread = 1.4826 * float(np.nanmedian(np.abs(errors - middle)))
+        limit = max(LIMIT_MEDIANS * middle, middle + LIMIT_DEVIATIONS * spread)
+        before, kept = kept, errors <= limit
+        if number >= len(_FINER) and (kept == before).all():
+            break
+        some = [view for view, keeps in zip(views, kept, strict=True) if keeps]
+        camera, _ = solve(some, camera, _FINER[number] if number < len(_FINER) else 0)
+    return kept, limit
+
+
+def _by_pictures(views: Sequence[View], camera: CameraModel, flags: int) -> Values:
+    """Standard deviations by how much the camera moves without some of the pictures (jackknife).
+
+    Corners of a picture err together, where the board is bent or blurred, so that the scatter of
+    single ones alone would be too sure. Shape as of `deviations`.
+    """
+    parts = min(len(views), MOST_REFITS)
+    if len(views) <= FEWEST_PICTURES:
+        return np.zeros(4 + len(camera.distortion))
+    without = [[v for number, v in enumerate(views) if number % parts != p] for p in range(parts)]
+    found = [solve(some, camera, flags)[0] for some in without]
+    values = np.array([[*one.matrix.ravel()[[0, 4, 2, 5]], *one.distortion] for one in found])
+    return np.sqrt((parts - 1) * values.var(axis=0))
+
+
+def _judge(view: View, camera: CameraModel, sighting: Sighting, kept: bool) -> PictureFit:
+    pose = pose_of(view, camera)
+    apart = residuals(view, camera, pose) / view.scale
     error = float(np.sqrt((apart**2).sum(axis=1).mean()))
     return PictureFit(sighting, error, kept, pose, apart)
-
-
-def _first_guess(views: Sequence[View], width_px: int, height_px: int) -> Values:
-    """A camera without distortion whose field of view suits most of the pictures."""
-    guesses = [
-        intrinsics_of(
-            CameraModel.from_field_of_view(
-                width_px,
-                height_px,
-                fov_deg,
-                np.degrees(2 * np.arctan(np.tan(np.radians(fov_deg) / 2) * height_px / width_px)),
-            )
-        )
-        for fov_deg in FIELDS_OF_VIEW_DEG
-    ]
-    return min(guesses, key=lambda guess: float(np.nanmedian(_errors(views, guess))))
-
-
-def _errors(views: Sequence[View], intrinsics: Values) -> Values:
-    return np.array([error_px(view, intrinsics, pose_of(view, intrinsics)) for view in views])
-
-
-def _robust_fit(views: Sequence[View], start: Values, base: Values) -> Adjusted:
-    """A fit in which a picture counts less the worse it fits, so that a few bad ones do no harm.
-
-    Cauchy weights on whole pictures, scaled by twice the median error.
-    """
-    errors = _errors(views, start) * np.sqrt(base)
-    usable = np.isfinite(errors)
-    poses = np.array([pose_of(view, start) for view in views])
-    found = Adjusted(start, np.zeros(len(start)), poses, errors)
-    for number in range(ROBUST_ROUNDS):
-        # From a rough focal length the finer terms of the distortion might run away.
-        held = (_K2, _P1, _P2, _K3) if number == 0 else ()
-        weights = base / (1 + (errors / (2 * np.nanmedian(errors))) ** 2)
-        some = [view for view, use in zip(views, usable, strict=True) if use]
-        found = adjust(some, found.intrinsics, poses[usable], weights[usable], held)
-        poses = np.array([pose_of(view, found.intrinsics) for view in views])
-        errors = _errors(views, found.intrinsics) * np.sqrt(base)
-        usable = np.isfinite(errors)
-    return Adjusted(found.intrinsics, found.deviations, poses, errors / np.sqrt(base))
-
-
-def _limit(errors: Values) -> float:
-    middle = float(np.nanmedian(errors))
-    spread = 1.4826 * float(np.nanmedian(np.abs(errors - middle)))
-    return max(LIMIT_MEDIANS * middle, middle + LIMIT_DEVIATIONS * spread)
-
-
-def _fit(
-    views: Sequence[View],
-    start: Adjusted,
-    kept: np.ndarray,
-    scales: Values,
-    held: Sequence[int] = (),
-) -> Adjusted:
-    """A fit to the pictures that are kept, each corner with the same error in its own pixels."""
-    some = [view for view, keeps in zip(views, kept, strict=True) if keeps]
-    return adjust(some, start.intrinsics, start.poses[kept], 1 / scales[kept] ** 2, held)

@@ -10,11 +10,11 @@ import cv2
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.calibration.camera.board_detection import (
     Grey,
+    Sighting,
     find_board,
     most_likely_checkerboard,
 )
 from mbot_workstation.calibration.camera.pictures import read_picture
-from mbot_workstation.calibration.camera.sighting import Sighting
 from mbot_workstation.targets.specifications import Board
 
 LOOKED_AT_FOR_SIZE = 12

@@ -1,4 +1,4 @@
-"""Pictures of several resolutions: one camera only where all show the same view.
+"""Boards in pictures of several resolutions: one camera only where all show the same view.
 
 A sensor read out at fewer pixels either averages (the same view, everything scaled) or crops (a
 narrower view, another camera). The aspect ratio tells some crops, the boards tell the others.
@@ -6,13 +6,17 @@ narrower view, another camera). The aspect ratio tells some crops, the boards te
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration.camera.bundle import Values, View, error_px, pose_of
-from mbot_workstation.calibration.camera.sighting import Sighting
+from mbot_workstation.calibration.camera.board_detection import Sighting
+
+Values = NDArray[np.float64]
 
 ASPECT_TOLERANCE = 0.005
 """2028 x 1520 and 320 x 240 differ by 0.07 %, the crop to 1332 x 990 by 0.84 %."""
@@ -30,7 +34,55 @@ CLEARLY_BETTER = 0.5
 """A crop is believed when it halves the error: boards held upright fit any zoom."""
 
 
-def scaled_corners(sighting: Sighting, width_px: int, height_px: int) -> NDArray[np.float64]:
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """A board in a picture as if that were as large as the largest one.
+
+    Attributes:
+        points_m: corners on the board, shape (n, 3).
+        corners_px: corners in the picture, shape (n, 2).
+        scale: by which the picture was enlarged.
+
+    """
+
+    points_m: Values
+    corners_px: Values
+    scale: float
+
+    @classmethod
+    def of(cls, sighting: Sighting, width_px: int, height_px: int) -> "View":
+        """A sighting, in a picture of this size."""
+        corners = scaled_corners(sighting, width_px, height_px)
+        return cls(sighting.board.points_m.astype(float), corners, width_px / sighting.size[0])
+
+
+def pose_of(view: View, camera: CameraModel) -> Values:
+    """The board's rotation vector and translation, refined. Shape (6,); NaN if there is none."""
+    known = view.points_m, view.corners_px, camera.matrix, np.array(camera.distortion)
+    try:
+        found, turn, place = cv2.solvePnP(*known, flags=cv2.SOLVEPNP_IPPE)
+        if not found:
+            return np.full(6, np.nan)
+        turn, place = cv2.solvePnPRefineLM(*known, turn, place)
+    except cv2.error:
+        return np.full(6, np.nan)
+    return np.concatenate([turn.ravel(), place.ravel()]).astype(np.float64)
+
+
+def residuals(view: View, camera: CameraModel, pose: Values) -> Values:
+    """Projected minus seen corners. Shape (n, 2)."""
+    lens = np.array(camera.distortion)
+    seen, _ = cv2.projectPoints(view.points_m, pose[:3], pose[3:], camera.matrix, lens)
+    return np.asarray(seen, np.float64).reshape(-1, 2) - view.corners_px
+
+
+def error_px(view: View, camera: CameraModel) -> float:
+    """Root mean square distance in pixels between seen corners and those of the best pose."""
+    apart = residuals(view, camera, pose_of(view, camera))
+    return float(np.sqrt((apart**2).sum(axis=1).mean()))
+
+
+def scaled_corners(sighting: Sighting, width_px: int, height_px: int) -> Values:
     """The corners as they would be in a picture of another size. Shape (n, 2)."""
     share = np.array([width_px / sighting.size[0], height_px / sighting.size[1]])
     return (sighting.board.corners_px.astype(float) + 0.5) * share - 0.5
@@ -58,35 +110,31 @@ def check_aspects(sightings: Sequence[Sighting]) -> None:
             )
 
 
-def check_zooms(sightings: Sequence[Sighting], intrinsics: Values) -> None:
+def check_zooms(sightings: Sequence[Sighting], camera: CameraModel) -> None:
     """Refuse pictures that show a part of the view only.
 
     Args:
         sightings: all of them, of one aspect ratio.
-        intrinsics: fitted to those of the commonest size, shape (9,), at the largest size.
+        camera: fitted to those of the commonest size, at the largest size.
 
     Raises:
         ConfigurationError: the boards in pictures of another size are too large or too small.
 
     """
-    largest = max(sighting.size for sighting in sightings)
-    most = commonest_size(sightings)
-    for size in {sighting.size for sighting in sightings} - {most}:
+    for size in {sighting.size for sighting in sightings} - {commonest_size(sightings)}:
         views = [
-            View(sighting.board.points_m.astype(float), scaled_corners(sighting, *largest))
+            View.of(sighting, camera.width_px, camera.height_px)
             for sighting in sightings
             if sighting.size == size
         ]
-        errors = {zoom: _zoomed_error(views, intrinsics, zoom) for zoom in (1.0, *ZOOMS)}
+        errors: dict[float, float] = {}
+        for zoom in (1.0, *ZOOMS):
+            x, y = zoom * camera.focal_x_px, zoom * camera.focal_y_px
+            zoomed = replace(camera, focal_x_px=x, focal_y_px=y)
+            errors[zoom] = float(np.nanmedian([error_px(view, zoomed) for view in views]))
         zoom = min(errors, key=lambda zoom: errors[zoom])
         if abs(zoom - 1) > SAME_VIEW and errors[zoom] < CLEARLY_BETTER * errors[1.0]:
             raise _other_view(sightings, size, f"their boards fit a view {zoom:.2f} times as long")
-
-
-def _zoomed_error(views: Sequence[View], intrinsics: Values, zoom: float) -> float:
-    zoomed = intrinsics.copy()
-    zoomed[:2] *= zoom
-    return float(np.nanmedian([error_px(view, zoomed, pose_of(view, zoomed)) for view in views]))
 
 
 def _other_view(

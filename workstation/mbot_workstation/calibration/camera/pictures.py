@@ -13,24 +13,32 @@ from mbot_protocol.picture import Picture
 PICTURE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 
 
-def read_picture(path: Path) -> Picture:
+def read_picture(path: Path, *, turn: bool = False) -> Picture:
     """A picture file. Shape (height, width, 3), RGB.
 
-    It is not turned as a phone's orientation tag says: what is calibrated is the sensor.
+    Args:
+        path: the file.
+        turn: as a phone's orientation tag says; not where the sensor itself is calibrated.
 
     Raises:
         ConfigurationError: it can't be read or is no picture.
 
     """
     try:
-        encoded = np.frombuffer(path.read_bytes(), np.uint8)
+        encoded = path.read_bytes()
     except OSError as error:
         raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
-    kind = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
-    decoded = cv2.imdecode(encoded, kind) if encoded.size else None
-    if decoded is None:
+    picture = decoded_picture(encoded, turn=turn)
+    if picture is None:
         raise ConfigurationError(f"{path} is no picture OpenCV can decode; save it as PNG or JPEG")
-    return cast(Picture, cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB))
+    return picture
+
+
+def decoded_picture(encoded: bytes, *, turn: bool = False) -> Picture | None:
+    """A picture file's content, shape (height, width, 3), RGB; None if it is none. See above."""
+    kind = cv2.IMREAD_COLOR if turn else cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+    decoded = cv2.imdecode(np.frombuffer(encoded, np.uint8), kind) if encoded else None
+    return None if decoded is None else cast(Picture, cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB))
 
 
 def picture_files(given: Iterable[Path]) -> list[Path]:

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import savgol_filter
 
 from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
-from mbot_workstation.gap_report.compared_run import ComparedRun
 from mbot_workstation.identification.data import prepare
 from mbot_workstation.identification.fit import aligned, begins_s
 from mbot_workstation.identification.held_out import driven, is_held_out
@@ -19,6 +19,8 @@ from mbot_workstation.simulation.parameter_table import with_values
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.timestep import TIMESTEP_S
 
+MEASURED, CALIBRATED, NOMINAL = PATHS = ("measured", "calibrated", "nominal")
+
 GRID_S = 0.02
 """Between the moments compared."""
 
@@ -29,20 +31,70 @@ REACH_S = 0.05
 """To each side of a moment; a straight line through the poses there is the place at the moment. A
 tenth of a second of 90 Hz makes 1.3 mm of 4, and bends a robot's smallest circle by 0.3."""
 
-FEWEST = 4
-"""Poses for such a line; with fewer the moment lies in a gap, which is bridged."""
+SETTLED_S = 0.6
+"""Since the first command: even a motor of 200 ms has 95 % of its speed."""
+
+SHORTEST_S = 0.5
+"""Less driving than this says no speed: 4 mm of noise would be 2 % of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """Steady driving: speed of the axle's centre ahead, turn rate to the left."""
+
+    speed_mps: float
+    turn_radps: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ComparedRun:
+    """One run that the calibration has not been fitted to, beside two simulated ones.
+
+    Poses are x [m], y [m] of the axle's centre and yaw [rad], which counts whole turns; each path
+    begins in the origin, heading along +x, when the first command takes effect.
+
+    Attributes:
+        number, repetition: as recorded.
+        maneuver: its name, such as "forward-neutral".
+        driven_s: from the first command to the stop.
+        time_s: since the first command took effect, shape (n,), rising, ends with the drive.
+        measured, calibrated, nominal: the tracked robot, the simulated one with its calibration,
+            and the simulated one without; shape (n, 3).
+
+    """
+
+    number: int
+    maneuver: str
+    repetition: int
+    driven_s: float
+    time_s: Array
+    measured: Array
+    calibrated: Array
+    nominal: Array
+
+    @property
+    def turned_rad(self) -> float:
+        """How far the robot turned, positive to the left."""
+        return float(self.measured[-1, 2] - self.measured[0, 2])
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether it was driven long enough for a rate."""
+        return bool(self.time_s[-1] >= SETTLED_S + SHORTEST_S)
+
+    def off(self, path: str) -> Array:
+        """A simulated path less the measured one. Shape (n, 3)."""
+        return getattr(self, path) - self.measured
+
+    def rate(self, path: str) -> Rate:
+        """Steady driving on one of the paths."""
+        return steady_rate(self.time_s, getattr(self, path))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
-    """What driving shows.
-
-    Attributes:
-        held_out: runs that were not fitted.
-        first: the session's first run, if it can be used: frames were taken in it.
-        words: which runs were held out.
-        left_out: runs that can't be used, by name, and why.
-
+    """Runs that were not fitted and which they are; the session's first run, in which frames were
+    taken, if it can be used; and by name why runs can't be used.
     """
 
     held_out: tuple[ComparedRun, ...]
@@ -106,34 +158,46 @@ def _beside(
     # The track may end before the drive does, by a little: see `data.LEAST_COVERED`.
     until_s = min(observed.drive_s, float(when_s[-1]))
     time_s = np.linspace(0, until_s, max(2, round(until_s / GRID_S) + 1))
-    columns = (axle.real, axle.imag, heading)
-    measured = np.stack([line_at(when_s, column, time_s) for column in columns], axis=1)
-    simulated = [_at(path, time_s) for path in (calibrated, nominal)]
-    return ComparedRun(
-        run.number, run.maneuver, run.repetition, observed.drive_s, time_s, measured, *simulated
-    )
+    paths = [
+        line_at(when_s, np.stack([axle.real, axle.imag, heading], axis=1), time_s),
+        *(
+            _at(np.arange(len(p), dtype=float) * TIMESTEP_S, p, time_s)
+            for p in (calibrated, nominal)
+        ),
+    ]
+    return ComparedRun(run.number, run.maneuver, run.repetition, observed.drive_s, time_s, *paths)
 
 
-def _at(path: Array, time_s: Array) -> Array:
-    """A simulated path at these moments. Shape (n, 3)."""
-    grid_s = TIMESTEP_S * np.arange(len(path))
+def line_at(seen_s: Array, seen: Array, time_s: Array) -> Array:
+    """Samples, shape (n, columns), at these moments, smoothed over `REACH_S` to each side.
+
+    Times are smoothed with the values, so what moves evenly stays where it is, also beside gaps.
+    """
+    within = 2 * round(REACH_S / float(np.median(np.diff(seen_s)))) + 1
+    within = min(max(3, within), len(seen_s) - 1 | 1)
+    columns = np.column_stack([seen_s, seen])
+    smooth = np.asarray(savgol_filter(columns, within, 1, axis=0), np.float64)
+    return _at(np.maximum.accumulate(smooth[:, 0]), smooth[:, 1:], time_s)
+
+
+def _at(grid_s: Array, path: Array, time_s: Array) -> Array:
     return np.stack([np.interp(time_s, grid_s, column) for column in path.T], axis=1)
 
 
-def line_at(seen_s: Array, values: Array, time_s: Array) -> Array:
-    """At each moment the least-squares line through the samples within `REACH_S`."""
-    first = np.searchsorted(seen_s, time_s - REACH_S)
-    last = np.searchsorted(seen_s, time_s + REACH_S, side="right")
-    middle_s = float(np.median(seen_s))  # near the moments, for the sums' sake
-    t = seen_s - middle_s
-    sums = [
-        np.append(0, np.cumsum(terms)) for terms in (np.ones_like(t), t, t * t, values, t * values)
-    ]
-    count, st, stt, sv, stv = (one[last] - one[first] for one in sums)
-    spread = stt * count - st * st
-    enough = (count >= FEWEST) & (spread > 1e-9)
-    safe = np.where(enough, spread, 1.0)
-    slope = (stv * count - st * sv) / safe
-    level = (sv - slope * st) / np.maximum(count, 1)
-    line = level + slope * (time_s - middle_s)
-    return np.where(enough, line, np.interp(time_s, seen_s, values))
+def steady_rate(time_s: Array, path: Array) -> Rate:
+    """Least squares over the steady part of a path.
+
+    Args:
+        time_s: since the first command, shape (n,).
+        path: x, y, yaw; shape (n, 3).
+
+    """
+    steady = time_s >= SETTLED_S
+    since_s, (x, y, yaw) = time_s[steady] - SETTLED_S, path[steady].T
+    turn_radps, heading = np.polyfit(since_s, yaw, 1)
+    # A robot that turns steadily and drives at v has gone v times this far.
+    ways = np.exp(1j * (heading + turn_radps * since_s))
+    gone = np.append(0, np.cumsum((ways[1:] + ways[:-1]) / 2 * np.diff(since_s)))
+    columns = np.column_stack([np.ones_like(gone), gone])
+    velocity = np.linalg.lstsq(columns, x + 1j * y, rcond=None)[0][1]
+    return Rate(float(velocity.real), float(turn_radps))
