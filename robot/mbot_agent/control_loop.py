@@ -192,9 +192,11 @@ class ControlLoop:
         return replace(tick, steps=steps, joystick=joystick, delivery=delivery)
 
     def _reflect(self, tick: Tick) -> None:
-        """What follows for the next beat. A policy with memory goes on from what its action did, and
-        only without a break: in a decision that was held, refused or missed the robot did something
-        else. A robot that is stuck is disarmed.
+        """What follows for the next beat.
+
+        A policy with memory goes on from what its action did, and only without a break: in a
+        decision that was held, refused or missed the robot did something else. A robot that is
+        stuck is disarmed.
         """
         if tick.steps is not None and tick.delivery is not None:
             self._pilot.drove(*tick.steps.action)
