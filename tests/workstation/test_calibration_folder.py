@@ -331,8 +331,8 @@ def test_the_oracle_is_told_of_the_trim(folder: Path) -> None:
     assert seen.low.left_gain == pytest.approx((full - dead_band) / (255 - dead_band))
     assert seen.low.right_gain == 1.0
     target = np.array([[1.0, 0.0]])
-    plain = driver("oracle", 1, 0, effects)(np.zeros((1, 64, 64, 3), np.uint8), target)
-    told = driver("oracle", 1, 0, effects, robot)(np.zeros((1, 64, 64, 3), np.uint8), target)
+    plain = driver("oracle", 1, 0, effects).act(np.zeros((1, 64, 64, 3), np.uint8), target)
+    told = driver("oracle", 1, 0, effects, robot).act(np.zeros((1, 64, 64, 3), np.uint8), target)
     assert plain[0, 0] == pytest.approx(plain[0, 1])
     assert told[0, 0] > told[0, 1]  # the trimmed wheel has to be told more
 

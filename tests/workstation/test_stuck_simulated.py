@@ -80,14 +80,14 @@ def test_a_robot_at_a_wall_is_found_stuck(
 @pytest.mark.parametrize("name", ["nominal", "automatic", "any-room"])
 def test_nobody_is_found_stuck_in_ordinary_episodes(name: str) -> None:
     ranges = preset(name)
-    drive = driver("servo", ROBOTS, 7, ranges)
+    driven_by = driver("servo", ROBOTS, 7, ranges)
     checks = [StuckCheck() for _ in range(ROBOTS)]
     ended, driven = 0, 0
     with FetchVecEnv(ROBOTS, 7, ranges, lesson="10") as environment:
         pictures = np.asarray(environment.reset())
         number = 0
         while ended < EPISODES:
-            actions = np.clip(drive(pictures, np.zeros((ROBOTS, 2))), -1, 1)
+            actions = np.clip(driven_by.act(pictures, np.zeros((ROBOTS, 2))), -1, 1)
             for check, picture, action in zip(checks, pictures, actions.tolist(), strict=True):
                 assert check.judge(beat(number, picture, action)) is None
                 driven += any(action)
