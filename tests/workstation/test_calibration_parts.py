@@ -17,17 +17,17 @@ from mbot_workstation.calibration.camera.picture_sizes import (
     commonest_size,
     scaled_corners,
 )
-from mbot_workstation.calibration.camera.pictures import picture_files, read_picture
 from mbot_workstation.calibration.light.card_frame import find_framed_card
 from mbot_workstation.calibration.light.plain_card import find_plain_card
 from mbot_workstation.calibration.light.simulated_card import camera_axes, simulated_card
 from mbot_workstation.calibration.room.panorama_preview import draw_preview
+from mbot_workstation.pictures.picture_file import picture_files, read_picture
+from mbot_workstation.pictures.video_source import VideoSource
 from mbot_workstation.simulation.engine import mujoco
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.room_generator import generate_room
 from mbot_workstation.simulation.scene_parameters import Light, SceneParameters
 from mbot_workstation.targets.specifications import Board
-from mbot_workstation.video_source import VideoSource
 
 from .board_pictures import photograph, poses
 

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.calibration.body.body_views import (
     CAMERA,
     CENTRE,
@@ -23,6 +22,7 @@ from mbot_workstation.calibration.body.body_views import (
 )
 from mbot_workstation.calibration.body.mass_properties import MassProperties
 from mbot_workstation.calibration_files.body_calibration import BodyCalibration
+from mbot_workstation.pictures.picture_file import save_figure
 from mbot_workstation.simulation.robot_mjcf import CASTER_RADIUS_M
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 
@@ -81,10 +81,7 @@ def draw_body(
         fontsize=11,
         fontweight="bold",
     )
-    try:
-        figure.savefig(path, dpi=DOTS_PER_INCH)
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"can't write the drawing {path}: {error}") from None
+    save_figure(figure, path, DOTS_PER_INCH)
 
 
 def _extent(body: BodyCalibration, robot: RobotParameters) -> tuple[np.ndarray, np.ndarray]:
