@@ -16,8 +16,6 @@ LONGEST_FUNCTION = 60
 RUN_BY_OTHERS_TESTS = {
     "mbot_agent.daemon",
     "mbot_agent.models.model_notices",
-    "mbot_workstation.calibration.camera.camera_drawing",
-    "mbot_workstation.calibration.light.light_drawing",
     "mbot_workstation.demo.demo_run",
     "mbot_workstation.maneuvers.telemetry_recorder",
     "mbot_workstation.training.learning.policy_export",

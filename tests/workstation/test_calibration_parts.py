@@ -11,25 +11,32 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.calibration.body.body_mjcf import robot_mjcf, write_mjcf
 from mbot_workstation.calibration.body.body_views import FRONT, SIDE, TOP
 from mbot_workstation.calibration.camera.board_detection import Sighting, find_board
+from mbot_workstation.calibration.camera.camera_drawing import draw_calibration
+from mbot_workstation.calibration.camera.camera_fit import fit_camera
 from mbot_workstation.calibration.camera.camera_live import collect
 from mbot_workstation.calibration.camera.picture_sizes import (
     check_aspects,
     commonest_size,
     scaled_corners,
 )
-from mbot_workstation.calibration.camera.pictures import picture_files, read_picture
 from mbot_workstation.calibration.light.card_frame import find_framed_card
+from mbot_workstation.calibration.light.gray_card import CardReading
+from mbot_workstation.calibration.light.light_drawing import draw_light
+from mbot_workstation.calibration.light.light_fit import LightFit
+from mbot_workstation.calibration.light.light_measurement import LightMeasurement
 from mbot_workstation.calibration.light.plain_card import find_plain_card
 from mbot_workstation.calibration.light.simulated_card import camera_axes, simulated_card
 from mbot_workstation.calibration.room.panorama_preview import draw_preview
+from mbot_workstation.pictures.picture_file import picture_files, read_picture
+from mbot_workstation.pictures.video_source import VideoSource
 from mbot_workstation.simulation.engine import mujoco
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.room_generator import generate_room
 from mbot_workstation.simulation.scene_parameters import Light, SceneParameters
 from mbot_workstation.targets.specifications import Board
-from mbot_workstation.video_source import VideoSource
 
 from .board_pictures import photograph, poses
+from .test_wide_lens import sightings
 
 BOARD = Board(9, 6, 25.0)
 CAMERA = nominal_pi_camera(320, 240)
@@ -120,3 +127,27 @@ def test_a_preview_is_drawn(tmp_path: Path) -> None:
     picture = cv2.imread(str(path))
     assert picture is not None
     assert picture.std() > 20
+
+
+def test_a_calibrated_camera_is_drawn(tmp_path: Path) -> None:
+    fit = fit_camera(sightings(8))
+    path = tmp_path / "camera.png"
+    draw_calibration(fit, path)
+    drawn = cv2.imread(str(path))
+    assert drawn is not None
+    assert drawn.std() > 10
+    with pytest.raises(ConfigurationError, match="can't write"):
+        draw_calibration(fit, tmp_path / "none" / "camera.png")
+
+
+def test_a_measured_light_is_drawn_with_what_it_differs_by(tmp_path: Path) -> None:
+    grey = np.full((2, 3), 118.0)
+    readings = tuple(CardReading(name, grey[0], np.zeros((4, 2)), None) for name in ("a", "b"))
+    normals = (np.array([-1.0, 0.0, 0.0]), None)
+    light = LightFit(1.0, 1.0, 1.0, Light(), None, "too few")
+    apart = np.array([7.1, 0.3])
+    measured = LightMeasurement(light, readings, normals, grey, grey, apart, apart, ())
+    draw_light(measured, tmp_path / "light.svg")
+    text = (tmp_path / "light.svg").read_text()
+    for words in ("<!-- 7.1 -->", "<!-- 0.3 -->", "<!-- a -->", "<!-- b -->"):
+        assert words in text

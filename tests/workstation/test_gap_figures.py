@@ -39,10 +39,8 @@ def test_where_a_calibration_did_not_help_is_told() -> None:
     nominal = (0.40, 0.40, 0.115)
     worse = driving(compared_runs(maneuvers, true=nominal, fitted=(0.42, 0.38, 0.12)))
     assert worse.not_helped == (
-        "the position of forward-forward",
-        "the heading of forward-forward",
-        "the position of forward-neutral",
-        "the heading of forward-neutral",
+        "the position and heading of forward-forward",
+        "the position and heading of forward-neutral",
     )
 
 

@@ -196,7 +196,7 @@ def test_where_nothing_was_gained_is_said() -> None:
     right = (0.40, 0.40, 0.115)
     runs = compared_runs(MANEUVERS[:1], true=right, fitted=TRUE)
     shown = Page(page(report(runs, ALL))).text
-    assert "The calibration did not help with the position of forward-forward" in shown
+    assert "The calibration did not help with the position and heading of forward-forward" in shown
     helped = Page(page(report(compared_runs(MANEUVERS[:1]), ALL))).text
     assert "did not help" not in helped
 
@@ -254,11 +254,17 @@ def test_the_command_makes_a_page_from_a_recording(recording: Path, tmp_path: Pa
     assert Page(where.read_text()).headings.count("backward-neutral") == 2
 
 
-def test_a_robot_without_calibration_is_reported_as_such(recording: Path, tmp_path: Path) -> None:
+def test_a_robot_without_calibration_is_reported_as_such(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     where = tmp_path / "gap.html"
+    (tmp_path / "models").mkdir()
+    write_tolerances(tmp_path / "models" / "tolerance.json", tolerances())
+    monkeypatch.chdir(tmp_path)
     said = run_command(str(recording), "--calibration", str(tmp_path), "-o", str(where))
     assert "16 held-out runs" in said  # nothing was fitted, so all count
     assert "missing: no motion.toml" in said
+    assert "Trained on the nominal robot: will not hold" in said  # by the map that ships
     assert "Its motors have not been identified yet" in Page(where.read_text()).text
 
 

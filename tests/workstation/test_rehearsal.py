@@ -17,6 +17,7 @@ from mbot_workstation.calibration_files.calibration_folder import (
     read_files,
 )
 from mbot_workstation.gap_report.frames import read_frames
+from mbot_workstation.pictures.picture_file import write_picture
 from mbot_workstation.recordings.commands_csv import read_commands
 from mbot_workstation.recordings.maneuver import MANEUVERS
 from mbot_workstation.recordings.recording_folder import read_recording, write_recording
@@ -38,7 +39,6 @@ from mbot_workstation.rehearsal.truth import (
     TRUTH,
     WORN_MOTION,
     corrected,
-    save_picture,
     write_truth,
 )
 from mbot_workstation.simulation.robot_parameters import RobotParameters
@@ -97,7 +97,7 @@ def test_photographs_of_the_board_show_corners_where_the_true_lens_puts_them() -
 def test_photographs_of_the_gray_card_tell_the_true_light(tmp_path: Path) -> None:
     paths = [tmp_path / f"{number}.png" for number in range(len(TURNS_DEG))]
     for path, picture in zip(paths, card_photos(TRUTH, seed=1), strict=True):
-        save_picture(path, picture)
+        write_picture(path, picture)
     found = measure_light(paths, TRUTH.robot, CardSettings(CARD_MM, REFLECTANCE))
     light, true = found.fit.light, TRUTH.scene.light
     assert found.fit.undetermined is None

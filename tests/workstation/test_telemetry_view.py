@@ -6,7 +6,8 @@ import pytest
 from rich.console import Console
 
 from mbot_protocol.v1.messages_pb2 import Decision, Fault, Notice, State
-from mbot_workstation.half_blocks import decode_picture, half_blocks
+from mbot_workstation.pictures.half_blocks import half_blocks
+from mbot_workstation.pictures.picture_file import decode_picture
 from mbot_workstation.telemetry.fields import decision_fields
 from mbot_workstation.telemetry.stage_times import percentile, span_ms, stage_ms
 from mbot_workstation.telemetry.stream import LinkState, Sample

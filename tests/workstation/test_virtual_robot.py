@@ -183,7 +183,7 @@ def test_the_command_is_ready_runs_and_ends_on_sigterm(tmp_path: Path) -> None:
     [
         (["--size", "big"], "--size is 'big', expected WIDTHxHEIGHT"),
         (["--radius", "3"], "--radius: objects up to 3 m away"),
-        (["--panorama", "missing.jpg"], "can't read panorama missing.jpg"),
+        (["--panorama", "missing.jpg"], "panorama: can't read missing.jpg"),
         (["--view"], "--view needs a display"),
     ],
 )

@@ -194,7 +194,7 @@ def _calibrate(
     from mbot_workstation.calibration.camera.camera_fit import fit_camera
     from mbot_workstation.calibration.camera.camera_pictures import look_for_boards
     from mbot_workstation.calibration.camera.camera_quality import judge
-    from mbot_workstation.calibration.camera.pictures import picture_files
+    from mbot_workstation.pictures.picture_file import picture_files
 
     files = picture_files(photos)
     console = Console(stderr=True)

@@ -67,8 +67,8 @@ def light(options: LightOptions) -> None:
     from rich.console import Console
     from rich.progress import Progress
 
-    from mbot_workstation.calibration.camera.pictures import picture_files
     from mbot_workstation.calibration.light.light_measurement import CardSettings, measure_light
+    from mbot_workstation.pictures.picture_file import picture_files
 
     settings = CardSettings(
         options.card_mm,

@@ -8,6 +8,9 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands.link_options import json_option
 from mbot_workstation.commands.options import argument, option, with_options
 
+SHIPPED_MAP = Path("models/tolerance.json")
+"""In the checkout, beside the policy it is of."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GapReportOptions:
@@ -24,8 +27,8 @@ class GapReportOptions:
     )
     tolerance: Path | None = option(
         None,
-        "What a policy bears: tolerance.json of `workstation study tolerance`. Without, "
-        "there are no verdicts.",
+        "What a policy bears: tolerance.json of `workstation study tolerance`; the one that ships "
+        "with the policy, models/tolerance.json, if not given. Without, there are no verdicts.",
         metavar="FILE.json",
     )
     frames: Path | None = option(
@@ -66,7 +69,7 @@ def gap_report(options: GapReportOptions) -> None:
         report = build(
             options.recordings,
             options.calibration,
-            options.tolerance,
+            options.tolerance or (SHIPPED_MAP if SHIPPED_MAP.is_file() else None),
             options.frames,
             status.update,
         )

@@ -89,9 +89,9 @@ class Driving:
         found: list[str] = []
         for name, runs in self.maneuvers.items():
             after, before = (at_end(path_error(runs, path)) for path in (CALIBRATED, NOMINAL))
-            for what, new, old in zip(NOISE, after, before, strict=True):
-                if new > old + NOISE[what]:
-                    found.append(f"the {what} of {name}")
+            ends = zip(NOISE.items(), after, before, strict=True)
+            worse = [what for (what, noise), new, old in ends if new > old + noise]
+            found += [f"the {' and '.join(worse)} of {name}"] if worse else []
         return tuple(found)
 
 

@@ -12,9 +12,9 @@ import numpy as np
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Picture
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.calibration.camera.pictures import decoded_picture, read_picture
 from mbot_workstation.gap_report.compare import ComparedRun
 from mbot_workstation.gap_report.simulated_view import Place, RealFrame
+from mbot_workstation.pictures.picture_file import decode_picture, read_picture
 from mbot_workstation.recordings.drive_mcap import read_recording
 from mbot_workstation.recordings.recording_folder import TELEMETRY_FILE
 from mbot_workstation.simulation.pose import ORIGIN, Pose
@@ -150,7 +150,7 @@ def _pictures_between(path: Path, first_s: float, last_s: float) -> dict[float, 
     for stamp_ns, moment_s in sorted(captured_s.items(), key=lambda item: item[1]):
         # A decision and its picture carry the same time; either may have got lost.
         if stamp_ns in coded and first_s <= moment_s <= last_s:
-            picture = decoded_picture(coded[stamp_ns])
+            picture = decode_picture(coded[stamp_ns])
             if picture is not None and picture.shape == OBSERVATION_SHAPE:
                 found[moment_s] = picture
     return found

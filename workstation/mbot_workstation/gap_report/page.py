@@ -5,7 +5,6 @@ import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import cv2
 import jinja2
 import numpy as np
 
@@ -20,6 +19,7 @@ from mbot_workstation.gap_report.figures import Driving, at_end, path_error
 from mbot_workstation.gap_report.report import GapReport
 from mbot_workstation.gap_report.verdict import HALF_WAY, Word
 from mbot_workstation.identification.left_out import grouped
+from mbot_workstation.pictures.picture_file import encode_picture
 from mbot_workstation.simulation.parameter_table import PARAMETERS, value
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.variation.presets import measured
@@ -125,10 +125,9 @@ def way(maneuver: str) -> str:
 
 def data_uri(pixels: Picture) -> str:
     """A picture as an address inside the page; small ones exactly."""
-    is_small = pixels.shape[1] <= 128
-    kind, options = ("png", []) if is_small else ("jpeg", [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    encoded = cv2.imencode(f".{kind}", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), options)[1]
-    return f"data:image/{kind};base64,{base64.b64encode(encoded.tobytes()).decode()}"
+    kind = "png" if pixels.shape[1] <= 128 else "jpeg"
+    encoded = encode_picture(pixels, ".png" if kind == "png" else ".jpg", JPEG_QUALITY)
+    return f"data:image/{kind};base64,{base64.b64encode(encoded).decode()}"
 
 
 def drawing(path: Path) -> str | None:

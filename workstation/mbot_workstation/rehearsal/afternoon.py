@@ -12,6 +12,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Picture
 from mbot_workstation.calibration_files.calibration_folder import read_files
 from mbot_workstation.calibration_files.toml_writer import write_toml
+from mbot_workstation.pictures.picture_file import write_picture
 from mbot_workstation.recordings.maneuver import MANEUVERS
 from mbot_workstation.rehearsal.board_photos import board_photos
 from mbot_workstation.rehearsal.card_photos import HEIGHT_PX, WIDTH_PX, card_photos
@@ -28,7 +29,6 @@ from mbot_workstation.rehearsal.truth import (
     WORN,
     WORN_MOTION,
     corrected,
-    save_picture,
     true_room,
     write_truth,
 )
@@ -153,7 +153,7 @@ def _photograph_room(line: CommandLine) -> None:
     # Nobody points such a camera's middle exactly along the tape on the floor.
     room = true_room()
     photo = np.roll(room, round(ROOM_HEADING_DEG / 360 * room.shape[1]), axis=1)
-    save_picture(line.folder / "photos" / "room.jpg", photo)
+    write_picture(line.folder / "photos" / "room.jpg", photo)
     heading = f"{ROOM_HEADING_DEG:g}"
     line.run("workstation", "panorama", "photos/room.jpg", "--heading", heading, *INTO)
 
@@ -162,7 +162,7 @@ def _save_all(line: CommandLine, name: str, pictures: Iterable[Picture]) -> None
     count = 0
     with line.console.status(f"taking photos/{name}"):
         for count, picture in enumerate(pictures, start=1):
-            save_picture(line.folder / "photos" / name / f"{name}-{count:02}.jpg", picture)
+            write_picture(line.folder / "photos" / name / f"{name}-{count:02}.jpg", picture)
     line.say(f"{count} photographs in photos/{name}")
 
 

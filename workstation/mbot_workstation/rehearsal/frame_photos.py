@@ -8,7 +8,8 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
 from mbot_workstation.gap_report.frames import CUBE, FRAMES_FILE, ROBOT
 from mbot_workstation.gap_report.simulated_view import Place, simulated_view
-from mbot_workstation.rehearsal.truth import save_picture, true_room
+from mbot_workstation.pictures.picture_file import write_picture
+from mbot_workstation.rehearsal.truth import true_room
 from mbot_workstation.simulation.pose import ORIGIN, Pose
 from mbot_workstation.simulation.sensor_noise import SensorNoise
 
@@ -33,7 +34,7 @@ def take_frames(folder: Path, truth: CalibrationFiles, seed: int) -> None:
     with simulated_view(truth, true_room(), (WIDTH_PX, HEIGHT_PX)) as draw:
         for number, place in enumerate(PLACES, start=1):
             name = f"frame-{number}.jpg"
-            save_picture(folder / name, noise.apply(draw(place)))
+            write_picture(folder / name, noise.apply(draw(place)))
             rows.append([name, *_fields(place.robot), *(_fields(place.cube) or [""] * len(CUBE))])
     try:
         with (folder / FRAMES_FILE).open("w", newline="", encoding="utf-8") as file:

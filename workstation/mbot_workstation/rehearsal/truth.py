@@ -6,13 +6,10 @@ that are beyond all of them.
 """
 
 from pathlib import Path
-from typing import cast
 
-import cv2
 import msgspec
 
 from mbot_protocol.calibration import CameraCalibration, MotionCalibration, MotorCalibration
-from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Picture
 from mbot_workstation.calibration_files.body_calibration import (
     BodyCalibration,
@@ -29,6 +26,7 @@ from mbot_workstation.calibration_files.calibration_folder import (
     write_motion,
 )
 from mbot_workstation.calibration_files.light_calibration import LightCalibration
+from mbot_workstation.pictures.picture_file import write_picture
 from mbot_workstation.simulation.robot_parameters import NOMINAL_BODIES
 from mbot_workstation.simulation.room_generator import generate_room
 
@@ -133,7 +131,7 @@ def write_truth(folder: Path, motion: MotionCalibration = MOTION) -> None:
     write_camera(folder, CAMERA)
     write_motion(folder, motion)
     write_light(folder, LIGHT)
-    save_picture(folder / ROOMS_FOLDER / "room.png", true_room())
+    write_picture(folder / ROOMS_FOLDER / "room.png", true_room())
 
 
 def corrected(motion: MotionCalibration, found: MotionCalibration) -> MotionCalibration:
@@ -148,20 +146,3 @@ def corrected(motion: MotionCalibration, found: MotionCalibration) -> MotionCali
         )
     )
     return msgspec.structs.replace(motion, left_motor=left, right_motor=right)
-
-
-def save_picture(path: Path, picture: Picture) -> None:
-    """Write a picture, in a folder that is made if need be.
-
-    Raises:
-        ConfigurationError: it can't be written.
-
-    """
-    bgr = cast(Picture, cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
-    options = [] if path.suffix == ".png" else [cv2.IMWRITE_JPEG_QUALITY, 95]
-    encoded = cv2.imencode(path.suffix, bgr, options)[1]
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(encoded.tobytes())
-    except OSError as error:
-        raise ConfigurationError(f"can't write {path}: {error.strerror}") from None

@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import cast
 
 import cv2
-import numpy as np
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Picture
+from mbot_workstation.pictures.picture_file import read_picture
 
 LARGEST_WIDTH_PX = 4096
 """11 pixels a degree, twice what a 320 pixels wide picture of 55.3 degrees shows."""
@@ -32,24 +32,17 @@ def load_room(path: Path) -> Picture:
 
     """
     try:
-        encoded = np.frombuffer(path.read_bytes(), np.uint8)
-    except OSError as error:
-        raise ConfigurationError(
-            f"can't read panorama {path}: {error.strerror}; give a PNG or JPEG file"
-        ) from None
-    decoded = cv2.imdecode(encoded, cv2.IMREAD_COLOR) if encoded.size else None
-    if decoded is None:
-        raise ConfigurationError(
-            f"panorama {path} is no picture OpenCV can decode; save it as PNG or JPEG"
-        )
-    height, width = decoded.shape[:2]
+        picture = read_picture(path, turn=True)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"panorama: {error}") from None
+    height, width = picture.shape[:2]
     if width < SMALLEST_WIDTH_PX or abs(width / height - 2) > 2 * ASPECT_TOLERANCE:
         raise ConfigurationError(
             f"panorama {path} is {width} x {height}; a 360-degree photo (equirectangular) is twice "
             f"as wide as high and at least {SMALLEST_WIDTH_PX} wide: export it from the camera's "
             "app as a full panorama, or leave the option out for a generated room"
         )
-    return fit_room(cast(Picture, cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB)))
+    return fit_room(picture)
 
 
 def fit_room(picture: Picture, width_px: int | None = None) -> Picture:

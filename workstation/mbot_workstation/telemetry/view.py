@@ -9,7 +9,8 @@ from rich.text import Text
 
 from mbot_protocol.actions import STEP_LIMIT
 from mbot_protocol.v1.messages_pb2 import Decision, State
-from mbot_workstation.half_blocks import decode_picture, half_blocks
+from mbot_workstation.pictures.half_blocks import half_blocks
+from mbot_workstation.pictures.picture_file import decode_picture
 from mbot_workstation.telemetry.stream import LinkState
 from mbot_workstation.telemetry.window import TelemetryWindow
 from mbot_workstation.wording import fault_lines, one_line, short_digest, state_word

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.pictures.video_source import VideoSource
 from mbot_workstation.recordings.track_tum import write_tum
 from mbot_workstation.tracking.marker_watch import FindFloor, Watch, frames, watch_marker
 from mbot_workstation.tracking.overhead_track import OverheadTrack, overhead_track
-from mbot_workstation.video_source import VideoSource
 
 SAVE_EVERY_S = 20.0
 """A live camera's track is worked out and written this often: so much can be lost."""

@@ -11,11 +11,11 @@ import numpy as np
 from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Picture
+from mbot_workstation.pictures.video_source import VideoSource
 from mbot_workstation.recordings.track import Array
 from mbot_workstation.tracking.floor_plane import FloorPlane
 from mbot_workstation.tracking.marker_detection import Grey, MarkerDetector, to_grey
 from mbot_workstation.tracking.overhead_track import Sight
-from mbot_workstation.video_source import VideoSource
 
 MIRROR_LOOKS = 60
 """In the first so many pictures without the marker its mirror image is looked for, too."""

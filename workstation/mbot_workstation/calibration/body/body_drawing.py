@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.calibration.body.body_views import (
     CAMERA,
     CENTRE,
@@ -23,6 +22,7 @@ from mbot_workstation.calibration.body.body_views import (
 )
 from mbot_workstation.calibration.body.mass_properties import MassProperties
 from mbot_workstation.calibration_files.body_calibration import BodyCalibration
+from mbot_workstation.pictures.picture_file import save_figure
 from mbot_workstation.simulation.robot_mjcf import CASTER_RADIUS_M
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 
@@ -31,6 +31,7 @@ MM_PER_INCH = 25.4
 DOTS_PER_INCH = 150
 MARGIN_M = 0.02
 GAP_MM = 16.0
+PLUS_MINUS = "\N{PLUS-MINUS SIGN}"
 
 
 def draw_body(
@@ -81,10 +82,7 @@ def draw_body(
         fontsize=11,
         fontweight="bold",
     )
-    try:
-        figure.savefig(path, dpi=DOTS_PER_INCH)
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"can't write the drawing {path}: {error}") from None
+    save_figure(figure, path, DOTS_PER_INCH)
 
 
 def _extent(body: BodyCalibration, robot: RobotParameters) -> tuple[np.ndarray, np.ndarray]:
@@ -135,62 +133,36 @@ def _write_table(
     lines.append(("", "two wheels, each", wheel, across))
     lines.append(("", "the whole robot", _mass(whole.mass_kg, whole.mass_uncertainty_kg), ""))
     for row, line in enumerate(lines):
-        bold = row in (0, len(lines) - 1)
-        for text, offset_mm, align in zip(
-            line, (4.0, 7.0, 78.0, 82.0), ("right", "left", "right", "left"), strict=True
-        ):
-            figure.text(
-                (left_mm + offset_mm) / SHEET_MM[0],
-                (top_mm - row * step_mm) / SHEET_MM[1],
-                text,
-                ha=align,
-                va="center",
-                fontsize=8,
-                fontweight="bold" if bold else "normal",
-            )
-    _write_legend(figure, robot, whole, left_mm, top_mm - (len(lines) + 1) * step_mm, step_mm)
+        weight = "bold" if row in (0, len(lines) - 1) else "normal"
+        for text, offset_mm, align in zip(line, (4, 7, 78, 82), ("right", "left") * 2, strict=True):
+            at_mm = left_mm + offset_mm, top_mm - row * step_mm
+            _write(figure, at_mm, text, ha=align, fontweight=weight)
+    legend = _legend(robot, whole)
+    for row, (colour, text) in enumerate(legend, start=len(lines) + 1):
+        _write(figure, (left_mm + 2, top_mm - row * step_mm), text, color=colour)
 
 
-def _write_legend(
-    figure: Figure,
-    robot: RobotParameters,
-    whole: MassProperties,
-    left_mm: float,
-    top_mm: float,
-    step_mm: float,
-) -> None:
-    centre = ", ".join(
-        f"{name} {round(place * 1000, 1) + 0.0:.1f} \N{PLUS-MINUS SIGN} {spread * 1000:.1f}"
-        for name, place, spread in zip(
-            "xyz", whole.centre_m, whole.centre_uncertainty_m, strict=True
-        )
-    )
-    mount = robot.camera_mount
-    for row, (colour, text) in enumerate(
+def _write(figure: Figure, at_mm: tuple[float, float], text: str, **style: Any) -> None:
+    x, y = at_mm
+    figure.text(x / SHEET_MM[0], y / SHEET_MM[1], text, va="center", fontsize=8, **style)
+
+
+def _legend(robot: RobotParameters, whole: MassProperties) -> tuple[tuple[str, str], ...]:
+    """Lines with their colours."""
+    places = zip("xyz", whole.centre_m * 1000, whole.centre_uncertainty_m * 1000, strict=True)
+    centre = ", ".join(f"{axis} {at:z.1f} {PLUS_MINUS} {off:.1f}" for axis, at, off in places)
+    mount, dot = robot.camera_mount, "\N{MIDDLE DOT}"
+    return (
+        (CENTRE, f"+  centre of mass: {centre} mm (95 %)"),
         (
-            (CENTRE, f"+  centre of mass: {centre} mm (95 %)"),
-            (
-                CAMERA,
-                f"\N{BULLET}  camera: {mount.height_m * 1000:.4g} mm high, "
-                f"{mount.ahead_m * 1000:.4g} ahead, {mount.pitch_down_deg:g} degrees down",
-            ),
-            (WHEEL, f"- -  caster, {robot.caster_ahead_m * 1000:.4g} mm ahead of the axle"),
-            (
-                REACH,
-                f"\N{MIDDLE DOT} \N{MIDDLE DOT}  touches within "
-                f"{robot.touch_radius_m * 1000:.4g} mm",
-            ),
-        )
-    ):
-        figure.text(
-            (left_mm + 2.0) / SHEET_MM[0],
-            (top_mm - row * step_mm) / SHEET_MM[1],
-            text,
-            va="center",
-            fontsize=8,
-            color=colour,
-        )
+            CAMERA,
+            f"\N{BULLET}  camera: {mount.height_m * 1000:.4g} mm high, "
+            f"{mount.ahead_m * 1000:.4g} ahead, {mount.pitch_down_deg:g} degrees down",
+        ),
+        (WHEEL, f"- -  caster, {robot.caster_ahead_m * 1000:.4g} mm ahead of the axle"),
+        (REACH, f"{dot} {dot}  touches within {robot.touch_radius_m * 1000:.4g} mm"),
+    )
 
 
 def _mass(mass_kg: float, uncertainty_kg: float) -> str:
-    return f"{mass_kg * 1000:.4g} \N{PLUS-MINUS SIGN} {uncertainty_kg * 1000:.2g}"
+    return f"{mass_kg * 1000:.4g} {PLUS_MINUS} {uncertainty_kg * 1000:.2g}"

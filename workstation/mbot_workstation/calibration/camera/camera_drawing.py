@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.calibration.camera.camera_fit import CameraFit
 from mbot_workstation.calibration.camera.picture_sizes import scaled_corners
+from mbot_workstation.pictures.picture_file import save_figure
 
 _KEPT, _LEFT_OUT, _FAINT = "#3b6ea5", "#d9772b", "#bbbbbb"
 MOST_BARS = 60
@@ -32,10 +32,7 @@ def draw_calibration(fit: CameraFit, path: Path) -> None:
     _draw_coverage(figure.add_subplot(grid[0, 0]), fit)
     _draw_residuals(figure.add_subplot(grid[0, 1]), fit)
     _draw_errors(figure.add_subplot(grid[1, :]), fit)
-    try:
-        figure.savefig(path, dpi=110)
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"can't write {path}: {error}") from None
+    save_figure(figure, path)
 
 
 def _draw_view(axes: Any, fit: CameraFit, title: str) -> None:

@@ -5,17 +5,17 @@ import time
 from collections.abc import Callable, Sequence
 from datetime import datetime
 from pathlib import Path
-from types import TracebackType
 from typing import Self, cast
 
 import cv2
 
-from mbot_protocol.errors import ConfigurationError, MbotError, UnreachableError
+from mbot_protocol.errors import MbotError, UnreachableError
 from mbot_protocol.picture import Picture
 from mbot_workstation.calibration.camera.board_collector import BoardCollector, Verdict
 from mbot_workstation.calibration.camera.board_detection import Grey
+from mbot_workstation.pictures.picture_file import write_picture
+from mbot_workstation.pictures.video_source import VideoSource
 from mbot_workstation.targets.specifications import Board
-from mbot_workstation.video_source import VideoSource
 
 ENOUGH_ANYWAY = 1.6
 """Times the number wanted: so many end it even if an area of the view stays empty."""
@@ -56,7 +56,8 @@ def collect(
                 grey = cast(Grey, cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY))
                 verdict = collector.offer(grey, at_s)
                 if verdict is Verdict.TAKEN:
-                    taken.append(_write(folder / f"live-{stamp}-{len(taken) + 1:03d}.png", picture))
+                    path = folder / f"live-{stamp}-{len(taken) + 1:03d}.png"
+                    taken.append(write_picture(path, picture))
                 empty = collector.empty_areas()
                 told(verdict, len(taken), empty)
                 if len(taken) >= wanted and (not empty or len(taken) >= ENOUGH_ANYWAY * wanted):
@@ -67,16 +68,6 @@ def collect(
         if not taken:
             raise  # otherwise the pictures so far are what there is
     return taken
-
-
-def _write(path: Path, picture: Picture) -> Path:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        encoded = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))[1]
-        path.write_bytes(encoded.tobytes())
-    except OSError as error:
-        raise ConfigurationError(f"can't write {path}: {error.strerror}") from None
-    return path
 
 
 class _NewestFrame:
@@ -100,16 +91,11 @@ class _NewestFrame:
             self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._closing = True
         if not self._is_file:
             self._thread.join()
-        self._video.__exit__(kind, error, trace)
+        self._video.__exit__()
 
     def next(self) -> tuple[Picture, float] | None:
         """A frame not seen before and its time in seconds; None at the end of a file.

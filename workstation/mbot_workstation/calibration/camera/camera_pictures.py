@@ -14,7 +14,7 @@ from mbot_workstation.calibration.camera.board_detection import (
     find_board,
     most_likely_checkerboard,
 )
-from mbot_workstation.calibration.camera.pictures import read_picture
+from mbot_workstation.pictures.picture_file import read_picture
 from mbot_workstation.targets.specifications import Board
 
 LOOKED_AT_FOR_SIZE = 12

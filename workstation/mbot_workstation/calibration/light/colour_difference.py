@@ -5,21 +5,11 @@ supplementary test data, and mathematical observations", Color Research and Appl
 Variable names follow it.
 """
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Values = NDArray[np.float64]
-
-_TO_XYZ = np.array(
-    [
-        [0.4124564, 0.3575761, 0.1804375],
-        [0.2126729, 0.7151522, 0.0721750],
-        [0.0193339, 0.1191920, 0.9503041],
-    ]
-)
-"""Linear sRGB to CIE XYZ, D65 (IEC 61966-2-1)."""
-
-_WHITE = _TO_XYZ.sum(axis=1)
 
 _FULL_TURN = 360.0
 _BEND = 25.0**7
@@ -43,11 +33,8 @@ def lab(srgb: ArrayLike) -> Values:
 
     """
     share = np.asarray(srgb, np.float64) / 255
-    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-    ratio = linear @ _TO_XYZ.T / _WHITE
-    bent = np.where(ratio > (6 / 29) ** 3, np.cbrt(ratio), ratio / (3 * (6 / 29) ** 2) + 4 / 29)
-    x, y, z = np.moveaxis(bent, -1, 0)
-    return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
+    pixels = share.reshape(-1, 1, 3).astype(np.float32)
+    return cv2.cvtColor(pixels, cv2.COLOR_RGB2Lab).astype(np.float64).reshape(share.shape)
 
 
 def ciede2000(one: ArrayLike, other: ArrayLike) -> Values:

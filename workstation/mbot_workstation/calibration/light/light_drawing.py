@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.calibration.light.light_measurement import LightMeasurement
+from mbot_workstation.pictures.picture_file import save_figure
 
 _LIT, _FAINT = "#d9772b", "#bbbbbb"
 MOST_ROWS = 16
@@ -25,10 +25,7 @@ def draw_light(measured: LightMeasurement, path: Path) -> None:
     grid = figure.add_gridspec(1, 2, width_ratios=[1.5, 1])
     _draw_cards(figure.add_subplot(grid[0, 0]), measured, shown)
     _draw_direction(figure.add_subplot(grid[0, 1]), measured)
-    try:
-        figure.savefig(path, dpi=110)
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"can't write {path}: {error}") from None
+    save_figure(figure, path)
 
 
 def _draw_cards(axes: Any, measured: LightMeasurement, shown: int) -> None:

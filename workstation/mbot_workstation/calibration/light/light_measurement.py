@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration.camera.pictures import read_picture
 from mbot_workstation.calibration.light.colour_difference import ciede2000, lab, srgb_level
 from mbot_workstation.calibration.light.gray_card import CardReading, Rectangle, read_card
 from mbot_workstation.calibration.light.light_fit import LightFit, Values, fit_light
 from mbot_workstation.calibration.light.simulated_card import camera_axes, simulated_card
+from mbot_workstation.pictures.picture_file import read_picture
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_parameters import Light
 

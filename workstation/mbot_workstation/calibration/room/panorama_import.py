@@ -3,13 +3,10 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 
-from mbot_protocol import atomic_file
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Picture
-from mbot_workstation.calibration.camera.pictures import read_picture
 from mbot_workstation.calibration.room.panorama_checks import (
     black_degrees,
     check_projection,
@@ -18,6 +15,7 @@ from mbot_workstation.calibration.room.panorama_checks import (
 from mbot_workstation.calibration.room.panorama_tilt import Tilt, find_tilt
 from mbot_workstation.calibration.room.panorama_turn import level, tilt_of
 from mbot_workstation.calibration_files.calibration_folder import ROOMS_FOLDER
+from mbot_workstation.pictures.picture_file import read_picture, write_picture
 from mbot_workstation.simulation.room import LARGEST_WIDTH_PX, fit_room
 
 USUAL_WIDTH_PX = 2048
@@ -121,15 +119,7 @@ def write_room(folder: Path, name: str, picture: Picture) -> Path:
         ConfigurationError: it can't be written.
 
     """
-    path = folder / ROOMS_FOLDER / f"{name}.jpg"
-    bgr = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
-    encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        atomic_file.replace(path, encoded.tobytes())
-    except OSError as error:
-        raise ConfigurationError(f"can't write {path}: {error.strerror}") from None
-    return path
+    return write_picture(folder / ROOMS_FOLDER / f"{name}.jpg", picture, JPEG_QUALITY)
 
 
 def _black_notes(picture: Picture) -> tuple[str, ...]:

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Picture
+from mbot_workstation.pictures.picture_file import save_figure
 from mbot_workstation.simulation.camera_renderer import CameraRenderer
 from mbot_workstation.simulation.isp import IspSettings
 from mbot_workstation.simulation.pose import Pose
@@ -70,10 +70,7 @@ def draw_preview(
         axes.imshow(view)
         axes.set_axis_off()
         axes.set_title(_words(heading_deg), fontsize=10)
-    try:
-        figure.savefig(path, dpi=90)
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"can't write {path}: {error}") from None
+    save_figure(figure, path, 90)
 
 
 def _words(heading_deg: int) -> str:

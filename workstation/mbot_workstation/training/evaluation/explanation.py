@@ -12,7 +12,7 @@ from mbot_protocol.camera_model import nominal_pi_camera
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Observer, Picture
 from mbot_protocol.policy_contract import OBSERVATION_SIDE_PX, FieldOfView
-from mbot_workstation.half_blocks import decode_picture
+from mbot_workstation.pictures.picture_file import decode_picture
 from mbot_workstation.training.evaluation.activations import Activations
 
 _GAP = np.nan

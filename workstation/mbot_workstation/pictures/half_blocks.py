@@ -11,17 +11,6 @@ from mbot_protocol.picture import Picture
 UPPER_HALF = "▀"
 
 
-def decode_picture(data: bytes) -> Picture | None:
-    """Shape (height, width, 3), uint8, RGB; None if the bytes are no PNG or JPEG."""
-    encoded = np.frombuffer(data, dtype=np.uint8)
-    if encoded.size == 0:
-        return None
-    picture = cv2.imdecode(encoded, cv2.IMREAD_COLOR)
-    if picture is None:
-        return None
-    return np.ascontiguousarray(picture[..., ::-1], dtype=np.uint8)  # OpenCV decodes to BGR
-
-
 def half_blocks(picture: Picture, columns: int) -> Text:
     """The picture, `columns` characters wide and half as many lines high if it is square.
 

@@ -1,0 +1,102 @@
+"""Picture files: read as the sensor read them out, and written."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import cv2
+import numpy as np
+
+from mbot_protocol import atomic_file
+from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.picture import Picture
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PICTURE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
+
+
+def decode_picture(encoded: bytes, *, turn: bool = False) -> Picture | None:
+    """A picture file's content. Shape (height, width, 3), RGB; None if it is none.
+
+    Args:
+        encoded: PNG, JPEG or what else OpenCV reads.
+        turn: as a phone's orientation tag says; not where the sensor itself is calibrated.
+
+    """
+    kind = cv2.IMREAD_COLOR if turn else cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+    decoded = cv2.imdecode(np.frombuffer(encoded, np.uint8), kind) if encoded else None
+    return None if decoded is None else cast(Picture, cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB))
+
+
+def read_picture(path: Path, *, turn: bool = False) -> Picture:
+    """A picture file; as `decode_picture`.
+
+    Raises:
+        ConfigurationError: it can't be read or is no picture.
+
+    """
+    try:
+        picture = decode_picture(path.read_bytes(), turn=turn)
+    except OSError as error:
+        raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
+    if picture is None:
+        raise ConfigurationError(f"{path} is no picture OpenCV can decode; save it as PNG or JPEG")
+    return picture
+
+
+def picture_files(given: Iterable[Path]) -> list[Path]:
+    """The files themselves, and the pictures in folders among them, sorted; none twice.
+
+    Raises:
+        ConfigurationError: a folder holds no picture, or there is none at all.
+
+    """
+    found: list[Path] = []
+    for path in given:
+        if path.is_dir():
+            inside = sorted(p for p in path.iterdir() if p.suffix.lower() in PICTURE_SUFFIXES)
+            if not inside:
+                raise ConfigurationError(f"folder {path} holds no pictures (PNG or JPEG)")
+            found += inside
+        else:
+            found.append(path)
+    if not found:
+        raise ConfigurationError("no pictures given; name files, or a folder of them")
+    return list(dict.fromkeys(found))
+
+
+def encode_picture(picture: Picture, suffix: str, quality: int = 95) -> bytes:
+    """A picture, RGB, as the bytes of a file that ends in .png or .jpg; the quality is a JPEG's."""
+    options = [cv2.IMWRITE_JPEG_QUALITY, quality] if suffix == ".jpg" else []
+    bgr = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
+    return cast(bytes, cv2.imencode(suffix, bgr, options)[1].tobytes())
+
+
+def write_picture(path: Path, picture: Picture, quality: int = 95) -> Path:
+    """Write a PNG or JPEG, whole or not at all; its folder is made if need be.
+
+    Raises:
+        ConfigurationError: it can't be written.
+
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        atomic_file.replace(path, encode_picture(picture, path.suffix, quality))
+    except OSError as error:
+        raise ConfigurationError(f"can't write {path}: {error.strerror}") from None
+    return path
+
+
+def save_figure(figure: "Figure", path: Path, dots_per_inch: int = 110) -> None:
+    """Write a figure in any format that matplotlib can; the file's ending says which.
+
+    Raises:
+        ConfigurationError: it can't be written.
+
+    """
+    try:
+        figure.savefig(path, dpi=dots_per_inch)
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(f"can't write {path}: {error}") from None
