@@ -32,6 +32,8 @@ class OnnxPolicy:
 
     Attributes:
         metadata: what it says of itself.
+        state: what it remembers of each robot, shape (layers, robots, units); none without memory.
+        previous_actions: what each robot's wheels were told, shape (robots, 2).
 
     """
 
@@ -57,8 +59,8 @@ class OnnxPolicy:
         shapes = {tensor.name: tensor.shape for tensor in self._session.get_inputs()}
         self._takes_batches = not isinstance(shapes[INPUT_NAME][0], int)
         layers, _, units = shapes.get(STATE_IN_NAME, (0, 1, 0))
-        self._state = np.zeros((layers, 1, units), np.float32)
-        self._previous = np.zeros((1, 2), np.float32)
+        self.state = np.zeros((layers, 1, units), np.float32)
+        self.previous_actions = np.zeros((1, 2), np.float32)
 
     @classmethod
     def load(cls, path: Path) -> "OnnxPolicy":
@@ -74,31 +76,33 @@ class OnnxPolicy:
         robots than before it begins anew.
         """
         robots = len(observations)
-        if self._state.shape[1] != robots:
-            layers, _, units = self._state.shape
-            self._state = np.zeros((layers, robots, units), np.float32)
-            self._previous = np.zeros((robots, 2), np.float32)
+        if self.state.shape[1] != robots:
+            layers, _, units = self.state.shape
+            self.state = np.zeros((layers, robots, units), np.float32)
+            self.previous_actions = np.zeros((robots, 2), np.float32)
         one_by_one = [slice(row, row + 1) for row in range(robots)]
         rows = [slice(None)] if self._takes_batches else one_by_one
         actions = np.concatenate([self._run(observations, row) for row in rows])
-        self._previous = np.round(np.clip(actions, -1, 1) * STEP_LIMIT) / np.float32(STEP_LIMIT)
+        self.previous_actions = np.round(np.clip(actions, -1, 1) * STEP_LIMIT) / np.float32(
+            STEP_LIMIT
+        )
         return actions
 
     def forget(self, robots: NDArray[np.bool_] | None = None) -> None:
         """Begin anew for these robots, shape (robots,), or for all."""
         which = slice(None) if robots is None else robots
-        self._state[:, which] = 0
-        self._previous[which] = 0
+        self.state[:, which] = 0
+        self.previous_actions[which] = 0
 
     def _run(self, observations: Pictures, row: slice) -> Actions:
-        if not self._state.size:
+        if not self.state.size:
             (actions,) = self._session.run([OUTPUT_NAME], {INPUT_NAME: observations[row]})
             return cast(Actions, actions)
         feeds = {
             INPUT_NAME: observations[row],
-            PREVIOUS_ACTION_NAME: self._previous[row],
-            STATE_IN_NAME: self._state[:, row],
+            PREVIOUS_ACTION_NAME: self.previous_actions[row],
+            STATE_IN_NAME: self.state[:, row],
         }
         actions, state = self._session.run([OUTPUT_NAME, STATE_OUT_NAME], feeds)
-        self._state[:, row] = cast(Any, state)
+        self.state[:, row] = cast(Any, state)
         return cast(Actions, actions)

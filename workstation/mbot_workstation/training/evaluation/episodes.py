@@ -97,6 +97,11 @@ class Trial:
     scene: SceneParameters = field(default_factory=SceneParameters)
 
 
+def robots_of(trial: Trial) -> int:
+    """How many are driven at once."""
+    return min(MOST_ROBOTS, trial.episodes)
+
+
 def evaluate(
     contestant: str, trial: Trial, ended: Callable[[int], None] = lambda _: None
 ) -> list[EpisodeResult]:
@@ -108,9 +113,17 @@ def evaluate(
         ended: called with the number of episodes that have ended.
 
     """
-    robots = min(MOST_ROBOTS, trial.episodes)
+    robots = robots_of(trial)
     # Before anything slow: a path may be wrong.
     driven = driver(contestant, robots, trial.seed, trial.preset, trial.robot)
+    return evaluate_driver(driven, trial, ended)
+
+
+def evaluate_driver(
+    driven: Driver, trial: Trial, ended: Callable[[int], None] = lambda _: None
+) -> list[EpisodeResult]:
+    """Run the episodes of a driver of `robots_of(trial)` robots; see `evaluate`."""
+    robots = robots_of(trial)
     environment = FetchVecEnv(
         robots=robots,
         seed=trial.seed,
