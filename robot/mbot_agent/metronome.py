@@ -27,7 +27,8 @@ def shift_towards_frames_ns(age_ns: int, interval_ns: int, period_ns: int) -> in
     half_ns = interval_ns // 2
     late_ns = (age_ns - FRAME_AGE_TARGET_NS + half_ns) % interval_ns - half_ns
     limit_ns = round(period_ns * LARGEST_SHIFT)
-    return -max(-limit_ns, min(limit_ns, late_ns))
+    # Half as far one way: where both are as far, frames that jitter would else pull to and fro.
+    return -max(-limit_ns // 2, min(limit_ns, late_ns))
 
 
 class Metronome:

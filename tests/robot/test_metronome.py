@@ -3,7 +3,7 @@ import threading
 import time
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mbot_agent import metronome
@@ -72,6 +72,7 @@ def test_closing_ends_the_wait() -> None:
 
 
 @given(st.floats(0.5, 20), st.floats(5, 120), st.floats(0, 1), st.integers(-3_000_000, 3_000_000))
+@example(15.25, 5.0, 0.5915, 3_000_000)  # opposite the target: earlier and later are as far
 def test_ticks_come_to_meet_the_frames(
     rate_hz: float, frame_rate_hz: float, phase: float, jitter_ns: int
 ) -> None:
