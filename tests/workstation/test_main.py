@@ -1,5 +1,6 @@
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -319,3 +320,10 @@ def test_a_missing_training_library_is_named_with_its_remedy() -> None:
     assert done.returncode == 1
     assert done.stderr.strip().endswith("pip install -e '.[train]' in the checkout")
     assert "Traceback" not in done.stderr
+
+
+def test_it_says_its_version() -> None:
+    done = subprocess.run(
+        [*WORKSTATION, "--version"], capture_output=True, text=True, check=True, timeout=LIMIT_S
+    )
+    assert re.fullmatch(r"workstation \d+\.\d+\.\d+\n", done.stdout)

@@ -375,3 +375,10 @@ def test_a_policy_without_memory_gets_one_that_it_does_not_heed_yet(tmp_path: Pa
             learner.policy.drove(ours, np.zeros(2, np.bool_))
     with pytest.raises(ConfigurationError, match="weights of another network"):
         restore_learner(Path(config.parent), learner, with_optimizer=True)
+
+
+def test_a_name_is_no_path(tmp_path: Path) -> None:
+    options = command.TrainOptions(runs=tmp_path / "runs", name="../evil")
+    with pytest.raises(ConfigurationError, match=r"--name is '../evil', expected a folder's name"):
+        command._begun(options)  # pyright: ignore[reportPrivateUsage]
+    assert not (tmp_path / "evil").exists()

@@ -38,6 +38,24 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+
+def _version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        print(f"workstation {version('mbot-agent')}")
+        raise typer.Exit
+
+
+@app.callback()
+def workstation(
+    _: bool = typer.Option(
+        False, "--version", help="Say which and end.", callback=_version, is_eager=True
+    ),
+) -> None:
+    """Simulate, train for, measure, command and watch mbot-agent robots."""
+
+
 _TRY, _DRIVE, _MODELS = "Try it without hardware", "Drive a robot", "Models and who may send them"
 _TRAIN, _MEASURE = "Train and evaluate policies", "Measure a robot"
 

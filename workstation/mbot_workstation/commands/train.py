@@ -182,7 +182,12 @@ def _begun(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
 
     from mbot_workstation.training.learning.training_run import begin_run
 
-    folder = options.runs / (options.name or datetime.now().strftime("%Y-%m-%d-%H%M%S"))
+    name = options.name or datetime.now().strftime("%Y-%m-%d-%H%M%S")
+    if Path(name).name != name:
+        raise ConfigurationError(
+            f"--name is {name!r}, expected a folder's name without a path; --runs says where"
+        )
+    folder = options.runs / name
     config = _configured(options)
     return begin_run(folder, config), config
 

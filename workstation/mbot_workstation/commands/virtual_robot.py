@@ -183,6 +183,12 @@ class VirtualRobotOptions:
     )
     view: bool = option(False, "Open a window.", "--view", panel=_OUTPUT)
     as_json: bool = option(False, "Print JSON, an object a line.", "--json", panel=_OUTPUT)
+    write_config: Path | None = option(
+        None,
+        "A configuration for a daemon that is to drive it; kept if it is there and fits.",
+        panel=_OUTPUT,
+        metavar="robot.toml",
+    )
     ready_file: Path | None = option(
         None,
         "Exists while camera and board are up, and says where they are.",
@@ -200,7 +206,7 @@ def virtual_robot(options: VirtualRobotOptions) -> None:
 
     Examples:
 
-    - `workstation virtual-robot` runs until Ctrl-C
+    - `workstation virtual-robot --write-config robot.toml` runs until Ctrl-C
     - `workstation virtual-robot --panorama my-room.jpg --radius 2.5 --objects 10 --result run.json`
     - `workstation virtual-robot --calibration calibration/mbot-1`
     - `workstation virtual-robot --right-gain 0.5 --record handicap.mp4 --seconds 60`
@@ -303,6 +309,7 @@ def _outputs(options: VirtualRobotOptions) -> "Outputs":
         truth_track=options.truth_track,
         tracker=tracker,
         ready_file=options.ready_file,
+        daemon_config=options.write_config,
         view=options.view,
     )
 

@@ -1,8 +1,10 @@
 """What the virtual robot tells while it runs: for a person, or a JSON object a line."""
 
 import json
+import shlex
 import sys
 from dataclasses import asdict
+from pathlib import Path
 from typing import TextIO
 
 from mbot_workstation.simulation.fetch_task import FetchResult
@@ -19,12 +21,18 @@ class LiveReport:
         self._as_json = as_json
         self._stream = stream or sys.stdout
 
-    def ready(self, board: str, camera: str) -> None:
-        """Board and camera are up."""
+    def ready(self, board: str, camera: str, daemon_config: Path | None = None) -> None:
+        """Board and camera are up; and there is a configuration for a daemon to drive them."""
         if self._as_json:
             self._json("ready", {"board": board, "camera": camera})
         else:
             self._text(f"ready: board {board}, camera {camera}")
+            if daemon_config is not None:
+                name = shlex.quote(str(daemon_config))
+                self._text(
+                    "next, in another terminal: `workstation keys new` (once), `workstation keys "
+                    f"trust {name}`, `mbot-agent run --config {name}`"
+                )
 
     def event(self, event: TaskEvent) -> None:
         """The task has counted something."""

@@ -11,6 +11,7 @@ from pathlib import Path
 from mbot_protocol import atomic_file
 from mbot_protocol.errors import ConfigurationError, MbotError
 from mbot_workstation.simulation.fetch_task import FetchResult
+from mbot_workstation.virtual.daemon_config import write_daemon_config
 from mbot_workstation.virtual.live_report import LiveReport
 from mbot_workstation.virtual.stand_in import VirtualRobot, VirtualRobotSettings
 from mbot_workstation.virtual.trajectory import TrajectoryWriter
@@ -36,6 +37,7 @@ class Outputs:
         truth_track: what a tracker on the robot would see, see TruthTrack.
         tracker: of `truth_track`.
         ready_file: JSON file with `board` and `camera`, there while the robot is up.
+        daemon_config: a configuration for a daemon that is to drive it, see write_daemon_config.
         view: whether to open a window.
 
     """
@@ -46,6 +48,7 @@ class Outputs:
     truth_track: Path | None = None
     tracker: TrackerSettings = field(default_factory=TrackerSettings)
     ready_file: Path | None = None
+    daemon_config: Path | None = None
     view: bool = False
 
 
@@ -64,7 +67,7 @@ def run_session(
     """
     if outputs.view:
         check_display()
-    for path in (outputs.result, outputs.ready_file):
+    for path in (outputs.result, outputs.ready_file, outputs.daemon_config):
         _check_writable(path)
     with ExitStack() as resources:
         trajectory = (
@@ -90,7 +93,10 @@ def run_session(
         if outputs.ready_file is not None:
             _write_json(outputs.ready_file, ready)
             resources.callback(outputs.ready_file.unlink, missing_ok=True)
-        report.ready(**ready)
+        if outputs.daemon_config is not None:
+            deadman = settings.firmware is not None
+            write_daemon_config(outputs.daemon_config, **ready, has_deadman=deadman)
+        report.ready(**ready, daemon_config=outputs.daemon_config)
         _follow(robot, report, trajectory, stop, seconds)
         result = robot.world.status().result
     robot.raise_failure()
