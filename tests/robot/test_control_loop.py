@@ -6,7 +6,7 @@ import pytest
 from mbot_agent.arming import Mode, State
 from mbot_agent.configuration import Control
 from mbot_agent.faults import Fault
-from mbot_agent.models.policy import Policy
+from mbot_agent.models.policy import Answer, Memory, Policy
 from mbot_agent.models.trial import Finding, Trial, Verdict
 from mbot_agent.tick import Tick
 from mbot_protocol.actions import Steps
@@ -293,9 +293,9 @@ def test_an_answer_that_came_too_late_proves_nothing(
     hearing = Hearing()
     policy = Policy(constant_model(0.5, 0.5))
     bench.pilot.use(policy, hearing.trial)
-    answered = policy.act(bench.camera.picture[:64, :64])
+    answered = policy.decide(bench.camera.picture[:64, :64], policy.blank)
     began_ns = time.monotonic_ns()
-    monkeypatch.setattr(policy, "act", lambda _: answered)
+    monkeypatch.setattr(policy, "decide", lambda *_: answered)
     ages = iter(range(1000))
     # Each look at the clock is half a second later than the last one.
     monkeypatch.setattr(time, "monotonic_ns", lambda: began_ns + next(ages) * 500_000_000)
@@ -318,13 +318,13 @@ def test_stop_during_inference_wins(bench: Bench, monkeypatch: pytest.MonkeyPatc
     bench.tick()
     policy = bench.pilot.policy
     assert policy is not None
-    act: Callable[[Picture], tuple[float, float]] = policy.act
+    decide: Callable[[Picture, Memory], Answer] = policy.decide
 
-    def act_while_stopped(observation: Picture) -> tuple[float, float]:
+    def decide_while_stopped(observation: Picture, memory: Memory) -> Answer:
         bench.helm.stop()
-        return act(observation)
+        return decide(observation, memory)
 
-    monkeypatch.setattr(policy, "act", act_while_stopped)
+    monkeypatch.setattr(policy, "decide", decide_while_stopped)
     driven = len(bench.board.commands)
     tick = bench.tick()
     assert len(bench.board.commands) == driven
