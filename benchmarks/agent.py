@@ -58,7 +58,9 @@ BARS = {
 }
 
 
-def measure(minutes: float, beside: Path | None = None) -> dict[str, float]:
+def measure(
+    minutes: float, beside: Path | None = None, driven: Path | None = None
+) -> dict[str, float]:
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         places = _start_virtual_robot(stack, folder)
@@ -66,7 +68,7 @@ def measure(minutes: float, beside: Path | None = None) -> dict[str, float]:
         policy = servo_model(ServoGains(), PolicyMetadata("servo"))
         model.write_bytes(policy.SerializeToString(deterministic=True))
         plain = _run_plain_loop(places, model)
-        figures = _run_daemon(folder, places, model, minutes)
+        figures = _run_daemon(folder, places, driven or model, minutes)
         if beside is not None:
             other = folder / "beside"
             other.mkdir()
@@ -202,8 +204,9 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=10.0, help="of driving (default: 10)")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     parser.add_argument("--beside", type=Path, help="a checkout whose daemon is measured too")
+    parser.add_argument("--model", type=Path, help="what the daemon drives instead of the servo")
     arguments = parser.parse_args()
-    figures = measure(arguments.minutes, arguments.beside)
+    figures = measure(arguments.minutes, arguments.beside, arguments.model)
     if arguments.json:
         print(json.dumps(figures))
         return
