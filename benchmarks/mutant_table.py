@@ -462,4 +462,32 @@ MUTANTS = (
         "if False:",
         f"{T}/test_session_guard.py",
     ),
+    Mutant(
+        "a policy goes on from what it remembered before a stop",
+        LOOP,
+        "        else:\n            self._pilot.forget()\n",
+        "",
+        f"{T}/test_pilot.py::test_whatever_comes_between_two_decisions_zeroes_it[stop_and_run]",
+    ),
+    Mutant(
+        "a model goes on from what another one remembered",
+        f"{ROBOT}/models/pilot.py",
+        "            self.forget()\n            self._incoming.popleft()\n",
+        "            self._incoming.popleft()\n",
+        f"{T}/test_pilot.py::test_whatever_comes_between_two_decisions_zeroes_it[another_model]",
+    ),
+    Mutant(
+        "a missed decision is not noticed by the policy's memory",
+        LOOP,
+        "self._metronome.missed != self.latest.missed_ticks",
+        "False",
+        f"{T}/test_pilot.py::test_whatever_comes_between_two_decisions_zeroes_it[missed_decision]",
+    ),
+    Mutant(
+        "a memory that is not finite is kept",
+        f"{ROBOT}/models/policy.py",
+        "if not np.isfinite(state).all():",
+        "if False:",
+        f"{T}/test_policy.py::test_a_memory_that_is_not_finite_is_a_failure",
+    ),
 )

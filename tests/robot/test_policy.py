@@ -4,14 +4,15 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import onnx
 import pytest
-from onnx import TensorProto
+from onnx import TensorProto, numpy_helper
 
-from mbot_agent.models.policy import Policy, PolicyError
+from mbot_agent.models.policy import Memory, Policy, PolicyError
 from mbot_protocol.errors import ContractError, NewerSchemaError
 from mbot_protocol.policy_contract import FULL_VIEW, PolicyMetadata
 
-from .tiny_models import constant_model
+from .tiny_models import constant_model, counting_model
 
 GREY = np.full((64, 64, 3), 128, np.uint8)
 
@@ -112,3 +113,15 @@ def test_inference_opens_no_socket_and_starts_no_thread(tmp_path: Path) -> None:
         [sys.executable, "-c", QUIET_CHECK % str(path)], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "[] 1"
+
+
+def test_a_memory_that_is_not_finite_is_a_failure() -> None:
+    growing = onnx.load_from_string(counting_model())
+    growing.graph.node[0].op_type = "Mul"
+    (factor,) = [one for one in growing.graph.initializer if one.name == "one"]
+    factor.CopyFrom(numpy_helper.from_array(np.full((1, 1, 1), 10, np.float32), "one"))
+    policy = Policy(growing.SerializeToString())
+    answer = policy.decide(GREY, Memory(np.full((1, 1, 1), 2.0, np.float32), (0.5, 0.5)))
+    assert (answer.left, answer.right, answer.state.item()) == (0.25, 0.5, 20.0)
+    with pytest.raises(PolicyError, match="remembers what is not finite"):
+        policy.decide(GREY, Memory(np.full((1, 1, 1), 1e38, np.float32)))
