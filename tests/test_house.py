@@ -91,4 +91,5 @@ def test_nothing_names_this_machine() -> None:
     found = subprocess.run(
         ["git", "grep", "-lF", place], cwd=CHECKOUT, capture_output=True, text=True, check=False
     )
-    assert found.stdout == "" or place == "/"
+    # A checkout may lie right below a folder that every machine has.
+    assert found.stdout == "" or place in ("/", "/home/", "/opt/", "/root/", "/srv/", "/tmp/")
