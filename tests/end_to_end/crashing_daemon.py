@@ -10,15 +10,15 @@ from mbot_agent import main
 from mbot_agent.models import policy
 from mbot_protocol.picture import Picture
 
-_act = policy.Policy.act
+_decide = policy.Policy.decide
 
 
-def _crash(self: policy.Policy, observation: Picture) -> tuple[float, float]:
+def _crash(self: policy.Policy, observation: Picture, memory: policy.Memory) -> policy.Answer:
     if self.metadata.name == "crasher":
         os.abort()
-    return _act(self, observation)
+    return _decide(self, observation, memory)
 
 
 if __name__ == "__main__":
-    policy.Policy.act = _crash
+    policy.Policy.decide = _crash
     main.main()

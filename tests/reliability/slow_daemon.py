@@ -14,20 +14,20 @@ from mbot_protocol.picture import Picture
 
 SLOW_S = 2.0
 
-_act = policy.Policy.act
+_decide = policy.Policy.decide
 _switch = Path(sys.argv[sys.argv.index("--config") + 1]).with_name("slow")
 _began_s = 0.0
 
 
-def _dawdle(self: policy.Policy, observation: Picture) -> tuple[float, float]:
+def _dawdle(self: policy.Policy, observation: Picture, memory: policy.Memory) -> policy.Answer:
     global _began_s
     before_s, _began_s = _began_s, time.monotonic()
     if _switch.exists():
         _switch.write_text(f"{before_s} {_began_s}")
         time.sleep(SLOW_S)
-    return _act(self, observation)
+    return _decide(self, observation, memory)
 
 
 if __name__ == "__main__":
-    policy.Policy.act = _dawdle
+    policy.Policy.decide = _dawdle
     main.main()
