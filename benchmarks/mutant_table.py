@@ -275,8 +275,8 @@ MUTANTS = (
     Mutant(
         "a robot that is stuck drives on by itself",
         LOOP,
-        "            self._helm.latch(fault.detail)\n        self._publish(tick)",
-        "            self._helm.rest(tick.orders)\n        self._publish(tick)",
+        "self._stuck.judge(tick)) is not None:\n            self._helm.latch(fault.detail)\n",
+        "self._stuck.judge(tick)) is not None:\n            self._helm.rest(tick.orders)\n",
         f"{T}/test_control_loop.py::test_a_robot_that_is_stuck_disarms_and_waits_for_a_word",
     ),
     Mutant(
