@@ -479,8 +479,8 @@ MUTANTS = (
     Mutant(
         "a missed decision is not noticed by the policy's memory",
         LOOP,
-        "self._metronome.missed != self.latest.missed_ticks",
-        "False",
+        "            before.missed_ticks,\n",
+        "            self._metronome.missed,\n",
         f"{T}/test_pilot.py::test_whatever_comes_between_two_decisions_zeroes_it[missed_decision]",
     ),
     Mutant(

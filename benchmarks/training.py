@@ -2,10 +2,10 @@
 
     python benchmarks/training.py [--json]
 
-Whole loop: collect with 16 robots, then PPO's update, with the same network, batch and epochs on
-both sides. Plain is `PPO` with `SubprocVecEnv` and `mujoco.Renderer` at the same picture settings
-(benchmarks/training_environment.py measures the environments alone). The bare kernels are physics,
-picture, forward pass and update, each alone on one core, spread over all of them.
+Whole loop: collect with 16 robots, then PPO's update, with the paper's network (no memory), the
+same batch and epochs on both sides. Plain is `PPO` with `SubprocVecEnv` and `mujoco.Renderer` at
+the same picture settings (benchmarks/training_environment.py measures the environments alone). The
+bare kernels are physics, picture, forward pass and update, each alone on one core, spread over all.
 """
 
 import argparse
@@ -22,15 +22,19 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.vec_env import SubprocVecEnv
 from torch import nn
+from torch.distributions import Normal
 from training_environment import PlainEnv, kernels
 
 from mbot_workstation.simulation.room_generator import generate_room
 from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
+from mbot_workstation.training.learning.memory_policy import TRUTH
+from mbot_workstation.training.learning.picture_ppo import PicturePPO
+from mbot_workstation.training.learning.remembering import Remembering
 from mbot_workstation.training.learning.scaled_rewards import ScaledRewards
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 
 ROBOTS = 16
-SETTINGS = LearnerSettings()
+SETTINGS = LearnerSettings(memory_units=0)
 PRESETS = ("ideal", "nominal", "randomised")
 
 
@@ -66,40 +70,50 @@ def plain_learner(room: Any) -> PPO:
     )
 
 
-def our_learner(preset: str, rooms: list[Any]) -> PPO:
+def our_learner(preset: str, rooms: list[Any]) -> PicturePPO:
     environment = FetchVecEnv(ROBOTS, 0, preset, "10", rooms)
     return make_learner(ScaledRewards(environment, SETTINGS.reward_scale), SETTINGS, seed=0)
 
 
 def speed(learner: PPO, iterations: int, *, threads: int) -> float:
     """Decisions a second over some rounds of collecting and learning."""
+    beside = None
+    if isinstance(learner, PicturePPO):
+        assert isinstance(learner.env, ScaledRewards)
+        assert isinstance(learner.env.venv, FetchVecEnv)
+        beside = Remembering(learner.env.venv, None, seed=0)
     torch.set_num_threads(threads)
     decisions = iterations * SETTINGS.steps_per_robot * ROBOTS
     start_s = time.perf_counter()
-    learner.learn(decisions, reset_num_timesteps=False)
+    learner.learn(decisions, callback=beside, reset_num_timesteps=False)
     return decisions / (time.perf_counter() - start_s)
 
 
-def network_ms(learner: PPO) -> dict[str, float]:
+def network_ms(learner: PicturePPO) -> dict[str, float]:
     """Milliseconds a decision takes one core: forward pass while collecting, update afterwards."""
     torch.set_num_threads(1)
     pictures = torch.randint(0, 255, (ROBOTS, 64, 64, 3)).float()
     rounds = 200
+    policy = learner.policy
+    policy.begin(ROBOTS)
     with torch.no_grad():
         start_s = time.perf_counter()
         for _ in range(rounds):
-            learner.policy(pictures)
+            policy(pictures)
         forward_s = time.perf_counter() - start_s
-    batch = torch.randint(0, 255, (SETTINGS.batch, 64, 64, 3)).float()
+    batch = torch.randint(0, 255, (1, SETTINGS.batch, 64, 64, 3)).float()
+    nothing = [torch.zeros(1, SETTINGS.batch, 2), torch.zeros(1, SETTINGS.batch)]
+    nothing += [torch.zeros(SETTINGS.batch, policy.units), torch.zeros(SETTINGS.batch, TRUTH)]
     actions = torch.zeros(SETTINGS.batch, 2)
     start_s = time.perf_counter()
     for _ in range(rounds // 10):
-        values, log_prob, entropy = learner.policy.evaluate_actions(batch, actions)
-        assert entropy is not None
-        loss = values.square().mean() - log_prob.mean() - entropy.mean()
-        learner.policy.optimizer.zero_grad()
+        known = policy.unroll(batch, *nothing[:3])
+        wheels = Normal(policy.action_net(known), policy.log_std.exp())
+        loss = policy.value_of(known, nothing[3]).square().mean()
+        loss = loss - wheels.log_prob(actions).mean() - wheels.entropy().mean()
+        policy.optimizer.zero_grad()
         loss.backward()
-        learner.policy.optimizer.step()
+        policy.optimizer.step()
     update_s = time.perf_counter() - start_s
     return {
         "forward_ms": 1e3 * forward_s / (rounds * ROBOTS),
@@ -110,7 +124,8 @@ def network_ms(learner: PPO) -> dict[str, float]:
 def measure(rounds: int, iterations: int) -> dict[str, Any]:
     rooms = [generate_room(seed, 512) for seed in range(6)]
     cores = os.cpu_count() or 1
-    learners: dict[str, tuple[PPO, int]] = {name: (our_learner(name, rooms), 1) for name in PRESETS}
+    ours = {name: our_learner(name, rooms) for name in PRESETS}
+    learners: dict[str, tuple[PPO, int]] = {name: (one, 1) for name, one in ours.items()}
     learners["plain"] = (plain_learner(rooms[0]), cores)
     speeds: dict[str, list[float]] = {name: [] for name in learners}
     for learner, threads in learners.values():
@@ -118,7 +133,7 @@ def measure(rounds: int, iterations: int) -> dict[str, Any]:
     for _ in range(rounds):
         for name, (learner, threads) in learners.items():
             speeds[name].append(speed(learner, iterations, threads=threads))
-    kernel = kernels(rooms[0], 480) | network_ms(learners["ideal"][0])
+    kernel = kernels(rooms[0], 480) | network_ms(ours["ideal"])
     for learner, _ in learners.values():
         environment = learner.get_env()
         assert environment is not None

@@ -112,10 +112,14 @@ class ControlLoop:
         """What is wanted, what is wrong, and the policy's picture of the newest frame."""
         started_ns = time.monotonic_ns()
         self._pilot.change_over()
-        if self.latest is not None and self._metronome.missed != self.latest.missed_ticks:
-            self._pilot.forget()
         self._helm.end_manual_if_due()
         orders = self._arm_or_latch(started_ns)
+        before = self.latest
+        if before is not None and (self._metronome.missed, orders.epoch) != (
+            before.missed_ticks,
+            before.orders.epoch,
+        ):  # also a stop and a `run` between two beats
+            self._pilot.forget()
         frame = self._camera.latest()
         tick = Tick(
             sequence=self._ticks,

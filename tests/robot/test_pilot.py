@@ -41,6 +41,11 @@ def stop_and_run(bench: Bench) -> None:
     bench.run()
 
 
+def stop_and_run_between_two_beats(bench: Bench) -> None:
+    bench.helm.stop()
+    bench.run()
+
+
 def another_model(bench: Bench) -> None:
     bench.pilot.use(Policy(counting_model("another")))
 
@@ -78,6 +83,7 @@ def failed_inference(bench: Bench) -> None:
 
 BREAKS: list[Callable[[Bench], None]] = [
     stop_and_run,
+    stop_and_run_between_two_beats,
     another_model,
     camera_gap,
     board_gap,

@@ -106,6 +106,20 @@ def test_onnx_decides_as_the_learner_does(learner: PicturePPO, run: RunDirectory
         learner.policy.drove(np.round(ours * 250) / np.float32(250), forgets)
 
 
+def test_a_network_without_memory_follows_the_first_contract() -> None:
+    environment = DummyVecEnv([FetchEnv])
+    plain = make_learner(environment, LearnerSettings(batch=128, memory_units=0), seed=2)
+    environment.close()
+    torch.nn.init.normal_(plain.policy.action_net.weight, std=0.1)
+    model = policy_graph(plain.policy.state_dict(), PolicyMetadata("plain"))
+    assert [one.name for one in model.graph.input] == ["observation"]
+    policy = OnnxPolicy(model.SerializeToString())
+    assert policy.metadata.contract_version == 1
+    plain.policy.begin(len(PICTURES))
+    theirs, _ = plain.policy.predict(PICTURES, deterministic=True)
+    np.testing.assert_allclose(policy.act(PICTURES), theirs, rtol=0, atol=FLOAT32)
+
+
 def test_a_batch_is_as_many_robots_each_with_its_memory(run: RunDirectory) -> None:
     model = policy_graph(read_weights(run.last_checkpoint()), PolicyMetadata("first"))
     together, alone = (OnnxPolicy(model.SerializeToString()) for _ in range(2))

@@ -1,5 +1,6 @@
 import math
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -97,16 +98,10 @@ def test_who_knows_of_a_weak_motor_drives_straight_with_it() -> None:
 
 def test_a_trim_is_a_weak_motor_to_a_body() -> None:
     maps = RobotParameters().wheel_maps
-    weaker = WheelMaps(maps.left, type(maps.right)(**{**_fields(maps.right), "trim": 0.5}))
+    weaker = WheelMaps(maps.left, replace(maps.right, trim=0.5))
     body = np.array([body_record(RealWorldEffects(), weaker)], BODY_RECORD)[0]
     assert body["left_gain"] == 1.0
     assert body["right_gain"] == pytest.approx(0.5)
-
-
-def _fields(motor: object) -> dict[str, object]:
-    from dataclasses import asdict
-
-    return asdict(motor)  # pyright: ignore[reportArgumentType]
 
 
 @given(st.floats(-1, 1), st.floats(0.4, 1.1))
@@ -153,6 +148,34 @@ def test_advice_stays_with_its_observation_and_teaches() -> None:
             asked = torch.from_numpy(everything.advice).flatten(0, 1)
             distances.append(float(advice_loss(wheels, asked)) / 64)
     assert np.mean(distances[-2:]) < distances[0]
+
+
+@pytest.mark.parametrize("units", [8, 0])
+def test_an_update_finds_the_rollout_as_it_was(units: int) -> None:
+    """With unchanged weights every action is as likely as when it was drawn, over the ends of
+    episodes and forgettings too: pictures, states and previous actions belong together.
+    """
+    settings = LearnerSettings(
+        steps_per_robot=160,
+        batch=320,
+        epochs=1,
+        memory_units=units,
+        learning_rate=1e-12,
+        final_learning_rate=1e-12,
+    )
+    with FetchVecEnv(robots=2, seed=1, preset="ideal", lesson="1", workers=1) as environment:
+        learner = make_learner(environment, settings, seed=0)
+        torch.nn.init.normal_(learner.policy.action_net.weight, std=0.2)
+        learner.learn(320, callback=Remembering(environment, None, seed=0))
+    lived = learner.rollout_buffer.everything()
+    assert lived.forgot.sum() > 2, "nobody has begun anew"
+    with torch.no_grad():
+        known = learner._known(lived)  # pyright: ignore[reportPrivateUsage]
+        wheels = torch.distributions.Normal(
+            learner.policy.action_net(known), learner.policy.log_std.exp()
+        )
+        found = wheels.log_prob(torch.from_numpy(lived.actions).flatten(0, 1)).sum(dim=1)
+    np.testing.assert_allclose(found, lived.old_log_prob.flatten(), rtol=0, atol=2e-3)
 
 
 def sequences(count: int, level: int, length: int = 12) -> Sequences:

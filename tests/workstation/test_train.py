@@ -356,7 +356,7 @@ def test_a_policy_without_memory_gets_one_that_it_does_not_heed_yet(tmp_path: Pa
     parent = begin_run(tmp_path / "paper", paper)
     run_to_end(parent, paper)
     config = configured(parent=parent.path, memory=16)
-    assert config.learner.guided_decisions == 0
+    assert (config.learner.guided_decisions, config.lessons) == (0, ("rough",))
     with FetchVecEnv(robots=2, workers=1, preset="ideal") as environment:
         learner = make_learner(environment, config.learner, seed=5)
         restore_learner(Path(config.parent), learner, with_optimizer=False)

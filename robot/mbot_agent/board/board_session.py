@@ -7,7 +7,6 @@ import os
 import select
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import Self
 
 import serial
@@ -74,12 +73,7 @@ class BoardSession:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
         try:
             if not isinstance(error, BoardLostError):
                 self.stop()

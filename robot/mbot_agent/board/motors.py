@@ -9,7 +9,6 @@ import logging
 import os
 import threading
 import time
-from types import TracebackType
 from typing import Self
 
 from mbot_agent.board.board_session import (
@@ -76,12 +75,7 @@ class Motors:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
         self.halt()
         self._closing = True
         self._wake()

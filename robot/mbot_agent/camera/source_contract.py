@@ -5,7 +5,6 @@ READ_TIMEOUT_S, so that a dead camera can be closed and opened anew.
 """
 
 from collections.abc import Callable
-from types import TracebackType
 from typing import Protocol, Self
 
 from mbot_protocol.errors import UnreachableError
@@ -69,12 +68,7 @@ class FrameSource(Protocol):
         """Open it."""
         ...
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
         """Close it."""
         ...
 

@@ -24,7 +24,8 @@ about half of that on a Pi 4 (estimates); a good model then needs ms."""
 
 CPU_S = 4
 """A bound on the model's work, beyond what the imports took. The slowest model allowed at the
-robot's usual rate works 2.8 s on the pictures. On a PC whose processors were all busy the time-out
+robot's usual rate works 2.8 s on the pictures and three golden frames; one that brings a drive of
+80 frames must be quicker than 40 ms a decision. On a PC whose processors were all busy the time-out
 came first, and the child was gone after 7.1 s (measured)."""
 
 MEMORY_BYTES = 128 << 20

@@ -11,7 +11,6 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from types import TracebackType
 from typing import Self
 
 from mbot_agent.faults import Notice
@@ -88,12 +87,7 @@ class ModelKeeper:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
         self._verdicts.put(None)
         self._thread.join(timeout=END_WAIT_S)
         if kind is None and self._turn.taken_within(END_WAIT_S):

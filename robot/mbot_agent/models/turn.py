@@ -2,7 +2,6 @@
 
 import logging
 import threading
-from types import TracebackType
 from typing import Self
 
 log = logging.getLogger(__name__)
@@ -21,12 +20,7 @@ class Turn:
         self._holder = threading.get_ident()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
         said, self._said, self._holder = self._said, [], 0
         self._lock.release()
         for level, line, values in said:

@@ -2,7 +2,6 @@
 
 import contextlib
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from mbot_protocol import atomic_file
@@ -33,12 +32,7 @@ class LastEnd:
             atomic_file.replace(self._path, self._boot.encode())
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
         if kind is None:
             atomic_file.remove(self._path)
 

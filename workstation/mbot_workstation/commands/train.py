@@ -39,8 +39,8 @@ class TrainOptions:
     lesson: list[str] | None = option(
         None,
         "One, a range such as 1-10, or several. rough (any robot, also a worn one; any arena) if "
-        "not given; all ten, one after the other, with --guide 0. There is blur as well, for "
-        "trained models.",
+        "not given; from nothing with --guide 0 all ten, one after the other. There is blur as "
+        "well, for trained models.",
         panel=_WHAT,
         metavar="NAME",
     )
@@ -53,7 +53,8 @@ class TrainOptions:
     )
     steps: int | None = option(
         None,
-        "Decisions of all robots together; 1,000,000 if not given, 1,500,000 with --guide 0.",
+        "Decisions of all robots together; 1,000,000 if not given, 1,500,000 from nothing with "
+        "--guide 0.",
         panel=_WHAT,
         min=1,
     )
@@ -209,7 +210,7 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
     if guided:
         learner = replace(GUIDED, guided_decisions=guided)
     config = TrainingConfig(
-        steps=options.steps or (GUIDED_STEPS if guided else default.steps),
+        steps=options.steps or (GUIDED_STEPS if guided or options.parent else default.steps),
         robots=options.robots,
         workers=options.workers,
         seed=options.seed,
@@ -217,7 +218,7 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
         calibration=read_files(options.calibration) if options.calibration else None,
         lessons=_lessons(options.lesson)
         if options.lesson
-        else (("rough",) if guided else default.lessons),
+        else (("rough",) if guided or options.parent else default.lessons),
         panoramas=tuple(str(path.resolve()) for path in rooms),
         made_up_rooms=(0 if rooms else 6)
         if options.made_up_rooms is None
