@@ -463,11 +463,19 @@ MUTANTS = (
         f"{T}/test_session_guard.py",
     ),
     Mutant(
-        "a policy goes on from what it remembered before a stop",
+        "a policy goes on from what it remembered before a gap",
         LOOP,
         "        else:\n            self._pilot.forget()\n",
         "",
-        f"{T}/test_pilot.py::test_whatever_comes_between_two_decisions_zeroes_it[stop_and_run]",
+        f"{T}/test_pilot.py::test_whatever_comes_between_two_decisions_zeroes_it[camera_gap]",
+    ),
+    Mutant(
+        "a policy goes on from what it remembered before a stop",
+        LOOP,
+        "            before.orders.epoch,\n",
+        "            orders.epoch,\n",
+        f"{T}/test_pilot.py::"
+        "test_whatever_comes_between_two_decisions_zeroes_it[stop_and_run_between_two_beats]",
     ),
     Mutant(
         "a model goes on from what another one remembered",

@@ -176,6 +176,8 @@ def test_an_update_finds_the_rollout_as_it_was(units: int) -> None:
         )
         found = wheels.log_prob(torch.from_numpy(lived.actions).flatten(0, 1)).sum(dim=1)
     np.testing.assert_allclose(found, lived.old_log_prob.flatten(), rtol=0, atol=2e-3)
+    told = np.clip(lived.actions[:-1], -1, 1) * (1 - lived.forgot[1:, :, None])
+    np.testing.assert_allclose(lived.previous_actions[1:], told, rtol=0, atol=1e-6)
 
 
 def sequences(count: int, level: int, length: int = 12) -> Sequences:
