@@ -19,7 +19,7 @@ from mbot_workstation.training.drivers.onnx_policy import OnnxPolicy
 from mbot_workstation.training.evaluation.episodes import Trial, evaluate_driver, robots_of, score
 from mbot_workstation.training.evaluation.provenance import provenance
 from mbot_workstation.training.worlds.lessons import lesson
-from mbot_workstation.training.worlds.rooms import EVALUATION_ROOMS, gather_rooms
+from mbot_workstation.training.worlds.rooms import evaluation_rooms
 from mbot_workstation.variation.presets import preset
 
 PRESETS = ("nominal", "handicap", "late", "slippery", "any-room")
@@ -55,7 +55,7 @@ def main() -> None:
     parser.add_argument("--panorama", type=Path, action="append", default=[])
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
-    rooms = gather_rooms(options.panorama, 0 if options.panorama else 4, EVALUATION_ROOMS)
+    rooms = evaluation_rooms(options.panorama)
     found: dict[str, dict[str, float]] = {}
     for name in PRESETS:
         trial = Trial(lesson("10"), preset(name), rooms, options.episodes)

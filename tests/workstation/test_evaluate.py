@@ -142,7 +142,6 @@ def test_the_command_names_what_is_wrong(tmp_path: Path) -> None:
     for options, message in (
         (("servo", "--lesson", "11"), "--lesson"),
         (("servo", "--preset", "perfect"), "--preset"),
-        (("servo", "--made-up-rooms", "0"), "--made-up-rooms"),
     ):
         with pytest.raises(ConfigurationError, match=message):
             invoke(*options)

@@ -11,8 +11,14 @@ from stable_baselines3.common.env_checker import check_env as check_sb3_env
 from mbot_workstation.simulation.fetch_task import Happening
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.training.worlds.fetch_env import ENV_ID, FetchEnv
-from mbot_workstation.training.worlds.fetch_world import FetchWorld
-from mbot_workstation.training.worlds.lessons import BLUR_LESSON
+from mbot_workstation.training.worlds.fetch_world import CHANGES_AT, FetchWorld
+from mbot_workstation.training.worlds.lessons import (
+    BLUR_LESSON,
+    LESSONS,
+    ROUGH_LESSON,
+    Lesson,
+)
+from mbot_workstation.training.worlds.robot_body import BODY
 from mbot_workstation.training.worlds.robot_eye import RobotEye
 
 from .small_world import ROOMS, settings, steer_to_target, world
@@ -251,6 +257,31 @@ def test_uneven_motors_and_sagging_batteries_show_in_the_way_driven() -> None:
     assert weak.robot.yaw_rad < -0.3
     assert abs(nominal.robot.yaw_rad) < 1e-3
     assert sagging.robot.x_m == pytest.approx(0.8 * nominal.robot.x_m, rel=0.03)
+
+
+def test_a_robot_that_changes_on_the_way_turns_from_there_on_and_stands_where_it_stood() -> None:
+    """A motor gives way in mid-drive; what drivers are told of the robot says so."""
+    robot = world(Lesson("changing", 2.5, objects=10, changes=1.0))
+    assert robot._change is not None
+    assert CHANGES_AT[0] <= robot._change[0] < CHANGES_AT[1]
+    robot._change = (3, replace(robot._known_effects, right_gain=0.5))
+    gain = BODY.index("right_gain")
+    for _ in range(3):
+        robot.decide(*STRAIGHT)
+    before = robot.robot
+    assert (abs(before.yaw_rad) < 1e-3, robot.body[gain]) == (True, 1.0)
+    robot.decide(*STRAIGHT)
+    assert robot.body[gain] == 0.5
+    assert robot.robot.x_m - before.x_m == pytest.approx(before.x_m / 3, rel=0.5)  # no jump
+    assert robot.robot.yaw_rad < -0.1
+    robot.begin(Lesson("steady", 2.5, objects=10))
+    assert (robot._change, robot.body[gain]) == (None, 1.0)
+
+
+def test_only_rough_robots_change() -> None:
+    assert [stage.name for stage in (*LESSONS, BLUR_LESSON, ROUGH_LESSON) if stage.changes] == [
+        "rough"
+    ]
 
 
 def test_compensation_meets_the_dead_band() -> None:

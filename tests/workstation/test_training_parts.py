@@ -19,7 +19,14 @@ from mbot_workstation.training.studies.study_report import make_folder, markdown
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 from mbot_workstation.training.worlds.fetch_worker import Done, Quit, Reset, Step, run_worker
 from mbot_workstation.training.worlds.robot_camera import Glimpse, RobotCamera
-from mbot_workstation.training.worlds.rooms import EVALUATION_ROOMS, TRAINING_ROOMS, gather_rooms
+from mbot_workstation.training.worlds.rooms import (
+    CHOICE_ROOMS,
+    EVALUATION_ROOMS,
+    TRAINING_PHOTOGRAPHS,
+    TRAINING_ROOMS,
+    evaluation_rooms,
+    gather_rooms,
+)
 from mbot_workstation.training.worlds.sensor import NOISE_SHARE, observation_processor
 from mbot_workstation.training.worlds.shared_arrays import SharedMemory
 from mbot_workstation.variation.effects import IDEAL, RealWorldEffects
@@ -37,6 +44,21 @@ def test_rooms_are_the_photographs_then_made_up_ones(tmp_path: Path) -> None:
     again = gather_rooms([], 2, TRAINING_ROOMS)
     assert (rooms[1] == again[0]).all()
     assert (gather_rooms([], 1, EVALUATION_ROOMS)[0] != again[0]).any()
+
+
+def test_nobody_is_tried_in_a_room_trained_in(tmp_path: Path) -> None:
+    assert [path.stem for path in TRAINING_PHOTOGRAPHS] == ["apartment", "hall", "lab", "venice"]
+    trained_in = gather_rooms(TRAINING_PHOTOGRAPHS, 4, TRAINING_ROOMS)
+    tried_in = evaluation_rooms([])
+    assert len(tried_in) == 6
+    kept_back = gather_rooms([], 6, CHOICE_ROOMS)
+    every = [room.tobytes() for room in (*trained_in, *tried_in, *kept_back)]
+    assert len(set(every)) == len(every)
+    photo = tmp_path / "room.png"
+    cv2.imwrite(str(photo), np.full((64, 128, 3), 90, np.uint8))
+    assert len(evaluation_rooms([photo])) == 1
+    assert len(evaluation_rooms([photo], 2)) == 3
+    assert len(evaluation_rooms([], 0)) == 2
 
 
 def test_effects_become_a_cameras_processing() -> None:

@@ -39,7 +39,10 @@ class EvaluateOptions:
     )
     calibration: Path | None = calibration_option()
     panorama: list[Path] | None = option(
-        None, "360-degree photo of a room to try it in; may be given several times.", metavar="FILE"
+        None,
+        "360-degree photo of a room to try it in, in place of the two that come along; may be "
+        "given several times.",
+        metavar="FILE",
     )
     made_up_rooms: int | None = option(
         None,
@@ -119,17 +122,14 @@ def _drive(options: EvaluateOptions) -> None:
     from mbot_workstation.commands.simulation_options import find_lesson, photographs
     from mbot_workstation.training.evaluation.episodes import Trial, score
     from mbot_workstation.training.evaluation.evaluation_report import Line, draw, fields, table
-    from mbot_workstation.training.worlds.rooms import EVALUATION_ROOMS, gather_rooms
+    from mbot_workstation.training.worlds.rooms import evaluation_rooms
 
     files = read_files(options.calibration) if options.calibration else CalibrationFiles()
     stage = find_lesson(options.lesson)
     robots = _presets(options.preset or ["nominal"], files if options.calibration else None)
     panorama = photographs(options.panorama, options.calibration)
-    made_up = options.made_up_rooms if options.made_up_rooms is not None else (0 if panorama else 4)
-    if not panorama and not made_up:
-        raise ConfigurationError("--made-up-rooms 0 leaves no room; give a --panorama")
     titles = _titles(options.contestants)
-    rooms = gather_rooms(panorama, made_up, EVALUATION_ROOMS)
+    rooms = evaluation_rooms(panorama, options.made_up_rooms)
     lines: list[Line] = []
     for name, effects in robots.items():
         trial = Trial(

@@ -76,7 +76,7 @@ def study(options: StudyOptions) -> None:
     from mbot_workstation.training.studies.study_plans import study_plan
     from mbot_workstation.training.studies.study_report import write_report
     from mbot_workstation.training.studies.study_run import run_study
-    from mbot_workstation.training.worlds.rooms import EVALUATION_ROOMS, gather_rooms
+    from mbot_workstation.training.worlds.rooms import evaluation_rooms
     from mbot_workstation.variation.presets import preset
 
     if options.name not in NAMES:
@@ -85,7 +85,7 @@ def study(options: StudyOptions) -> None:
     files = read_files(options.calibration) if options.calibration else CalibrationFiles()
     robots = files.ranges if options.calibration else preset
     photos = photographs(options.panorama, options.calibration)
-    rooms = gather_rooms(photos, 0 if photos else 4, EVALUATION_ROOMS)
+    rooms = evaluation_rooms(photos)
     number = options.episodes or (12 if options.name == TOLERANCE else 50)
     trial = Trial(
         stage, robots("nominal"), rooms, number, options.seed, robot=files.robot, scene=files.scene

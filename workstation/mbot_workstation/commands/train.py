@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 MEMORY_UNITS = 128
 """`learning/memory_policy.py` says the same; importing it takes seconds."""
 
+MADE_UP_ROOMS = 8
+"""Beside the photographs that ship with the project."""
+
 GUIDED_DECISIONS, GUIDED_STEPS = 400_000, 1_000_000
 
 _WHAT, _ROOMS, _HOW = "What to learn", "Rooms", "How"
@@ -83,13 +86,14 @@ class TrainOptions:
     )
     panorama: list[Path] | None = option(
         None,
-        "360-degree photo of a room to train in; may be given several times.",
+        "360-degree photo of a room to train in, in place of the four that come along; may be "
+        "given several times.",
         panel=_ROOMS,
         metavar="FILE",
     )
     made_up_rooms: int | None = option(
         None,
-        "So many generated rooms besides; 6 without a photo, 0 with one.",
+        "So many generated rooms besides; 8 without a photo, 0 with one.",
         panel=_ROOMS,
         min=0,
         metavar="N",
@@ -119,8 +123,9 @@ def train(options: TrainOptions) -> None:
     """Train a policy in simulation: PPO, 16 robots at once, a guide for the beginning.
 
     Everything of a run is in its folder: configuration, state of the code, progress.csv, the last
-    two checkpoints, TensorBoard's files, and at the end the curve. Ctrl-C saves; a crash costs at
-    most 40,000 decisions; `--resume` goes on.
+    checkpoints, TensorBoard's files, and at the end the curve. At the end the checkpoints of the
+    last fifth are tried in rooms that training never shows; the best one is the run's policy.
+    Ctrl-C saves; a crash costs at most 40,000 decisions; `--resume` goes on.
 
     Examples:
 
@@ -220,7 +225,8 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
         if options.lesson
         else (("rough",) if guided or options.parent else default.lessons),
         panoramas=tuple(str(path.resolve()) for path in rooms),
-        made_up_rooms=(0 if rooms else 6)
+        shipped_photographs=not rooms,
+        made_up_rooms=(0 if rooms else MADE_UP_ROOMS)
         if options.made_up_rooms is None
         else options.made_up_rooms,
         target_reward=options.target_reward,
@@ -261,6 +267,7 @@ def _device(name: str) -> str:
 def _train_until_stopped(run: "RunDirectory", config: "TrainingConfig") -> "TrainingResult":
     """Train; the first Ctrl-C ends the run with a checkpoint, the second one at once."""
     from mbot_workstation.commands.stop_signals import stop_signals
+    from mbot_workstation.training.evaluation.checkpoint_choice import choose_checkpoint
     from mbot_workstation.training.learning.learning_curve import draw_curve
     from mbot_workstation.training.learning.progress_display import display
     from mbot_workstation.training.learning.progress_log import read_progress
@@ -268,6 +275,8 @@ def _train_until_stopped(run: "RunDirectory", config: "TrainingConfig") -> "Trai
 
     with stop_signals() as stop, display() as shown:
         result = train(run, config, shown, stop)
+        if result.reason != "interrupted":
+            choose_checkpoint(run, config, shown, stop)
     rows = read_progress(run.progress_file)
     if rows:
         draw_curve(rows, run.curve_file, run.path.resolve().name)

@@ -1,7 +1,9 @@
-"""Where a trained policy's weights are: a run's last checkpoint, or a certain one."""
+"""Where a trained policy's weights are: a run's chosen checkpoint, or a certain one."""
 
 from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from mbot_workstation.training.learning.checkpoint import STATE_FILE
 from mbot_workstation.training.learning.run_directory import RunDirectory
@@ -15,8 +17,24 @@ class Source:
     checkpoint: Path
 
 
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What was chosen; JSON as it is.
+
+    Attributes:
+        chosen: the checkpoint's name.
+        tried: mean reward of an episode with its 95 % interval, by the checkpoint's name.
+        episodes: of each.
+
+    """
+
+    chosen: str
+    tried: dict[str, tuple[float, float, float]]
+    episodes: int
+
+
 def find_source(path: Path) -> Source:
-    """The checkpoint that a path means: a run's last one, or the folder of one.
+    """The checkpoint that a path means: the one chosen of a run, or the folder of one.
 
     Raises:
         ConfigurationError: it is neither.
@@ -25,4 +43,26 @@ def find_source(path: Path) -> Source:
     if (path / STATE_FILE).is_file():
         return Source(RunDirectory.open(path.resolve().parent.parent), path)
     run = RunDirectory.open(path)
-    return Source(run, run.last_checkpoint())
+    return Source(run, chosen_checkpoint(run))
+
+
+def chosen_checkpoint(run: RunDirectory) -> Path:
+    """A run's policy: the chosen checkpoint, the last one if none was chosen since.
+
+    Raises:
+        ConfigurationError: there is no checkpoint.
+
+    """
+    last = run.last_checkpoint()
+    choice = noted_choice(run)
+    if choice is None or last.name not in choice.tried:
+        return last
+    return next((one for one in run.checkpoints() if one.name == choice.chosen), last)
+
+
+def noted_choice(run: RunDirectory) -> Choice | None:
+    """What was chosen of a run; None if nothing was, or it can't be read."""
+    try:
+        return msgspec.json.decode(run.choice_file.read_bytes(), type=Choice)
+    except (OSError, msgspec.DecodeError):
+        return None

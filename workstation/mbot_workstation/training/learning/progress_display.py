@@ -55,6 +55,10 @@ class Display(Protocol):
         """Called for every row of progress.csv."""
         ...
 
+    def say(self, text: str) -> None:
+        """Called for what else a person should know, a line each."""
+        ...
+
 
 class LineDisplay:
     """A line on stderr for every row; nothing in between."""
@@ -82,6 +86,10 @@ class LineDisplay:
             file=sys.stderr,
             flush=True,
         )
+
+    def say(self, text: str) -> None:
+        """Print it."""
+        print(text, file=sys.stderr, flush=True)
 
 
 class BarDisplay(LineDisplay):

@@ -20,6 +20,9 @@ from mbot_protocol.errors import ConfigurationError
 KEPT_CHECKPOINTS = 2
 """The last one, and the one before in case a disk lied about the last."""
 
+CANDIDATES_FROM = 0.8
+"""Share of a run's decisions after which every checkpoint is kept; one becomes its policy."""
+
 UNFINISHED = ".unfinished"
 
 
@@ -84,6 +87,11 @@ class RunDirectory:
         return self.path / "curve.png"
 
     @property
+    def choice_file(self) -> Path:
+        """Which checkpoint is the run's policy, and what the others were worth."""
+        return self.path / "choice.json"
+
+    @property
     def tensorboard(self) -> Path:
         """Folder for TensorBoard."""
         return self.path / "tensorboard"
@@ -107,12 +115,15 @@ class RunDirectory:
             raise ConfigurationError(f"{self.path} has no checkpoint yet; train it again")
         return checkpoints[-1]
 
-    def add_checkpoint(self, step: int, write: Callable[[Path], None]) -> Path:
+    def add_checkpoint(
+        self, step: int, write: Callable[[Path], None], kept_from: int | None = None
+    ) -> Path:
         """Add a checkpoint, or nothing at all if the machine dies meanwhile.
 
         Args:
             step: decisions so far.
             write: puts the checkpoint's files into the folder it is given.
+            kept_from: checkpoints of this step and later ones are all kept.
 
         """
         folder = self.path / "checkpoints"
@@ -127,8 +138,14 @@ class RunDirectory:
         unfinished.rename(final)
         _to_disk(folder)
         for old in self.checkpoints()[:-KEPT_CHECKPOINTS]:
-            shutil.rmtree(old)
+            if kept_from is None or int(old.name) < kept_from:
+                shutil.rmtree(old)
         return final
+
+
+def first_candidate(steps: int) -> int:
+    """The decision from which on checkpoints may become the policy of a run of so many."""
+    return int(CANDIDATES_FROM * steps)
 
 
 def write_json(path: Path, content: Any) -> None:

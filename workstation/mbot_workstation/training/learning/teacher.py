@@ -14,7 +14,7 @@ from mbot_workstation.training.learning.checkpoint import (
 from mbot_workstation.training.learning.curriculum import CurriculumState, after_episode, is_last
 from mbot_workstation.training.learning.progress_display import Display, Moment
 from mbot_workstation.training.learning.progress_log import Episode, ProgressLog, ProgressRow
-from mbot_workstation.training.learning.run_directory import RunDirectory
+from mbot_workstation.training.learning.run_directory import RunDirectory, first_candidate
 from mbot_workstation.training.learning.training_config import TrainingConfig
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 
@@ -81,7 +81,9 @@ class Teacher(BaseCallback):
             self.num_timesteps, self.wall_s, self.curriculum, RandomState.now(), self._mean_reward
         )
         self._run.add_checkpoint(
-            self.num_timesteps, lambda folder: write_checkpoint(folder, self.model, state)
+            self.num_timesteps,
+            lambda folder: write_checkpoint(folder, self.model, state),
+            kept_from=first_candidate(self._config.steps),
         )
         self._saved_step = self.num_timesteps
 

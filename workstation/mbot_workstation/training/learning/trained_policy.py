@@ -39,7 +39,7 @@ class TrainedPolicy:
 
 
 def trained_policy(path: Path) -> TrainedPolicy:
-    """Read a run's last checkpoint, a certain one, or a file that `workstation export` wrote.
+    """Read a run's chosen checkpoint, a certain one, or a file that `workstation export` wrote.
 
     Raises:
         ConfigurationError: it is none of these, or damaged.
@@ -92,7 +92,7 @@ def _provenance(source: Source, config: TrainingConfig, state: CheckpointState) 
         "lessons": config.lessons,
         "lesson": config.lessons[state.curriculum.index],
         "mean_reward": state.mean_reward,
-        "panoramas": [Path(panorama).name for panorama in config.panoramas],
+        "panoramas": [photograph.name for photograph in config.photographs],
         "made_up_rooms": config.made_up_rooms,
         "git_commit": commit,
         "git_changed_files": changed,

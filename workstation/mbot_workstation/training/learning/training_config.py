@@ -14,6 +14,7 @@ from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.training.learning.learner import LearnerSettings
 from mbot_workstation.training.learning.progress_log import ROW_EVERY
 from mbot_workstation.training.worlds.lessons import LESSONS, Lesson, lesson
+from mbot_workstation.training.worlds.rooms import TRAINING_PHOTOGRAPHS
 from mbot_workstation.variation.effects import EffectRanges
 from mbot_workstation.variation.presets import measured, preset
 
@@ -34,6 +35,7 @@ class TrainingConfig:
             nominal one.
         lessons: names, in their order.
         panoramas: files of the rooms to train in.
+        shipped_photographs: whether the project's own are among them.
         made_up_rooms: how many generated rooms are added.
         target_reward: stop early when a progress row of the last lesson reaches it.
         parent: checkpoint whose weights the run starts from; empty is from nothing.
@@ -52,6 +54,7 @@ class TrainingConfig:
     calibration: CalibrationFiles | None = None
     lessons: tuple[str, ...] = ALL_LESSONS
     panoramas: tuple[str, ...] = ()
+    shipped_photographs: bool = False
     made_up_rooms: int = 6
     target_reward: float | None = None
     parent: str = ""
@@ -65,7 +68,7 @@ class TrainingConfig:
             ("steps", self.steps, 1),
             ("robots", self.robots, 1),
             ("lessons", len(self.lessons), 1),
-            ("rooms", len(self.panoramas) + self.made_up_rooms, 1),
+            ("rooms", len(self.photographs) + self.made_up_rooms, 1),
         ):
             if value < least:
                 raise ConfigurationError(f"{name}: {value} given, expected at least {least}")
@@ -74,6 +77,12 @@ class TrainingConfig:
             self.stages()
         except ValueError as error:
             raise ConfigurationError(str(error)) from None
+
+    @property
+    def photographs(self) -> tuple[Path, ...]:
+        """Files of all rooms to train in that are photographs."""
+        own = tuple(Path(name) for name in self.panoramas)
+        return (*TRAINING_PHOTOGRAPHS, *own) if self.shipped_photographs else own
 
     def ranges(self) -> EffectRanges:
         """The effects of the robots to train on."""

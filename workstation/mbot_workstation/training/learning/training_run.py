@@ -114,9 +114,7 @@ def train(
 
 
 def _environment(config: TrainingConfig, stage: int, step: int) -> FetchVecEnv:
-    rooms = gather_rooms(
-        [Path(name) for name in config.panoramas], config.made_up_rooms, TRAINING_ROOMS
-    )
+    rooms = gather_rooms(config.photographs, config.made_up_rooms, TRAINING_ROOMS)
     return FetchVecEnv(
         robots=config.robots,
         seed=config.seed + step,

@@ -60,7 +60,7 @@ _OF_CAMERAS = (
 def swap_body(simulation: Simulation, robot: RobotParameters) -> None:
     """Give a simulation another robot, with the same parts, in the same room.
 
-    Place the robot anew afterwards.
+    Place the robot anew afterwards, unless its measures stay the same.
     """
     spec = mujoco.MjSpec()
     add_robot(spec, robot)

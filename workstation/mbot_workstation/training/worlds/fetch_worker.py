@@ -147,6 +147,7 @@ class _Share:
         left, right = self._arrays.actions[row].tolist()
         outcome = world.decide(left, right)
         self._arrays.records[row] = self._record(index, outcome)
+        self._arrays.bodies[row] = world.body
         if outcome.ended:
             self._arrays.last_frames[row] = self._eye.observe(world)
             self._begin(index)

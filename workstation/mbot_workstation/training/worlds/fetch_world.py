@@ -20,6 +20,7 @@ from mbot_workstation.simulation.motor import duties
 from mbot_workstation.simulation.own_view import parts_in_view
 from mbot_workstation.simulation.pose import ORIGIN, Pose
 from mbot_workstation.simulation.robot_mjcf import part_name
+from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_look import SceneDresser, SceneLook, nominal_look
 from mbot_workstation.simulation.simulation import Simulation
 from mbot_workstation.training.worlds.body_swap import robot_geoms, swap_body
@@ -45,6 +46,12 @@ calibrated one may."""
 
 OVERSHOOT = 1.1
 """Of a robot's free speed, for its front is further out than its wheels."""
+
+CHANGING = ("left_gain", "right_gain", "speed_scale", "dead_band", "friction_scale")
+"""Effects of a robot that changes on the way: a battery, a gear, another floor."""
+
+CHANGES_AT = (10, 120)
+"""Decisions after which it does, drawn evenly; an episode of ten objects has about 170."""
 
 SLACK_S = 1e-6
 """Sums of decimal seconds are not exact."""
@@ -106,6 +113,7 @@ class FetchWorld:
         effects = lesson.draw_robot(self._ranges, self._rng)
         if effects != self._effects:
             self._become(effects)
+        self._change = self._draw_change(lesson, effects)
         look = self._draw_look(effects.scene_variety)
         self._dresser.wear(look, effects.cube_brightness, effects.floor_brightness)
         self.lesson = lesson
@@ -134,7 +142,7 @@ class FetchWorld:
     @property
     def body(self) -> tuple[float, ...]:
         """What the robot makes of its commands: a BODY_RECORD."""
-        return body_record(self._known_effects, self._nominal.wheel_maps)
+        return self._body
 
     @property
     def time_left_s(self) -> float:
@@ -160,6 +168,8 @@ class FetchWorld:
         """
         if self._task.ended:
             raise RuntimeError("the episode has ended: begin() another one")
+        if self._change is not None and self._decisions == self._change[0]:
+            self._embody(self._change[1])
         end_s = (self._decisions + 1) * DECISION_S
         self._command(left, right)
         reward, happening = 0.0, Happening.NOTHING
@@ -176,15 +186,31 @@ class FetchWorld:
         self.glimpse = self._glimpses.popleft()
         return Outcome(reward, happening, ended=False)
 
+    def _draw_change(
+        self, lesson: Lesson, effects: RealWorldEffects
+    ) -> tuple[int, RealWorldEffects] | None:
+        """When in this episode the robot becomes another one, and which."""
+        if lesson.changes == 0 or self._rng.random() >= lesson.changes:
+            return None
+        other = lesson.draw_robot(self._ranges, self._rng)
+        changed = replace(effects, **{name: getattr(other, name) for name in CHANGING})
+        return int(self._rng.integers(*CHANGES_AT)), changed
+
     def _become(self, effects: RealWorldEffects) -> None:
-        robot = perturbed_robot(self._nominal, effects)
+        robot = self._embody(effects)
         self.camera.become(effects, robot.camera_mount.pitch_down_deg)
+
+    def _embody(self, effects: RealWorldEffects) -> RobotParameters:
+        """Give the robot another body, wherever it is and however fast it drives."""
+        robot = perturbed_robot(self._nominal, effects)
         swap_body(self.simulation, robot)
         self._wheels = perturbed_wheel_maps(robot.wheel_maps, effects)
         gain = max(effects.left_gain, effects.right_gain)
         free_m_s = robot.free_speed_rad_s * robot.wheel_radius_m * gain
         self._fastest_m_s = max(FASTEST_M_S, free_m_s * OVERSHOOT)
         self._effects = effects
+        self._body = body_record(effects, self._nominal.wheel_maps)
+        return robot
 
     def _draw_look(self, variety: float) -> SceneLook:
         if variety > 0 and self._rng.random() < variety:

@@ -40,6 +40,8 @@ class Lesson:
         objects: how many make a complete run.
         kinds: of robots; each episode draws one. What differs from the preset: ranges by the
             effect's name.
+        changes: share of episodes in which the robot's motors or its grip become other ones on the
+            way (`fetch_world.CHANGING`).
 
     """
 
@@ -48,6 +50,7 @@ class Lesson:
     spawn_half_angle_deg: float = 180.0
     objects: int = 1
     kinds: tuple[Kind, ...] = (USUAL,)
+    changes: float = 0.0
 
     @property
     def rules(self) -> FetchRules:
@@ -117,6 +120,15 @@ _WORN: Kind = (
     ("noise", (0.5, 5.5)),
 )
 
+_CRISP: Kind = (
+    ("action_latency_ms", (0.0, 15.0)),
+    ("action_jitter_ms", (0.0, 5.0)),
+    ("camera_latency_ms", (0.0, 30.0)),
+    ("dead_band", (0.0, 30.0)),
+    ("dead_band_compensation", (0.0, 40.0)),
+    ("time_constant_ms", (60.0, 90.0)),
+)
+
 ROUGH_LESSON = Lesson(
     "rough",
     2.50,
@@ -125,16 +137,18 @@ ROUGH_LESSON = Lesson(
         USUAL,
         USUAL,
         _WORN,
+        _CRISP,
         (("left_gain", (0.4, 0.7)),),
         (("right_gain", (0.4, 0.7)),),
         (("camera_latency_ms", (100.0, 190.0)),),
         (("friction_scale", (0.15, 0.4)),),
         (("exposure_gain", (0.45, 1.7)),),
     ),
+    changes=0.15,
 )
 """Robots worse than any unit measured, among usual ones: a weak motor, late pictures, a slippery
-floor, dim or glaring light, or a bit of everything with slow wheels besides. For a policy that
-holds when a robot wears."""
+floor, dim or glaring light, or a bit of everything with slow wheels besides; and better ones, with
+hardly a lag or a dead band. For a policy that holds when a robot wears."""
 
 _BY_NAME = {lesson.name: lesson for lesson in (*LESSONS, BLUR_LESSON, ROUGH_LESSON)}
 

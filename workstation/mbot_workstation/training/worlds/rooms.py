@@ -9,7 +9,16 @@ from mbot_workstation.simulation.room_generator import generate_room
 
 TRAINING_ROOMS = 1000
 EVALUATION_ROOMS = 2000
+CHOICE_ROOMS = 3000
 """Seeds of the first made-up room of each kind: nobody is tried in a room trained in."""
+
+_PHOTOGRAPHS = Path(__file__).parent / "photographs"
+TRAINING_PHOTOGRAPHS = sorted((_PHOTOGRAPHS / "training").glob("*.jpg"))
+EVALUATION_PHOTOGRAPHS = sorted((_PHOTOGRAPHS / "evaluation").glob("*.jpg"))
+"""Files that ship with the project, for people without photographs of their own."""
+
+EVALUATION_MADE_UP = 4
+"""Made-up rooms besides those photographs."""
 
 
 def gather_rooms(panoramas: Sequence[Path], made_up: int, first_seed: int) -> list[Picture]:
@@ -21,3 +30,20 @@ def gather_rooms(panoramas: Sequence[Path], made_up: int, first_seed: int) -> li
     """
     photographs = [load_room(path) for path in panoramas]
     return [*photographs, *(generate_room(first_seed + number) for number in range(made_up))]
+
+
+def evaluation_rooms(panoramas: Sequence[Path], made_up: int | None = None) -> list[Picture]:
+    """Rooms to try policies in, none of which training uses.
+
+    Args:
+        panoramas: a user's photographs; without any, those that ship with the project.
+        made_up: how many made-up rooms besides; None is 0 with a user's photographs, else 4.
+
+    Raises:
+        ConfigurationError: a photograph is unusable.
+
+    """
+    if panoramas:
+        return gather_rooms(panoramas, made_up or 0, EVALUATION_ROOMS)
+    several = EVALUATION_MADE_UP if made_up is None else made_up
+    return gather_rooms(EVALUATION_PHOTOGRAPHS, several, EVALUATION_ROOMS)

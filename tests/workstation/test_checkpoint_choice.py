@@ -1,0 +1,103 @@
+import json
+import threading
+from pathlib import Path
+
+import pytest
+
+from mbot_workstation.commands.train import _train_until_stopped as train_until_stopped
+from mbot_workstation.training.evaluation import checkpoint_choice
+from mbot_workstation.training.evaluation.checkpoint_choice import choose_checkpoint
+from mbot_workstation.training.evaluation.episodes import EpisodeResult, Score, Trial, score
+from mbot_workstation.training.learning.learner import LearnerSettings
+from mbot_workstation.training.learning.policy_source import find_source
+from mbot_workstation.training.learning.progress_display import LineDisplay
+from mbot_workstation.training.learning.run_directory import RunDirectory, first_candidate
+from mbot_workstation.training.learning.training_config import TrainingConfig
+from mbot_workstation.training.learning.training_run import begin_run
+
+SHORT = TrainingConfig(
+    steps=64,
+    robots=2,
+    workers=1,
+    preset="ideal",
+    lessons=("1",),
+    made_up_rooms=1,
+    learner=LearnerSettings(steps_per_robot=4, batch=8, epochs=1),
+    checkpoint_every=8,
+)
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> RunDirectory:
+    made = begin_run(tmp_path / "run", SHORT)
+    for step in range(8, 65, 8):
+        made.add_checkpoint(step, lambda _folder: None, kept_from=first_candidate(64))
+    return made
+
+
+def rewards(monkeypatch: pytest.MonkeyPatch, by_name: dict[str, float]) -> list[Trial]:
+    trials: list[Trial] = []
+
+    def tried(checkpoint: Path, trial: Trial) -> Score:
+        trials.append(trial)
+        return score([EpisodeResult(by_name[checkpoint.name], 10, 1, True)])
+
+    monkeypatch.setattr(checkpoint_choice, "_tried", tried)
+    return trials
+
+
+def choose(run: RunDirectory, stop: threading.Event | None = None) -> None:
+    choose_checkpoint(run, SHORT, LineDisplay(), stop or threading.Event())
+
+
+def test_the_last_fifth_is_kept_and_tried_and_the_best_is_the_policy(
+    run: RunDirectory, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    trials = rewards(monkeypatch, {"000000056": 2.5, "000000064": 2.0})
+    choose(run)
+    assert find_source(run.path).checkpoint.name == "000000056"
+    assert run.last_checkpoint().name == "000000064"  # what --resume goes on from
+    assert len(trials) == 2
+    assert trials[0] == trials[1]  # the same robots and rooms for all
+    assert "checkpoint 000000056 is the policy: mean reward 2.50" in capsys.readouterr().err
+    choose(run)
+    assert len(trials) == 2  # once is enough
+
+
+def test_what_was_trained_since_is_not_left_behind(
+    run: RunDirectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rewards(monkeypatch, {"000000056": 2.5, "000000064": 2.0})
+    choose(run)
+    run.add_checkpoint(72, lambda _folder: None, kept_from=56)
+    assert find_source(run.path).checkpoint.name == "000000072"
+
+
+def test_a_choice_that_is_damaged_or_gone_is_the_last_checkpoint(run: RunDirectory) -> None:
+    noted = {"chosen": "../../else", "tried": {"000000064": [1, 1, 1]}, "episodes": 2}
+    run.choice_file.write_text(json.dumps(noted))
+    assert find_source(run.path).checkpoint.name == "000000064"
+    run.choice_file.write_text("{")
+    assert find_source(run.path).checkpoint.name == "000000064"
+
+
+def test_a_stop_leaves_nothing_chosen(run: RunDirectory, monkeypatch: pytest.MonkeyPatch) -> None:
+    rewards(monkeypatch, {})
+    stop = threading.Event()
+    stop.set()
+    choose(run, stop)
+    assert not run.choice_file.exists()
+
+
+def test_a_whole_run_ends_with_a_choice_by_driving(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(checkpoint_choice, "EPISODES", 2)
+    monkeypatch.setattr(checkpoint_choice, "ROOMS", 1)
+    made = begin_run(tmp_path / "run", SHORT)
+    assert train_until_stopped(made, SHORT).reason == "steps"
+    noted = json.loads(made.choice_file.read_text())
+    assert set(noted["tried"]) == {"000000056", "000000064"}
+    best = max(noted["tried"], key=lambda name: noted["tried"][name][0])
+    assert noted["chosen"] == best == find_source(made.path).checkpoint.name
+    assert all(low <= mean <= high for mean, low, high in noted["tried"].values())
