@@ -1,4 +1,6 @@
 import base64
+import subprocess
+import sys
 
 import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -113,6 +115,23 @@ def test_a_signature_has_one_form_only(key: Ed25519PrivateKey) -> None:
 @pytest.mark.parametrize(("key_bytes", "signature_bytes"), [(0, 64), (31, 64), (33, 64), (32, 63)])
 def test_other_sizes_are_no_signatures(key_bytes: int, signature_bytes: int) -> None:
     assert not PublicKey(bytes(key_bytes), "odd").has_signed(b"", bytes(signature_bytes))
+
+
+def test_a_key_of_small_order_signs_nothing() -> None:
+    """For the neutral element as key the equation holds whatever the message is."""
+    neutral = (1).to_bytes(32, "little")
+    assert not PublicKey(neutral, "nobody").has_signed(b"any", neutral + bytes(32))
+
+
+def test_the_robot_checks_without_the_larger_library() -> None:
+    """It would take 7 MB more of a Pi's memory."""
+    code = (
+        "import sys, mbot_agent.daemon, mbot_agent.models.model_service\n"
+        "from mbot_protocol.public_key import PublicKey\n"
+        "PublicKey(bytes(32), 'anna').has_signed(b'', bytes(64))\n"
+        "sys.exit('cryptography' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def flip(data: bytes, bit: int) -> bytes:

@@ -8,6 +8,9 @@ import binascii
 import re
 from dataclasses import dataclass
 
+from nacl.exceptions import BadSignatureError
+from nacl.signing import VerifyKey
+
 from mbot_protocol.errors import ConfigurationError
 
 PUBLIC_KEY_BYTES = 32
@@ -54,13 +57,9 @@ class PublicKey:
         """Whether this is the key's Ed25519 signature (RFC 8032) of the message; whatever is wrong
         with the key or the signature, the answer is no.
         """
-        # 8 MB of memory, which a robot that has no signed model yet does not need.
-        from cryptography.exceptions import InvalidSignature
-        from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
-
         try:
-            Ed25519PublicKey.from_public_bytes(self.raw).verify(signature, message)
-        except (InvalidSignature, ValueError):
+            VerifyKey(self.raw).verify(message, signature)
+        except (BadSignatureError, ValueError):
             return False
         return True
 
