@@ -100,7 +100,7 @@ class CommandService:
             active_model=self._active_model(),
             missed_ticks=latest.missed_ticks if latest is not None else 0,
             decisions=latest.sequence + 1 if latest is not None else 0,
-            camera=self._camera_source,
+            camera=self._camera_words(),
             notices=wire_notices(self._notices()),
             trusted_keys=[key.line for key in self._trust.public_keys],
             accepts_unsigned_models=self._trust.allow_unsigned,
@@ -108,6 +108,10 @@ class CommandService:
             right_motor=wire_motor(self._wheels.right),
             last_stop=wire_stop(orders.stop),
         ).SerializeToString()
+
+    def _camera_words(self) -> str:
+        light = self._loop.light
+        return self._camera_source + ("" if light == "unknown" else f", light {light}")
 
     def stop(self, payload: bytes) -> bytes:
         """Reply to a query on `stop`, which disarms the robot whatever it says.

@@ -73,6 +73,7 @@ class Camera(Struct, frozen=True, forbid_unknown_fields=True):
     intrinsics: Intrinsics | None = None
     stale_after_ms: Annotated[float, Meta(ge=50, le=600)] = 300.0
     identical_frames: Literal["auto", "refuse", "refuse-while-driving"] = "auto"
+    automatic: Literal["settle", "always", "off"] = "settle"
 
     def __post_init__(self) -> None:
         is_address = "://" in self.source and not self.source.startswith("ffmpeg:")

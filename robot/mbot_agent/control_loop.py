@@ -95,6 +95,11 @@ class ControlLoop:
         """A person wants to drive: what was held against the camera is forgotten; any thread."""
         self._camera.forgive()
 
+    @property
+    def light(self) -> str:
+        """What the camera's automatics do."""
+        return self._camera.light
+
     def faults(self, mode: Mode) -> tuple[Fault, ...]:
         """What is in the way of a mode now; any thread may ask. A person's hand needs neither
         eyes nor model.

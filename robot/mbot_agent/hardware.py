@@ -76,6 +76,11 @@ class Camera(Protocol):
         """Whether the newest good frame is recent enough to drive on; any thread may ask."""
         ...
 
+    @property
+    def light(self) -> str:
+        """What its automatic exposure and white balance do: automatic, held or unknown."""
+        ...
+
     def drives(self, driving: bool) -> None:
         """Learn whether the wheels are being turned now."""
         ...

@@ -87,6 +87,8 @@ class StillCamera:
     def drives(self, driving: bool) -> None:
         self.driving.append(driving)
 
+    light = "automatic"
+
     def forgive(self) -> None: ...
 
 

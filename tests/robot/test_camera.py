@@ -144,6 +144,9 @@ class HangingSource:
 
     def __exit__(self, *_: object) -> None: ...
 
+    def hold_light(self, held: bool) -> bool:
+        return False
+
     def read(self) -> Shot:
         if self._left == 0:
             time.sleep(1.0)

@@ -79,6 +79,12 @@ def service() -> Service:
     return service
 
 
+def test_status_tells_the_camera_and_what_its_automatics_do(service: Service) -> None:
+    assert service.status.camera == "picamera2, light automatic"
+    service.bench.camera.light = "unknown"
+    assert service.status.camera == "picamera2"
+
+
 def test_run_and_drive_that_know_the_last_stop_are_obeyed(service: Service) -> None:
     reply = service.run()
     assert (reply.accepted, reply.state) == (True, messages.STATE_RUNNING)

@@ -38,6 +38,8 @@ class StandIn:
         self.configuration: dict[str, object] = {}
         self.requests: list[StandInRequest] = []
         self.hangs = False
+        self.controls: list[dict[str, object]] = []
+        self.refuses = False
         self.closed = False
         StandIn.newest = self
 
@@ -60,6 +62,11 @@ class StandIn:
         captured_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - 50_000_000
         self.requests.append(StandInRequest(captured_ns))
         return self.requests[-1]
+
+    def set_controls(self, controls: dict[str, object]) -> None:
+        if self.refuses:
+            raise RuntimeError("Control AwbEnable is not advertised by libcamera")
+        self.controls.append(controls)
 
     def close(self) -> None:
         self.closed = True
@@ -109,3 +116,22 @@ def test_no_camera_on_the_cable_is_explained() -> None:
     StandIn.cameras = []
     with pytest.raises(CameraError, match="check the cable"):
         PiCameraSource(Camera()).__enter__()
+
+
+def test_the_light_is_held_and_let_go() -> None:
+    with PiCameraSource(Camera()) as source:
+        assert source.hold_light(True)
+        assert source.hold_light(False)
+        assert StandIn.newest.controls == [
+            {"AeEnable": False, "AwbEnable": False},
+            {"AeEnable": True, "AwbEnable": True},
+        ]
+
+
+def test_a_camera_without_these_controls_drives_on_and_says_so(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    with PiCameraSource(Camera()) as source:
+        StandIn.newest.refuses = True
+        assert not source.hold_light(True)
+        assert "AwbEnable is not advertised" in caplog.text

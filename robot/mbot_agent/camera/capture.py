@@ -5,6 +5,7 @@ import threading
 import time
 from typing import Self
 
+from mbot_agent.camera.automatics import Automatics, Light
 from mbot_agent.camera.frame_sources import frame_source
 from mbot_agent.camera.jpeg_picture import JpegError
 from mbot_agent.camera.picture_check import PictureCheck, is_black
@@ -37,6 +38,8 @@ class CaptureThread:
         self._in_doubt = True
         self._fault: Fault | None = Fault("camera-starting", "no frame has come yet")
         self._interval_ns = 0.0
+        self._automatics = Automatics(camera.automatic)
+        self._light: Light = "unknown"
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
 
@@ -68,9 +71,15 @@ class CaptureThread:
         """Time between two frames, as a running mean; 0 before there are two."""
         return round(self._interval_ns)
 
+    @property
+    def light(self) -> Light:
+        """What the camera's automatic exposure and white balance do."""
+        return self._light
+
     def drives(self, driving: bool) -> None:
         """Learn whether the wheels are being turned now: then the picture has to change."""
         self._check.drives(driving)
+        self._automatics.drives(driving, time.monotonic_ns())
 
     def forgive(self) -> None:
         """Believe a picture that stood still once more: a person wants to drive again."""
@@ -101,9 +110,7 @@ class CaptureThread:
             try:
                 with frame_source(self._camera) as source:
                     log.info("camera %r is open", shown_source(self._camera.source))
-                    # A server hands its newest picture to whoever connects, however long ago the
-                    # camera stalled; only what comes after it is known to be of now.
-                    source.read()
+                    self._begin(source)
                     while not self._closing.is_set():
                         self._take(source)
                         back_off.succeeded()
@@ -114,8 +121,16 @@ class CaptureThread:
                 self._note(Fault("camera-lost", f"internal error: {error}"))
             self._closing.wait(back_off.next_s())
 
+    def _begin(self, source: FrameSource) -> None:
+        # A server hands its newest picture to whoever connects, however long ago the camera
+        # stalled; only what comes after it is known to be of now.
+        source.read()
+        self._automatics.opened(time.monotonic_ns())
+        self._light = "automatic" if source.hold_light(False) else "unknown"
+
     def _take(self, source: FrameSource) -> None:
         shot = source.read()
+        self._adjust(source)
         fault = self._judge(shot)
         self._note(fault)
         if fault is None and self._newest is not None:
@@ -124,6 +139,13 @@ class CaptureThread:
             self._interval_ns += weight * (interval_ns - self._interval_ns)
         # A refused frame must not leave the last good one looking fresh.
         self._newest = shot if fault is None else None
+
+    def _adjust(self, source: FrameSource) -> None:
+        """Hold the light or let go of it, where the source can and it is not so already."""
+        held = self._automatics.held(time.monotonic_ns())
+        if self._light != "unknown" and held != (self._light == "held"):
+            done = source.hold_light(held)
+            self._light = ("held" if held else "automatic") if done else "unknown"
 
     def _judge(self, shot: Shot) -> Fault | None:
         """Look at a frame, or at its shape alone if the last look was good and not long ago."""

@@ -48,6 +48,10 @@ class MjpegSource:
             self._connection.close()
             self._connection = None
 
+    def hold_light(self, held: bool) -> bool:
+        """See FrameSource: nobody can tell this one."""
+        return False
+
     def read(self) -> Shot:
         """See FrameSource."""
         if self._connection is None:

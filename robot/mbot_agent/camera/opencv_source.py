@@ -58,6 +58,10 @@ class OpenCvSource:
             self._capture.release()
             self._capture = None
 
+    def hold_light(self, held: bool) -> bool:
+        """See FrameSource: nobody can tell this one."""
+        return False
+
     def read(self) -> Shot:
         """See FrameSource."""
         if self._capture is None:

@@ -1,11 +1,14 @@
 """The Raspberry Pi camera."""
 
+import logging
 import time
 from typing import Any, Self, cast
 
 from mbot_agent.camera.source_contract import READ_TIMEOUT_S, CameraError, Shot
 from mbot_agent.configuration import Camera
 from mbot_protocol.picture import Picture
+
+log = logging.getLogger(__name__)
 
 PICAMERA_DEFAULT_SIZE = (320, 240)
 """Five samples a side for each observation pixel; the ISP scales, so it costs the CPU nothing."""
@@ -79,6 +82,15 @@ class PiCameraSource:
         finally:
             request.release()
         return Shot.decoded(frame, _boottime_to_monotonic(captured_boottime_ns))
+
+    def hold_light(self, held: bool) -> bool:
+        """See FrameSource. libcamera keeps the last values where no others are given."""
+        try:
+            self._picamera.set_controls({"AeEnable": not held, "AwbEnable": not held})
+        except Exception as error:
+            log.warning("the Pi camera's automatics cannot be set: %s", error)
+            return False
+        return True
 
 
 def _boottime_to_monotonic(boottime_ns: int) -> int:

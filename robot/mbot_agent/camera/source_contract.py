@@ -80,3 +80,12 @@ class FrameSource(Protocol):
 
         """
         ...
+
+    def hold_light(self, held: bool) -> bool:
+        """Hold exposure and white balance as they are, or let them adjust themselves again.
+
+        Returns:
+            Whether the source can.
+
+        """
+        ...

@@ -98,6 +98,10 @@ PI_CAMERA = NOMINAL.changed(
 """A Raspberry Pi camera left to its automatics: contrasty curve, sharpening, exposure and white
 balance that follow the picture. Assumed, as far as that is public."""
 
+HELD_MS = 1e9
+"""A time constant with which automatics stay where an episode's first picture puts them: what the
+daemon does with `camera.automatic = "settle"`."""
+
 PERTURBATIONS: dict[str, EffectRanges] = {
     "uneven": NOMINAL.changed(left_gain=1.0, right_gain=0.85),
     "handicap": NOMINAL.changed(left_gain=1.0, right_gain=0.5),
@@ -111,6 +115,9 @@ PERTURBATIONS: dict[str, EffectRanges] = {
     "late": NOMINAL.changed(camera_latency_ms=150.0),
     "automatic": PI_CAMERA,
     "any-room": PI_CAMERA.changed(scene_variety=1.0),
+    "light-held": PI_CAMERA.changed(
+        scene_variety=1.0, auto_exposure_lag_ms=HELD_MS, auto_white_balance_lag_ms=HELD_MS
+    ),
 }
 """For evaluation only: nothing is trained on these."""
 
