@@ -160,6 +160,7 @@ class Models(Struct, frozen=True, forbid_unknown_fields=True):
     directory: str = ""
     keep: Annotated[int, Meta(ge=2, le=100)] = 8
     clean_decisions: Annotated[int, Meta(ge=1, le=10_000)] = 25
+    dry_run_s: Annotated[float, Meta(ge=1, le=60)] = 6.0
 
     @property
     def path(self) -> Path:

@@ -168,12 +168,45 @@ def test_a_model_that_never_answers_is_killed_within_10_s(
 def test_a_slow_start_leaves_a_model_its_time_and_the_bar_its_room() -> None:
     attempt = (
         "import resource, mbot_agent.models.dry_run as d;"
-        "d.time.process_time = lambda: 4.7; d._limit();"
+        "d.time.process_time = lambda: float(sys.argv[1]); d._limit(6.0);"
         "print(*resource.getrlimit(resource.RLIMIT_CPU))"
     )
-    done = subprocess.run([sys.executable, "-c", attempt], capture_output=True, check=True)
-    assert done.stdout.split() == [b"%d" % (5 + module.CPU_S)] * 2
-    assert module.TIMEOUT_S <= 7.0  # of 10
+    for started, limit in (("0.3", 5), ("2.7", 7), ("9.0", 21)):
+        command = [sys.executable, "-c", f"import sys;{attempt}", started]
+        done = subprocess.run(command, capture_output=True, check=True)
+        assert done.stdout.split() == [b"%d" % limit] * 2
+    assert module.MODEL_S <= 6.0  # of 10
+
+
+@pytest.fixture
+def slow_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A computer on which the child takes a second to start, and is told so."""
+    program = tmp_path / "python"
+    program.write_text(f'#!/bin/sh\nsleep 1\nexec {sys.executable} "$@"\n')
+    program.chmod(0o755)
+    monkeypatch.setattr(module.sys, "executable", str(program))
+
+
+@pytest.mark.usefixtures("slow_start")
+def test_a_computer_that_starts_slowly_gives_the_model_twice_that_time() -> None:
+    """The limit of 0.01 s is a model's where nothing is slow; here it has 2 s and more."""
+    assert dry_run(constant_model(), RATE_HZ, model_s=0.01).golden_frames == 0
+
+
+@pytest.mark.usefixtures("slow_start")
+def test_a_child_that_does_not_start_is_no_fault_of_the_model(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(module, "START_S", 0.2)
+    with pytest.raises(RefusedError, match=r"did not start within"):
+        dry_run(constant_model(), RATE_HZ)
+
+
+def test_a_model_has_the_time_that_is_configured() -> None:
+    with pytest.raises(
+        ContractError, match=r"took more than 1 s.*models.dry_run_s|ended by signal"
+    ):
+        dry_run(slow(5000), RATE_HZ, model_s=1.0)
 
 
 def test_a_model_too_slow_for_the_robots_rate_is_refused() -> None:
@@ -200,7 +233,7 @@ def test_the_child_leaves_no_file_and_can_write_none(
     dry_run(constant_model(), RATE_HZ)
     assert list(tmp_path.iterdir()) == []
     attempt = (
-        "import sys; sys.stdin.buffer.read(); import mbot_agent.models.dry_run as d; d._limit();"
+        "import sys; import mbot_agent.models.dry_run as d; d._limit(6.0);"
         f"open({str(tmp_path / 'x')!r}, 'wb', buffering=0).write(b'x')"
     )
     assert os.system(f'{sys.executable} -c "{attempt}" </dev/null 2>/dev/null') != 0

@@ -8,6 +8,7 @@ import contextlib
 import math
 import os
 import resource
+import select
 import subprocess
 import sys
 import time
@@ -17,16 +18,24 @@ import msgspec
 
 from mbot_protocol.errors import ContractError, MbotError, NewerSchemaError, RefusedError
 
-TIMEOUT_S = 7.0
-"""Then the child is killed, so a model that hangs is refused within 10 s also where the computer is
-too busy to start or end a process at once. Importing onnxruntime takes 3 to 5 s on a Pi Zero 2 and
-about half of that on a Pi 4 (estimates); a good model then needs ms."""
+MODEL_S = 6.0
+"""What a model may take, unless `models.dry_run_s` says otherwise. Then the child is killed: one that
+hangs is refused within 10 s, also where the computer is too busy to start or end a process at
+once."""
 
-CPU_S = 4
-"""A bound on the model's work, beyond what the imports took. The slowest model allowed at the
-robot's usual rate works 2.8 s on the pictures and three golden frames; one that brings a drive of
-80 frames must be quicker than 40 ms a decision. On a PC whose processors were all busy the time-out
-came first, and the child was gone after 7.1 s (measured)."""
+SLOWNESS = 2.0
+"""On a slow or busy computer a model may take so many times what the child's imports took. They
+take 0.3 s on a PC, 3 to 5 s on a Pi Zero 2 (estimated)."""
+
+WORK_SHARE = 2 / 3
+"""Of that time, as a bound on the model's own work. The slowest model allowed at the robot's usual
+rate works 2.8 s on the pictures and three golden frames; one that brings a drive of 80 frames must
+be quicker than 40 ms a decision."""
+
+START_S = 30.0
+"""The most that the child's imports may take, before it has seen the model."""
+
+READY = b"!"
 
 MEMORY_BYTES = 128 << 20
 """Address space on top of what Python and onnxruntime map. The largest model allowed (16 MiB) needs
@@ -54,12 +63,13 @@ class Report(msgspec.Struct, frozen=True):
     confined: bool = True
 
 
-def dry_run(data: bytes, rate_hz: float) -> Report:
+def dry_run(data: bytes, rate_hz: float, model_s: float = MODEL_S) -> Report:
     """Load a model in a child process and let it decide on a few pictures.
 
     Args:
         data: the model file.
         rate_hz: decisions a second that this robot makes.
+        model_s: what the model may take, on a computer that is neither slow nor busy.
 
     Raises:
         ContractError: it does not load, breaks the contract, takes too long, answers nonsense, or
@@ -68,27 +78,57 @@ def dry_run(data: bytes, rate_hz: float) -> Report:
         RefusedError: no process could be started.
 
     """
-    command = [sys.executable, "-B", "-m", "mbot_agent.models.dry_run", repr(rate_hz)]
+    command = [
+        sys.executable,
+        "-B",
+        "-m",
+        "mbot_agent.models.dry_run",
+        repr(rate_hz),
+        repr(model_s),
+    ]
+    pipe = subprocess.PIPE
     try:
-        child = subprocess.run(
-            command, input=data, capture_output=True, timeout=TIMEOUT_S, check=False
-        )
-    except subprocess.TimeoutExpired:
-        raise ContractError(f"the model's dry run took more than {TIMEOUT_S:.0f} s") from None
+        child = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, bufsize=0)
     except OSError as error:
         raise RefusedError(f"cannot try the model: {error.strerror}") from None
+    with child:
+        limit_s = max(model_s, SLOWNESS * _start(child))
+        try:
+            out, errors = child.communicate(data, timeout=limit_s)
+        except subprocess.TimeoutExpired:
+            child.kill()
+            raise ContractError(
+                f"the model's dry run took more than {limit_s:.0f} s (a slow computer may want "
+                "more: models.dry_run_s)"
+            ) from None
+        except BaseException:
+            child.kill()
+            raise
     if child.returncode == 0:
-        return msgspec.json.decode(child.stdout, type=Report)
+        return msgspec.json.decode(out, type=Report)
     if child.returncode < 0:
         raise ContractError(f"the model's dry run was ended by signal {-child.returncode}")
-    lines = child.stderr.decode(errors="replace").strip().splitlines() or ["no reason given"]
+    lines = errors.decode(errors="replace").strip().splitlines() or ["no reason given"]
     if child.returncode == NewerSchemaError.exit_code:
         raise NewerSchemaError(lines[-1])
     raise ContractError(lines[-1])
 
 
-def _try(rate_hz: float) -> Report:
-    data = sys.stdin.buffer.read()
+def _start(child: "subprocess.Popen[bytes]") -> float:
+    """Wait until the child is ready for the model, or has died; the seconds it took."""
+    assert child.stdout is not None
+    began_s = time.monotonic()
+    readable, _, _ = select.select([child.stdout], [], [], START_S)
+    if not readable:
+        child.kill()
+        raise RefusedError(
+            f"cannot try the model: its process did not start within {START_S:.0f} s"
+        )
+    os.read(child.stdout.fileno(), len(READY))  # nothing if it has died: its end says why
+    return time.monotonic() - began_s
+
+
+def _try(rate_hz: float, model_s: float) -> Report:
     import numpy as np
 
     from mbot_agent.models.confinement import confine
@@ -98,7 +138,9 @@ def _try(rate_hz: float) -> Report:
     from mbot_protocol.policy_contract import OBSERVATION_SHAPE
 
     random = np.random.default_rng(0)
-    _limit()
+    os.write(sys.stdout.fileno(), READY)
+    data = sys.stdin.buffer.read()
+    _limit(model_s)
     confined = confine()
     policy = Policy(data)
     golden = policy.golden_frames()
@@ -125,13 +167,14 @@ def _try(rate_hz: float) -> Report:
     return Report(inference_s * 1000, len(golden), confined)
 
 
-def _limit() -> None:
+def _limit(model_s: float) -> None:
     """Set the limits, once everything that a good model needs is loaded."""
-    started_s = math.ceil(time.process_time())
+    started_s = time.process_time()
+    work_s = WORK_SHARE * max(model_s, SLOWNESS * started_s)
     mapped_bytes = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     for what, limit in (
         (resource.RLIMIT_AS, mapped_bytes + MEMORY_BYTES),
-        (resource.RLIMIT_CPU, started_s + CPU_S),
+        (resource.RLIMIT_CPU, math.ceil(started_s + work_s)),
         (resource.RLIMIT_FSIZE, 0),
         (resource.RLIMIT_CORE, 0),
     ):
@@ -146,7 +189,7 @@ def _limit() -> None:
 
 if __name__ == "__main__":
     try:
-        sys.stdout.buffer.write(msgspec.json.encode(_try(float(sys.argv[1]))))
+        sys.stdout.buffer.write(msgspec.json.encode(_try(float(sys.argv[1]), float(sys.argv[2]))))
     except MbotError as reason:
         print(reason, file=sys.stderr)
         sys.exit(reason.exit_code)

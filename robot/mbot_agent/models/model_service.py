@@ -13,6 +13,7 @@ import re
 import shutil
 import threading
 from collections.abc import Callable
+from functools import partial
 
 from mbot_agent.configuration import Configuration
 from mbot_agent.models.dry_run import Report, dry_run
@@ -46,7 +47,7 @@ class ModelService:
         store: ModelDirectory,
         keeper: ModelKeeper,
         trust: Trust,
-        try_model: TryModel = dry_run,
+        try_model: TryModel | None = None,
     ) -> None:
         self._robot_id = configuration.robot_id
         self._rate_hz = configuration.control.decision_rate_hz
@@ -54,7 +55,7 @@ class ModelService:
         self._store = store
         self._keeper = keeper
         self._trust = trust
-        self._try = try_model
+        self._try = try_model or partial(dry_run, model_s=configuration.models.dry_run_s)
         self._staging: Staging | None = None
         self._staging_lock = threading.Lock()
 
