@@ -11,7 +11,7 @@ from stable_baselines3.common.env_checker import check_env as check_sb3_env
 from mbot_workstation.simulation.fetch_task import Happening
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.training.worlds.fetch_env import ENV_ID, FetchEnv
-from mbot_workstation.training.worlds.fetch_world import CHANGES_AT, FetchWorld
+from mbot_workstation.training.worlds.fetch_world import FetchWorld
 from mbot_workstation.training.worlds.lessons import (
     BLUR_LESSON,
     LESSONS,
@@ -261,10 +261,10 @@ def test_uneven_motors_and_sagging_batteries_show_in_the_way_driven() -> None:
 
 def test_a_robot_that_changes_on_the_way_turns_from_there_on_and_stands_where_it_stood() -> None:
     """A motor gives way in mid-drive; what drivers are told of the robot says so."""
-    robot = world(Lesson("changing", 2.5, objects=10, changes=1.0))
-    assert robot._change is not None
-    assert CHANGES_AT[0] <= robot._change[0] < CHANGES_AT[1]
-    robot._change = (3, replace(robot._known_effects, right_gain=0.5))
+    weak = (("right_gain", (0.5, 0.5)),)
+    robot = world(
+        Lesson("changing", 2.5, objects=10, changes=1.0, change_after=(3, 4), change_to=weak)
+    )
     gain = BODY.index("right_gain")
     for _ in range(3):
         robot.decide(*STRAIGHT)
@@ -275,7 +275,9 @@ def test_a_robot_that_changes_on_the_way_turns_from_there_on_and_stands_where_it
     assert robot.robot.x_m - before.x_m == pytest.approx(before.x_m / 3, rel=0.5)  # no jump
     assert robot.robot.yaw_rad < -0.1
     robot.begin(Lesson("steady", 2.5, objects=10))
-    assert (robot._change, robot.body[gain]) == (None, 1.0)
+    for _ in range(5):
+        robot.decide(*STRAIGHT)
+    assert robot.body[gain] == 1.0
 
 
 def test_only_rough_robots_change() -> None:

@@ -76,6 +76,18 @@ def test_the_rough_lesson_shows_usual_robots_and_worse_ones() -> None:
     assert all(usual.low.fov_scale <= robot.fov_scale <= usual.high.fov_scale for robot in robots)
 
 
+def test_a_rough_robot_changes_in_some_episodes_on_the_way_and_into_one_of_its_kind() -> None:
+    rng = np.random.default_rng(0)
+    usual = PRESETS["randomised"]
+    drawn = [ROUGH_LESSON.draw_change(usual, rng) for _ in range(1000)]
+    changes = [change for change in drawn if change is not None]
+    assert len(changes) / 1000 == pytest.approx(ROUGH_LESSON.changes, abs=0.04)
+    after = [decisions for decisions, _ in changes]
+    assert (min(after), max(after)) >= (10, 100)
+    assert max(after) < 120
+    assert any(robot.right_gain < 0.6 for _, robot in changes)
+
+
 def test_worse_robots_are_worse_than_the_calibrated_one() -> None:
     weak = replace(measured(), left_gain=0.8, right_gain=1.1, camera_latency_ms=90.0)
     moved = ROUGH_LESSON.moved(measured(), weak)

@@ -19,8 +19,8 @@ import msgspec
 from mbot_protocol.errors import ContractError, MbotError, NewerSchemaError, RefusedError
 
 MODEL_S = 6.0
-"""What a model may take, unless `models.dry_run_s` says otherwise. Then the child is killed: one that
-hangs is refused within 10 s, also where the computer is too busy to start or end a process at
+"""What a model may take, unless `models.dry_run_s` says otherwise. Then the child is killed: one
+that hangs is refused within 10 s, also where the computer is too busy to start or end a process at
 once."""
 
 SLOWNESS = 2.0

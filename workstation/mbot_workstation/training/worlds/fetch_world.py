@@ -50,9 +50,6 @@ OVERSHOOT = 1.1
 CHANGING = ("left_gain", "right_gain", "speed_scale", "dead_band", "friction_scale")
 """Effects of a robot that changes on the way: a battery, a gear, another floor."""
 
-CHANGES_AT = (10, 120)
-"""Decisions after which it does, drawn evenly; an episode of ten objects has about 170."""
-
 SLACK_S = 1e-6
 """Sums of decimal seconds are not exact."""
 
@@ -189,12 +186,12 @@ class FetchWorld:
     def _draw_change(
         self, lesson: Lesson, effects: RealWorldEffects
     ) -> tuple[int, RealWorldEffects] | None:
-        """When in this episode the robot becomes another one, and which."""
-        if lesson.changes == 0 or self._rng.random() >= lesson.changes:
+        """After which decision this robot becomes which other one, if it does."""
+        drawn = lesson.draw_change(self._ranges, self._rng)
+        if drawn is None:
             return None
-        other = lesson.draw_robot(self._ranges, self._rng)
-        changed = replace(effects, **{name: getattr(other, name) for name in CHANGING})
-        return int(self._rng.integers(*CHANGES_AT)), changed
+        after, other = drawn
+        return after, replace(effects, **{name: getattr(other, name) for name in CHANGING})
 
     def _become(self, effects: RealWorldEffects) -> None:
         robot = self._embody(effects)

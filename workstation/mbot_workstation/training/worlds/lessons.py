@@ -42,6 +42,8 @@ class Lesson:
             effect's name.
         changes: share of episodes in which the robot's motors or its grip become other ones on the
             way (`fetch_world.CHANGING`).
+        change_after: decisions until then, drawn evenly from this range.
+        change_to: what it becomes, as a kind; None draws another robot of this lesson.
 
     """
 
@@ -51,6 +53,8 @@ class Lesson:
     objects: int = 1
     kinds: tuple[Kind, ...] = (USUAL,)
     changes: float = 0.0
+    change_after: tuple[int, int] = (10, 120)
+    change_to: Kind | None = None
 
     @property
     def rules(self) -> FetchRules:
@@ -66,6 +70,18 @@ class Lesson:
         several = len(self.kinds) > 1
         kind = self.kinds[int(rng.integers(len(self.kinds))) if several else 0]
         return ranges.changed(**dict(kind)).sample(rng)
+
+    def draw_change(
+        self, ranges: EffectRanges, rng: np.random.Generator
+    ) -> tuple[int, RealWorldEffects] | None:
+        """After which decision of this episode the robot becomes which other one, if it does."""
+        if self.changes == 0 or rng.random() >= self.changes:
+            return None
+        if self.change_to is None:
+            other = self.draw_robot(ranges, rng)
+        else:
+            other = ranges.changed(**dict(self.change_to)).sample(rng)
+        return int(rng.integers(*self.change_after)), other
 
     def moved(self, origin: RealWorldEffects, to: RealWorldEffects) -> Self:
         """The same lesson with its kinds around another robot, as `EffectRanges.moved`."""
