@@ -7,7 +7,7 @@ FIRMWARE := out/firmware
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 .DEFAULT_GOAL := help
-.PHONY: help demo calibrate-demo demo-firmware test test-all check protocol firmware benchmark reliability reliability-quick mutants fuzz lock clean
+.PHONY: help demo calibrate-demo demo-firmware test test-all test-pi check protocol firmware benchmark reliability reliability-quick mutants fuzz lock clean
 
 help: ## Show this help
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -29,6 +29,9 @@ test: $(VENV)/.all ## Run the tests that a change needs, 5 minutes
 test-all: $(VENV)/.all ## Run all tests: those too that run real programs in real time, 20 minutes
 	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile
 	$(BIN)/pytest -m slow
+
+test-pi: $(VENV)/.all ## Install on booted Bookworm and Trixie machines and break things there; wants root, 10 minutes
+	$(BIN)/pytest tests/pi -v -n 0 --timeout 600
 
 check: $(VENV)/.all ## Lint, format, types, imports
 	$(BIN)/ruff check .

@@ -250,12 +250,14 @@ remove_all() {
         try systemctl disable --now "$service"
     fi
     run rm -f "$unit" "$rules" "$brltty_rules" "$modules" "$sysusers" "$command_link"
+    # Debian has no such folder before the first file of ours.
+    [ ! -d "${sysusers%/*}" ] || run rmdir --ignore-fail-on-non-empty "${sysusers%/*}"
     run rm -rf "$application"
     run systemctl daemon-reload
     try udevadm control --reload
     if [ -n "$purge" ]; then
         step "Removing configuration, models and user"
-        run rm -rf "$configuration" "$state"
+        run rm -rf "$configuration" "$state" "$unit.d"
         if getent passwd "$user" >/dev/null; then
             try userdel "$user"
         fi

@@ -1,15 +1,20 @@
 """A stand-in for the mCore board on a pty, with the faults a real one can have."""
 
+import fcntl
 import os
-import pty
 import select
+import struct
 import threading
 import time
 import tty
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from mbot_protocol.mcore import HEADER
+
+_UNLOCK, _NUMBER = 0x40045431, 0x80045430
+"""TIOCSPTLCK and TIOCGPTN, which Python's termios does not have."""
 
 STOP_FRAME = bytes.fromhex("ff5507000205 0000 0000".replace(" ", ""))
 
@@ -26,16 +31,26 @@ class FakeBoard:
 
     """
 
-    def __init__(self, version: str = "06.01.107") -> None:
+    def __init__(
+        self, version: str = "06.01.107", *, devpts: Path = Path("/dev/pts"), mode: int = 0o600
+    ) -> None:
+        """Plug it in.
+
+        Args:
+            version: what it calls itself.
+            devpts: where ports are; a container has its own.
+            mode: who may open the port.
+
+        """
         self.version = version
         self.mute = False
         self.acknowledge = True
         self.commands: list[tuple[float, int, int]] = []
         self.received = bytearray()
-        self._master, slave = pty.openpty()
-        tty.setraw(slave)
-        self.path = os.ttyname(slave)
-        self._slave = slave
+        self._master, self._slave, number = _openpty(devpts)
+        tty.setraw(self._slave)
+        os.fchmod(self._slave, mode)
+        self.path = f"/dev/pts/{number}"
         self._closing = False
         self._buffer = bytearray()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -121,3 +136,11 @@ class FakeBoard:
                 self.commands.append((time.monotonic(), m1, m2))
             return HEADER + b"\r\n" if self.acknowledge else b""
         return b""
+
+
+def _openpty(devpts: Path) -> tuple[int, int, int]:
+    """As `pty.openpty`, anywhere: both ends and the number that the port has there."""
+    master = os.open(devpts / "ptmx", os.O_RDWR | os.O_NOCTTY)
+    fcntl.ioctl(master, _UNLOCK, struct.pack("i", 0))
+    (number,) = struct.unpack("i", fcntl.ioctl(master, _NUMBER, bytes(4)))
+    return master, os.open(devpts / str(number), os.O_RDWR | os.O_NOCTTY), number

@@ -22,7 +22,7 @@ MEMORY_UNITS = 128
 MADE_UP_ROOMS = 8
 """Beside the photographs that ship with the project."""
 
-GUIDED_DECISIONS, GUIDED_STEPS = 400_000, 1_000_000
+GUIDED_DECISIONS, GUIDED_STEPS = 900_000, 1_000_000
 
 _WHAT, _ROOMS, _HOW = "What to learn", "Rooms", "How"
 
@@ -78,7 +78,7 @@ class TrainOptions:
     guide: int | None = option(
         None,
         "For the first N decisions learn from a guide as well, which knows what the robot is like "
-        "and where the object is while the camera can see it; its weight falls to 0. 400,000 if "
+        "and where the object is while the camera can see it; its weight falls to 0. 900,000 if "
         "not given, 0 with --from; 0 is PPO alone, as in the paper.",
         panel=_WHAT,
         metavar="N",
