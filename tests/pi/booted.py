@@ -123,13 +123,10 @@ class Machine:
         return (self._root / path.lstrip("/")).read_text()
 
     def files(self) -> set[str]:
-        """Everything on its disk but logs, caches and what apt and systemd keep for themselves."""
-        listed = self.says(
-            *("find", "/", "-xdev", "-path", "/var/log", "-prune", "-o", "-path", "/var/cache"),
-            *("-prune", "-o", "-path", "/var/lib/systemd", "-prune", "-o", "-path", "/tmp"),
-            *("-prune", "-o", "-path", "/var/tmp", "-prune", "-o", "-print"),
-        )
-        return set(listed.splitlines())
+        """Everything on its disk but this checkout, logs, caches and systemd's own."""
+        aside = ("/var/log", "/var/cache", "/var/lib/systemd", "/tmp", "/var/tmp", str(INSIDE))
+        pruned = [word for path in aside for word in ("-path", path, "-prune", "-o")]
+        return set(self.says("find", "/", "-xdev", *pruned, "-print").splitlines())
 
     @property
     def _init(self) -> int:

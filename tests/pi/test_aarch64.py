@@ -1,0 +1,102 @@
+"""The daemon's code and libraries as on a Pi, on an emulated Cortex-A53 and A72.
+
+The emulator refuses instructions that the processor does not have. Its speed and memory tell
+nothing, and it has no seccomp.
+"""
+
+import json
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from .booted import CHECKOUT, ROOTS
+
+EMULATOR = "/usr/bin/qemu-aarch64-static"
+PACKAGES = "base-files,python3,libpython3-stdlib,libstdc++6,libgcc-s1,zlib1g,libc-bin"
+PYTHONS = {"bookworm": "3.11", "trixie": "3.13"}
+SITE, HERE = "opt/site", Path(__file__).parent
+TOLERANCE = 1e-5
+"""The bar for another processor."""
+
+
+def requirements() -> list[str]:
+    """What a robot needs."""
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
+    return [*project["dependencies"], *project["optional-dependencies"]["robot"]]
+
+
+@pytest.fixture(scope="module", params=PYTHONS)
+def userland(request: pytest.FixtureRequest) -> Path:
+    """A release's files for arm64 with the robot's packages; made once, some minutes."""
+    release: str = request.param
+    root = ROOTS / f"{release}-arm64"
+    if not (root / "whole").exists():
+        ROOTS.mkdir(parents=True, exist_ok=True)
+        subprocess.run(["rm", "-rf", str(root)], check=True)
+        subprocess.run(
+            [
+                *("mmdebstrap", "--mode=root", "--variant=extract", "--arch=arm64"),
+                *(f"--include={PACKAGES}", release, str(root)),
+            ],
+            check=True,
+            capture_output=True,
+        )
+        _install(root, release)
+        subprocess.run(["cp", EMULATOR, str(root / "usr/bin/")], check=True)
+        (root / "whole").touch()
+    return root
+
+
+def _install(root: Path, release: str) -> None:
+    version = PYTHONS[release]
+    platforms = [f"manylinux_2_{minor}_aarch64" for minor in range(17, 37)]
+    platforms.append("manylinux2014_aarch64")
+    constraints = CHECKOUT / f"deploy/constraints-{release}.txt"
+    subprocess.run(
+        [
+            *(sys.executable, "-m", "pip", "install", "-q", "--only-binary=:all:"),
+            *(word for name in platforms for word in ("--platform", name)),
+            *("--python-version", version, "--implementation", "cp"),
+            *("--abi", f"cp{version.replace('.', '')}", "--abi", "abi3", "--abi", "none"),
+            *("--target", str(root / SITE)),
+            *(("-c", str(constraints)) if constraints.exists() else ()),
+            *requirements(),
+        ],
+        check=True,
+        capture_output=True,
+    )
+
+
+@pytest.mark.parametrize("processor", ["cortex-a53", "cortex-a72"])
+def test_every_module_imports_and_the_policy_decides_as_here(
+    userland: Path, processor: str, record_property: Callable[[str, object], None]
+) -> None:
+    checkout = userland / "checkout"
+    subprocess.run(["rm", "-rf", str(checkout)], check=True)
+    checkout.mkdir()
+    for name in ("shared", "robot", "models"):
+        subprocess.run(["cp", "-r", str(CHECKOUT / name), str(checkout)], check=True)
+    subprocess.run(["cp", str(HERE / "decide_golden.py"), str(checkout)], check=True)
+    there = _decided(
+        *("chroot", str(userland), f"/{EMULATOR.lstrip('/')}", "-cpu", processor),
+        *("/usr/bin/python3", "/checkout/decide_golden.py", "/checkout", f"/{SITE}"),
+    )
+    here = _decided(sys.executable, str(HERE / "decide_golden.py"), str(CHECKOUT))
+    assert there["machine"] == "aarch64"
+    assert there["modules"] == here["modules"]
+    assert len(there["modules"]) > 60
+    off = float(np.abs(np.array(there["actions"]) - np.array(here["actions"])).max())
+    record_property("actions off by", off)
+    assert off <= TOLERANCE
+
+
+def _decided(*command: str) -> dict[str, Any]:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+    return json.loads(done.stdout.splitlines()[-1])
