@@ -1,8 +1,10 @@
 """From installing to purging, on booted machines: each test leaves the next one a robot to use."""
 
+import os
 import signal
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
@@ -14,6 +16,13 @@ from .booted import INSIDE
 from .conftest import CONFIGURATION, INSTALL, INSTALL_S, SERVICE, Robot
 
 Record = Callable[[str, object], None]
+
+
+def forget_cached_files() -> None:
+    """As after a boot. Libraries that were written a moment ago lie in the cache in large pieces,
+    all of which count as the daemon's memory when it touches one page: 40 MB more on Trixie."""
+    os.sync()
+    Path("/proc/sys/vm/drop_caches").write_text("3")
 
 
 @pytest.fixture
@@ -75,6 +84,7 @@ def test_it_starts_quickly_and_drives(
 ) -> None:
     assert camera.is_running()
     robot.configure()
+    forget_cached_files()
     robot.start()
     began_us, ready_us = (
         int(robot.shows(name))
@@ -136,7 +146,9 @@ def test_a_daemon_that_dies_at_once_stays_down_after_ten_starts(robot: Robot) ->
     try:
         robot.machine.says("systemctl", "daemon-reload")
         robot.machine.run("systemctl", "restart", SERVICE)
-        assert until(lambda: robot.shows("Result") == "start-limit-hit", 60)
+        # Its state is "failed" for a moment between two starts, too.
+        assert until(lambda: "Start request repeated too quickly" in robot.journal(), 60)
+        assert robot.state() == "failed"
         assert int(robot.shows("NRestarts")) >= 9
     finally:
         robot.machine.says("rm", "-r", drop_in.rpartition("/")[0])
