@@ -168,7 +168,9 @@ class ControlLoop:
             by_hand = tick.state is State.MANUAL
             self._pilot.rehearse(None if by_hand else tick.observation, due_ns)
             return tick
+        memory = self._pilot.memory
         answer = self._pilot.decide(tick.observation, due_ns)
+        tick = replace(tick, memory=memory)
         if isinstance(answer, Fault):
             if self._pilot.has_given_up:
                 self._helm.latch(answer.detail)
