@@ -22,6 +22,7 @@ from mbot_workstation.commands.models import models, rollback
 from mbot_workstation.commands.panorama import panorama
 from mbot_workstation.commands.print_targets import app as print_targets
 from mbot_workstation.commands.push_model import push_model
+from mbot_workstation.commands.recordings import app as recordings
 from mbot_workstation.commands.robots import robots
 from mbot_workstation.commands.study import study
 from mbot_workstation.commands.telemetry import telemetry
@@ -57,6 +58,7 @@ def workstation(
 
 
 _TRY, _DRIVE, _MODELS = "Try it without hardware", "Drive a robot", "Models and who may send them"
+_LOOK = "Look at drives"
 _TRAIN, _MEASURE = "Train and evaluate policies", "Measure a robot"
 
 app.command("demo", rich_help_panel=_TRY)(demo)
@@ -71,6 +73,8 @@ app.command("stop", rich_help_panel=_DRIVE)(stop)
 negative_numbers = {"ignore_unknown_options": True}
 app.command("drive", rich_help_panel=_DRIVE, context_settings=negative_numbers)(drive)
 app.command("flash", rich_help_panel=_DRIVE)(flash)
+
+app.add_typer(recordings, name="recordings", rich_help_panel=_LOOK)
 
 app.command("push-model", rich_help_panel=_MODELS)(push_model)
 app.command("models", rich_help_panel=_MODELS)(models)
