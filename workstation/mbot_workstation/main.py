@@ -23,6 +23,7 @@ from mbot_workstation.commands.panorama import panorama
 from mbot_workstation.commands.print_targets import app as print_targets
 from mbot_workstation.commands.push_model import push_model
 from mbot_workstation.commands.recordings import app as recordings
+from mbot_workstation.commands.replay import replay
 from mbot_workstation.commands.robots import robots
 from mbot_workstation.commands.study import study
 from mbot_workstation.commands.telemetry import telemetry
@@ -75,6 +76,7 @@ app.command("drive", rich_help_panel=_DRIVE, context_settings=negative_numbers)(
 app.command("flash", rich_help_panel=_DRIVE)(flash)
 
 app.add_typer(recordings, name="recordings", rich_help_panel=_LOOK)
+app.command("replay", rich_help_panel=_LOOK)(replay)
 
 app.command("push-model", rich_help_panel=_MODELS)(push_model)
 app.command("models", rich_help_panel=_MODELS)(models)

@@ -9,6 +9,8 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, UnsetType
 
+from mbot_protocol.actions import MotorMap, WheelMaps
+
 SCHEMA_NAME = "mbot.DriveRecord"
 
 DECISION_TOPIC, DRIVE_TOPIC = "decision", "drive"
@@ -92,6 +94,14 @@ class RobotFacts(msgspec.Struct, frozen=True):
     def to_strings(self) -> dict[str, str]:
         """As MCAP keeps metadata."""
         return {name: str(getattr(self, name)) for name in self.__struct_fields__}
+
+    @property
+    def wheels(self) -> WheelMaps:
+        """How both wheels' steps became the board's speeds."""
+        return WheelMaps(
+            MotorMap(self.left_reversed, self.left_trim, self.left_dead_band),
+            MotorMap(self.right_reversed, self.right_trim, self.right_dead_band),
+        )
 
     @classmethod
     def from_strings(cls, strings: dict[str, str]) -> "RobotFacts":
