@@ -12,6 +12,7 @@ from mbot_agent.recording.recording_directory import RecordingDirectory
 from mbot_agent.recording.recording_service import RecordingService
 from mbot_protocol.errors import ConfigurationError, RefusedError
 from mbot_protocol.v1.recordings_pb2 import RecordedDrive, RecordingList
+from mbot_workstation.commands.recordings import app
 from mbot_workstation.drives.recording_fetch import (
     PART,
     choose,
@@ -21,7 +22,6 @@ from mbot_workstation.drives.recording_fetch import (
     remove,
 )
 from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.main import app
 
 from .fake_robot import ROBOT_ID, FakeRobot
 
@@ -138,7 +138,7 @@ def test_a_drive_is_chosen_by_number_name_or_last() -> None:
 @pytest.fixture
 def workstation(robot: FakeRobot, card: Path) -> Callable[..., str]:
     def run(*arguments: str) -> str:
-        result = CliRunner().invoke(app, ["recordings", *arguments, "--robot", robot.address])
+        result = CliRunner().invoke(app, [*arguments, "--robot", robot.address])
         assert result.exit_code == 0, result.output
         return result.output
 

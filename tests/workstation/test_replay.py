@@ -11,11 +11,11 @@ import pytest
 from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError, MbotError
+from mbot_workstation.commands.replay import DIFFERS
 from mbot_workstation.drives import replay_words
 from mbot_workstation.drives.decider import Decider
 from mbot_workstation.drives.replayed_drive import TOLERANCE, replay
 from mbot_workstation.main import app
-
 from mbot_workstation.pictures.film_tile import TILE_PX, Bar, blank, caption_px, draw_tile
 from mbot_workstation.recordings.drive_mcap import Recording
 from mbot_workstation.recordings.recorded_drive import RecordedDrive, read_drive, read_drives
@@ -128,7 +128,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = json.loads(result.stdout)
     assert found["decisions"] == 12
     assert found["same_model"]
-    assert result.exit_code == (0 if found["as_expected"] else 1)
+    assert result.exit_code == (0 if found["as_expected"] else DIFFERS)
 
 
 def test_a_tile_shows_picture_and_wheels() -> None:
