@@ -8,6 +8,7 @@ from mbot_protocol.errors import MbotError
 from mbot_workstation.commands.calibrate import app as calibrate
 from mbot_workstation.commands.demo import demo
 from mbot_workstation.commands.drive import drive, run, stop
+from mbot_workstation.commands.drive_report import film, report
 from mbot_workstation.commands.enroll import enroll
 from mbot_workstation.commands.evaluate import evaluate
 from mbot_workstation.commands.explain import explain
@@ -76,6 +77,8 @@ app.command("drive", rich_help_panel=_DRIVE, context_settings=negative_numbers)(
 app.command("flash", rich_help_panel=_DRIVE)(flash)
 
 app.add_typer(recordings, name="recordings", rich_help_panel=_LOOK)
+app.command("report", rich_help_panel=_LOOK)(report)
+app.command("film", rich_help_panel=_LOOK)(film)
 app.command("replay", rich_help_panel=_LOOK)(replay)
 
 app.command("push-model", rich_help_panel=_MODELS)(push_model)

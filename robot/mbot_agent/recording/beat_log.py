@@ -26,6 +26,7 @@ class BeatLog:
             if before is None or fault not in before.faults:
                 yield Log.ERROR, f"{fault.kind}: {fault.detail}"
         if before is not None and before.stop_count != tick.stop_count:
-            yield Log.WARNING, tick.orders.stop.in_words(tick.started_ns)
+            stop = tick.orders.stop
+            yield Log.WARNING, f"stopped: {stop.why}" if stop.why else f"stopped by {stop.by}"
         if before is not None and before.missed_ticks != tick.missed_ticks:
             yield Log.WARNING, f"{tick.missed_ticks - before.missed_ticks} beats missed"

@@ -7,15 +7,7 @@ import numpy as np
 
 from mbot_protocol.picture import Picture
 from mbot_workstation.drives.replayed_drive import TOLERANCE, Redecided, Replay
-from mbot_workstation.pictures.film_tile import (
-    INK,
-    TILE_PX,
-    Bar,
-    blank,
-    caption_px,
-    draw_tile,
-    write,
-)
+from mbot_workstation.pictures.film_tile import Bar, Tile, strip_of
 from mbot_workstation.wording import one_line, short_digest
 
 MOST_ROWS = 12
@@ -23,7 +15,7 @@ STRIP_TILES = 12
 NOTABLE = 0.1
 """A twentieth of a wheel's range: below it a robot drives about the same way."""
 
-_GAP_PX, _TITLE_PX, _COLUMNS = 8, 40, 6
+COLUMNS = 6
 
 
 def lines(found: Replay) -> Iterator[str]:
@@ -114,20 +106,12 @@ def _finite(value: float) -> float | None:
 
 def strip(found: Replay) -> Picture:
     """The decisions that differ most: what was seen, both wheels then (L, R) and now (l, r)."""
-    chosen = worst(found.decisions, STRIP_TILES)
-    tile_px = TILE_PX + caption_px(bars=4)
-    rows = math.ceil(len(chosen) / _COLUMNS)
-    sheet = blank(_TITLE_PX + rows * (tile_px + _GAP_PX), _GAP_PX + _COLUMNS * (TILE_PX + _GAP_PX))
-    title = f"{found.drive.name}: L, R as driven; l, r by {one_line(found.model_name)[:30]}"
-    write(sheet, title.encode("ascii", "replace").decode(), (_GAP_PX, 26), INK, 0.5)
-    for number, one in enumerate(chosen):
-        row, column = divmod(number, _COLUMNS)
-        top = _TITLE_PX + row * (tile_px + _GAP_PX)
-        left = _GAP_PX + column * (TILE_PX + _GAP_PX)
-        area = sheet[top : top + tile_px, left : left + TILE_PX]
-        shares = zip("LRlr", (*one.action_then, *one.action), strict=True)
+    tiles: list[Tile] = []
+    for one in worst(found.decisions, STRIP_TILES):
         picture = one.beat.observation
         if picture is not None:
-            bars = [Bar(name, share) for name, share in shares]
-            draw_tile(area, picture, f"{one.since_s:.1f} s", bars)
-    return sheet
+            shares = zip("LRlr", (*one.action_then, *one.action), strict=True)
+            bars = tuple(Bar(name, share) for name, share in shares)
+            tiles.append(Tile(picture, f"{one.since_s:.1f} s", bars))
+    title = f"{found.drive.name}: L, R as driven; l, r by {one_line(found.model_name)[:30]}"
+    return strip_of(tiles, COLUMNS, title)

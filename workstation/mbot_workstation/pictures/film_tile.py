@@ -10,6 +10,7 @@ from mbot_protocol.picture import Picture
 
 TILE_PX = 128
 LINE_PX = 12
+GAP_PX = 8
 INK, FAINT, PAPER = (40, 40, 40), (150, 150, 150), (250, 250, 248)
 FORWARD, BACKWARD = (20, 130, 60), (200, 90, 20)
 
@@ -46,6 +47,32 @@ def draw_tile(area: Picture, observation: Picture, words: str, bars: Sequence[Ba
         cv2.line(area, (middle - 36, y), (middle + 36, y), (220, 220, 216), 1)
         end = (middle + round(36 * max(-1.0, min(1.0, bar.share))), y)
         cv2.line(area, (middle, y), end, FORWARD if bar.share >= 0 else BACKWARD, 5)
+
+
+@dataclass(frozen=True, slots=True)
+class Tile:
+    """What `draw_tile` takes."""
+
+    observation: Picture
+    words: str
+    bars: tuple[Bar, ...]
+
+
+def strip_of(tiles: Sequence[Tile], columns: int, title: str = "") -> Picture:
+    """Tiles side by side, row after row; shape (height, width, 3), RGB."""
+    title_px = 40 if title else GAP_PX
+    tile_px = TILE_PX + caption_px(max((len(tile.bars) for tile in tiles), default=0))
+    rows = -(-len(tiles) // columns)
+    sheet = blank(title_px + rows * (tile_px + GAP_PX), GAP_PX + columns * (TILE_PX + GAP_PX))
+    # OpenCV's letters are ASCII.
+    write(sheet, title.encode("ascii", "replace").decode(), (GAP_PX, 26), INK, 0.5)
+    for number, tile in enumerate(tiles):
+        row, column = divmod(number, columns)
+        top = title_px + row * (tile_px + GAP_PX)
+        left = GAP_PX + column * (TILE_PX + GAP_PX)
+        area = sheet[top : top + tile_px, left : left + TILE_PX]
+        draw_tile(area, tile.observation, tile.words, tile.bars)
+    return sheet
 
 
 def write(
