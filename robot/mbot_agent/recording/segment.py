@@ -98,6 +98,10 @@ class Segment:
         message.timestamp.FromNanoseconds(time_ns)
         self._add(self._log, time_ns, message.SerializeToString())
 
+    def end_chunk(self) -> None:
+        """Hand what there is to the operating system; a process that dies loses nothing of it."""
+        self._writer.flush()
+
     def sync(self) -> None:
         """End the chunk and wait until it has reached the card.
 
@@ -105,7 +109,7 @@ class Segment:
             OSError: it has not.
 
         """
-        self._writer.flush()
+        self.end_chunk()
         os.fsync(self._file.fileno())
 
     def close(self) -> None:

@@ -15,6 +15,11 @@ PROGRAM = (sys.executable, "-m", "mbot_agent.main")
 
 END_WAIT_S = 5.0
 
+MOST_ASKED = 32
+"""The process need not wait for each step; and its answers fit into a pipe's 64 kB, or both would
+wait for ever.
+"""
+
 S = TypeVar("S", ReplayGreeting, ReplayAnswer)
 
 
@@ -51,8 +56,8 @@ class Decider:
             self._process.kill()
             self._process.wait()
 
-    def decide(self, step: ReplayStep) -> ReplayAnswer:
-        """One decision.
+    def ask(self, step: ReplayStep) -> None:
+        """Hand over a decision to be made. At most `MOST_ASKED` may wait for their answers.
 
         Raises:
             MbotError: the process has ended; as it said why.
@@ -63,6 +68,9 @@ class Decider:
             send(self._process.stdin, step)
         except BrokenPipeError:
             raise self._ended() from None
+
+    def answer(self) -> ReplayAnswer:
+        """The answer to the first step that has none yet; raises as `ask`."""
         return self._receive(ReplayAnswer)
 
     def _receive(self, kind: type[S]) -> S:

@@ -1,16 +1,17 @@
 """A recorded drive decided once more, by the daemon's own code: where does it differ?"""
 
 import re
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from mbot_protocol.actions import Steps, WheelMaps
+from mbot_protocol.actions import Steps
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.mcore import Joystick
 from mbot_protocol.replay_step import ReplayAnswer, ReplayStep
-from mbot_workstation.drives.decider import Decider
+from mbot_workstation.drives.decider import MOST_ASKED, Decider
 from mbot_workstation.recordings.recorded_drive import Beat, RecordedDrive
 
 TOLERANCE = 1e-5
@@ -141,16 +142,9 @@ def replay(
         running = {
             path: stack.enter_context(Decider(path)) for path in dict.fromkeys(paths.values())
         }
-        found: list[Redecided] = []
-        for beat, step in _steps(usable):
-            digest = beat.decision.model_sha256
-            decider = running[paths[digest]]
-            is_same = decider.greeting.sha256 == digest
-            # The state of one model says nothing to another.
-            lost = bool(step.memory) and not is_same
-            answer = decider.decide(ReplayStep(step.observation, True, step.told) if lost else step)
-            found.append(_compared(drive, beat, answer, facts.wheels, same_model=is_same))
-            on_progress(len(found), len(usable))
+        found = _decided_again(
+            drive, usable, {d: running[p] for d, p in paths.items()}, on_progress
+        )
         greetings = [decider.greeting for decider in running.values()]
     return Replay(
         drive,
@@ -161,6 +155,35 @@ def replay(
         tuple(found),
         len(decided) - len(usable),
     )
+
+
+def _decided_again(
+    drive: RecordedDrive,
+    beats: Sequence[Beat],
+    deciders: dict[str, Decider],
+    on_progress: Progress,
+) -> list[Redecided]:
+    """Ask for each decision who stands for the model that drove, by its digest; some ahead."""
+    found: list[Redecided] = []
+    waiting: deque[tuple[Beat, Decider, bool]] = deque()
+
+    def take() -> None:
+        beat, decider, is_same = waiting.popleft()
+        found.append(_compared(drive, beat, decider.answer(), same_model=is_same))
+        on_progress(len(found), len(beats))
+
+    for beat, step in _steps(beats):
+        digest = beat.decision.model_sha256
+        is_same = deciders[digest].greeting.sha256 == digest
+        # The state of one model says nothing to another.
+        lost = bool(step.memory) and not is_same
+        deciders[digest].ask(ReplayStep(step.observation, True, step.told) if lost else step)
+        waiting.append((beat, deciders[digest], is_same))
+        if len(waiting) == MOST_ASKED:
+            take()
+    while waiting:
+        take()
+    return found
 
 
 def _steps(beats: Sequence[Beat]) -> Iterator[tuple[Beat, ReplayStep]]:
@@ -184,10 +207,12 @@ def _steps(beats: Sequence[Beat]) -> Iterator[tuple[Beat, ReplayStep]]:
 
 
 def _compared(
-    drive: RecordedDrive, beat: Beat, answer: ReplayAnswer, wheels: WheelMaps, *, same_model: bool
+    drive: RecordedDrive, beat: Beat, answer: ReplayAnswer, *, same_model: bool
 ) -> Redecided:
-    decision, record = beat.decision, beat.record
+    decision, record, facts = beat.decision, beat.record, drive.facts
     assert record is not None
+    assert facts is not None
+    wheels = facts.wheels
     then = Joystick(record.board_m1, record.board_m2)
     if then.is_stop:  # a stop came in between: what the policy wanted of the motors
         then = wheels.to_board(Steps(decision.steps.left, decision.steps.right))
