@@ -180,9 +180,10 @@ class ControlLoop:
     def _act(self, tick: Tick) -> Tick:
         """Hand the action to the board; without one, the wheels stand unless a person drives."""
         if tick.action is None:
-            if tick.state is not State.MANUAL:
-                self._helm.rest(tick.orders)
             self._camera.drives(False)
+            if tick.state is State.MANUAL:
+                return replace(tick, by_hand=self._helm.by_hand)
+            self._helm.rest(tick.orders)
             return tick
         steps = to_steps(tick.action.left, tick.action.right)
         joystick = self._wheels.to_board(steps)

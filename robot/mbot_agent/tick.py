@@ -58,6 +58,7 @@ class Tick:
         steps: the same in motor steps.
         joystick: what the board was given; STOP if nothing.
         delivery: the board's acknowledgement.
+        by_hand: what the board is told while a person drives; STOP otherwise.
 
     """
 
@@ -77,6 +78,7 @@ class Tick:
     steps: Steps | None = None
     joystick: Joystick = STOP
     delivery: Delivery | None = None
+    by_hand: Joystick = STOP
 
     @property
     def stop_count(self) -> int:

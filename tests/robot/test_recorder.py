@@ -11,6 +11,7 @@ import pytest
 from mbot_agent.recording import recorder as module
 from mbot_agent.recording.recorder import BACKLOG, Recorder
 from mbot_agent.recording.segment import Segment
+from mbot_protocol.mcore import Joystick
 
 from .recording_bench import FACTS, Drive, directory, to_message, written
 
@@ -58,6 +59,20 @@ def test_a_drive_is_recorded_exactly_from_arming_to_the_stop(tmp_path: Path) -> 
     assert (third["told_left"], third["told_right"]) == before.action
     assert third["action_left"] == then.left == 0.25
     assert any(b"stopped by anna" in line for line in found["log"])
+
+
+def test_what_a_hand_told_the_board_is_recorded(tmp_path: Path) -> None:
+    drive = Drive()
+    with recorder_in(tmp_path) as recorder:
+        drive.bench.helm.steer_by_hand(Joystick(-100, 90), 10**9, drive.bench.stops)
+        recorder.offer(drive.tick())
+        drive.bench.helm.stop()
+        recorder.offer(drive.tick())
+    (path,) = files(tmp_path)
+    records = written(path)["drive"]
+    boards = [(record["board_m1"], record["board_m2"]) for record in records]
+    assert boards == [(-100, 90), (0, 0)]
+    assert [record["state"] for record in records] == ["manual", "stopped"]
 
 
 def test_a_robot_that_stands_writes_nothing(tmp_path: Path) -> None:

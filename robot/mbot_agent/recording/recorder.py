@@ -218,6 +218,7 @@ def drive_record(tick: Tick, dropped_records: int) -> DriveRecord:
     """A beat as plain numbers, with what a replay needs."""
     unset = msgspec.UNSET
     action, steps, delivery, memory = tick.action, tick.steps, tick.delivery, tick.memory
+    board = tick.joystick if tick.by_hand.is_stop else tick.by_hand
     told = memory.previous_action if memory is not None else (0.0, 0.0)
     seen, decided = tick.observation is not None, action is not None
     written_ns = delivery.written_ns if delivery is not None else 0
@@ -229,8 +230,8 @@ def drive_record(tick: Tick, dropped_records: int) -> DriveRecord:
         action_right=action.right if action is not None else unset,
         steps_left=steps.left if steps is not None else unset,
         steps_right=steps.right if steps is not None else unset,
-        board_m1=tick.joystick.m1,
-        board_m2=tick.joystick.m2,
+        board_m1=board.m1,
+        board_m2=board.m2,
         acknowledged=delivery is not None,
         began_anew=decided and memory is None,
         told_left=told[0],

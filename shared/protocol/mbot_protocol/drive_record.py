@@ -29,7 +29,7 @@ class DriveRecord(msgspec.Struct, frozen=True):
         armed: whether the wheels may turn without anybody saying more.
         action_left, action_right: what the policy answered, not yet clipped.
         steps_left, steps_right: the same in motor steps, -250..250.
-        board_m1, board_m2: what the board was given, -255..255.
+        board_m1, board_m2: what the board was given, by the policy or by hand, -255..255.
         acknowledged: whether the board has confirmed that in time.
         began_anew: the policy was asked with its memory zeroed.
         told_left, told_right: what the policy was told that the wheels did before, [-1, 1].
