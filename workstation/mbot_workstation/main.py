@@ -31,6 +31,7 @@ from mbot_workstation.commands.telemetry import telemetry
 from mbot_workstation.commands.track_robot import track
 from mbot_workstation.commands.train import train
 from mbot_workstation.commands.training_curve import training_curve
+from mbot_workstation.commands.view import view
 from mbot_workstation.commands.virtual_robot import virtual_robot
 
 app = typer.Typer(
@@ -76,6 +77,7 @@ negative_numbers = {"ignore_unknown_options": True}
 app.command("drive", rich_help_panel=_DRIVE, context_settings=negative_numbers)(drive)
 app.command("flash", rich_help_panel=_DRIVE)(flash)
 
+app.command("view", rich_help_panel=_LOOK)(view)
 app.add_typer(recordings, name="recordings", rich_help_panel=_LOOK)
 app.command("report", rich_help_panel=_LOOK)(report)
 app.command("film", rich_help_panel=_LOOK)(film)
