@@ -31,7 +31,7 @@ from mbot_workstation.commands.telemetry import telemetry
 from mbot_workstation.commands.track_robot import track
 from mbot_workstation.commands.train import train
 from mbot_workstation.commands.training_curve import training_curve
-from mbot_workstation.commands.view import view
+from mbot_workstation.commands.view_drives import view
 from mbot_workstation.commands.virtual_robot import virtual_robot
 
 app = typer.Typer(
