@@ -498,4 +498,18 @@ MUTANTS = (
         "if False:",
         f"{T}/test_policy.py::test_a_memory_that_is_not_finite_is_a_failure",
     ),
+    Mutant(
+        "the loop waits for a card that hangs",
+        f"{ROBOT}/recording/recorder.py",
+        "self._backlog.put_nowait(tick)",
+        "self._backlog.put(tick, timeout=2)",
+        f"{T}/test_recorder.py::test_a_card_that_hangs_holds_up_nobody_and_what_is_lost_is_counted",
+    ),
+    Mutant(
+        "a recording is not synced",
+        f"{ROBOT}/recording/recorder.py",
+        "        self._segment.sync()\n",
+        "        pass\n",
+        f"{T}/test_recorder.py::test_a_beat_is_on_the_card_within_a_second_though_no_other_follows",
+    ),
 )

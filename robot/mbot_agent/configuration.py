@@ -204,6 +204,16 @@ class Telemetry(Struct, frozen=True, forbid_unknown_fields=True):
     pictures: bool | Literal["while-watched"] = "while-watched"
 
 
+class Recording(Struct, frozen=True, forbid_unknown_fields=True):
+    """What the robot keeps of its drives, and how much of the card that may take."""
+
+    enabled: bool = True
+    directory: str = ""
+    leave_free_mb: Annotated[float, Meta(ge=64, le=1e6)] = 500.0
+    largest_mb: Annotated[float, Meta(ge=16, le=1e6)] = 2000.0
+    longest_days: Annotated[float, Meta(ge=0.01, le=3650)] = 30.0
+
+
 class Network(Struct, frozen=True, forbid_unknown_fields=True):
     """Where the daemon listens for workstations. Plain TCP is for loopback only."""
 
@@ -238,8 +248,16 @@ class Configuration(Struct, frozen=True, forbid_unknown_fields=True):
     models: Models = Models()
     trust: Trust = Trust()
     telemetry: Telemetry = Telemetry()
+    recording: Recording = Recording()
     network: Network = Network()
     access: Access = Access()
+
+    @property
+    def recordings_path(self) -> Path:
+        """Where recordings are kept: `recordings`, beside the models' directory, if not set."""
+        if self.recording.directory:
+            return Path(self.recording.directory)
+        return self.models.path.parent / "recordings"
 
     def __post_init__(self) -> None:
         check_robot_id(self.robot_id)

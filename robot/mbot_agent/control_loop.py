@@ -173,7 +173,9 @@ class ControlLoop:
             by_hand = tick.state is State.MANUAL
             self._pilot.rehearse(None if by_hand else tick.observation, due_ns)
             return tick
+        memory = self._pilot.memory
         answer = self._pilot.decide(tick.observation, due_ns)
+        tick = replace(tick, memory=memory)
         if isinstance(answer, Fault):
             if self._pilot.has_given_up:
                 self._helm.latch(answer.detail)
@@ -183,9 +185,10 @@ class ControlLoop:
     def _act(self, tick: Tick) -> Tick:
         """Hand the action to the board; without one, the wheels stand unless a person drives."""
         if tick.action is None:
-            if tick.state is not State.MANUAL:
-                self._helm.rest(tick.orders)
             self._camera.drives(False)
+            if tick.state is State.MANUAL:
+                return replace(tick, by_hand=self._helm.by_hand)
+            self._helm.rest(tick.orders)
             return tick
         steps = to_steps(tick.action.left, tick.action.right)
         joystick = self._wheels.to_board(steps)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from mbot_agent.arming import Mode, Orders, State
 from mbot_agent.board.motors import Motors
 from mbot_agent.configuration import Access, Configuration
+from mbot_agent.faults import Notice
 from mbot_agent.process import service_manager, termination
 from mbot_agent.process.last_end import LastEnd
 from mbot_agent.process.watchdog import Watchdog
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from mbot_agent.models.model_keeper import ModelKeeper
     from mbot_agent.models.pilot import Pilot
     from mbot_agent.network.zenoh_link import Link
+    from mbot_agent.recording.recorder import Recorder
 
 log = logging.getLogger(__name__)
 
@@ -84,6 +86,11 @@ def _drive(
     loop = ControlLoop(configuration, camera, motors, helm, pilot, lambda: presence.fault)
     keeper = models.supply(pilot, _disarm_unless_driving(loop, helm), parts)
     session_id = secrets.randbits(63) | 1
+    recorder = _recorder(configuration, session_id, link, parts)
+
+    def notices() -> tuple[Notice, ...]:
+        return keeper.notices + (recorder.notices if recorder is not None else ())
+
     commands = CommandService(
         configuration,
         session_id,
@@ -91,11 +98,13 @@ def _drive(
         motors,
         loop,
         lambda: models.service.active_model,
-        lambda: keeper.notices,
+        notices,
         presence.heard,
     )
     watchdog = _serve(link, configuration.access, commands, models, motors, parts)
-    loop.subscribe(_telemetry(configuration, session_id, link, keeper, parts))
+    loop.subscribe(_telemetry(configuration, session_id, link, notices, parts))
+    if recorder is not None:
+        loop.subscribe(recorder.offer)
     loop.subscribe(_feeder(watchdog))
     loop.subscribe(lambda _: models.service.expire_staging())
     # What exists now stays: the collector need not look at it between two decisions again.
@@ -182,7 +191,7 @@ def _telemetry(
     configuration: Configuration,
     session_id: int,
     link: "Link",
-    keeper: "ModelKeeper",
+    notices: Callable[[], tuple[Notice, ...]],
     parts: ExitStack,
 ) -> Callable[[Tick], None]:
     from mbot_agent.network.telemetry_publisher import Telemetry
@@ -192,11 +201,36 @@ def _telemetry(
     telemetry = parts.enter_context(
         Telemetry(
             link,
-            lambda tick: wire_decision(tick, robot_id, session_id, keeper.notices),
+            lambda tick: wire_decision(tick, robot_id, session_id, notices()),
             configuration.telemetry,
         )
     )
     return telemetry.offer
+
+
+def _recorder(
+    configuration: Configuration, session_id: int, link: "Link", parts: ExitStack
+) -> "Recorder | None":
+    """Record drives, if wanted; and hand out in any case what there is."""
+    from mbot_agent.network.wire_messages import wire_decision
+    from mbot_agent.recording.recorder import Recorder
+    from mbot_agent.recording.recording_directory import RecordingDirectory
+    from mbot_agent.recording.recording_service import RecordingService
+    from mbot_agent.recording.robot_facts import robot_facts
+
+    robot_id, settings = configuration.robot_id, configuration.recording
+    directory = RecordingDirectory(configuration.recordings_path, settings)
+    service = RecordingService(robot_id, directory, enabled=settings.enabled)
+    link.serve("recordings/**", service.answers)
+    if not settings.enabled:
+        return None
+    return parts.enter_context(
+        Recorder(
+            directory,
+            robot_facts(configuration, session_id),
+            lambda tick: wire_decision(tick, robot_id, session_id, ()),
+        )
+    )
 
 
 def _feeder(watchdog: Watchdog) -> Callable[[Tick], None]:

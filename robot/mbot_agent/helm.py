@@ -10,7 +10,7 @@ import time
 
 from mbot_agent.arming import Mode, Orders
 from mbot_agent.hardware import Board, DriveCommand
-from mbot_protocol.mcore import Joystick
+from mbot_protocol.mcore import STOP, Joystick
 
 
 class Helm:
@@ -21,6 +21,12 @@ class Helm:
         self._lock = threading.Lock()
         self._orders = orders
         self._manual_until_ns = 0
+        self._by_hand = STOP
+
+    @property
+    def by_hand(self) -> Joystick:
+        """What a person's hand last told the board; means nothing unless the mode is manual."""
+        return self._by_hand
 
     @property
     def orders(self) -> Orders:
@@ -82,6 +88,7 @@ class Helm:
                 self._orders = orders
                 self._board.arm()
             self._manual_until_ns = now_ns + hold_ns
+            self._by_hand = joystick
             self._board.drive(DriveCommand(joystick, self._manual_until_ns))
 
     def steer_by_policy(self, orders: Orders, command: DriveCommand) -> int | None:

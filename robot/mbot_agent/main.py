@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from mbot_agent import installed_version
 from mbot_agent.process import termination
 from mbot_agent.process.journal import Journal
-from mbot_protocol.errors import MbotError
+from mbot_protocol.errors import ConfigurationError, MbotError
 
 if TYPE_CHECKING:
     from mbot_agent.configuration import Configuration
@@ -60,9 +60,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "action",
         nargs="?",
-        choices=("run", "check", "stop-motors"),
+        choices=("run", "check", "stop-motors", "decide"),
         default="run",
-        help="run the daemon (default), check the robot, or just stop the motors",
+        help="run the daemon (default), check the robot, just stop the motors, or decide again "
+        "what `workstation replay` hands over",
     )
     parser.add_argument(
         "--config",
@@ -71,6 +72,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FILE",
         help="configuration (default: %(default)s)",
     )
+    parser.add_argument("--model", type=Path, metavar="FILE", help="decide: by which model")
     parser.add_argument("--json", action="store_true", help="check: findings for machines")
     parser.add_argument("--verbose", "-v", action="store_true", help="log more")
     parser.add_argument("--version", action=_PrintVersion, nargs=0, help="print it and end")
@@ -87,6 +89,8 @@ class _PrintVersion(argparse.Action):
 def _dispatch(arguments: argparse.Namespace, journal: Journal) -> int:
     if arguments.action == "stop-motors":
         return _stop_motors(arguments.config)
+    if arguments.action == "decide":
+        return _decide(arguments.model)
     from mbot_agent.configuration import load
     from mbot_agent.configuration_files import calibrated, enrolled
 
@@ -106,6 +110,18 @@ def _stop_motors(path: Path) -> int:
     from mbot_agent.configuration import load_board
 
     stop_motors(load_board(path))
+    return 0
+
+
+def _decide(model: Path | None) -> int:
+    """By pipes, for `workstation replay`."""
+    from mbot_agent.models.decide_again import decide_again
+    from mbot_agent.models.policy import Policy
+    from mbot_agent.recording.robot_facts import processor_name
+
+    if model is None:
+        raise ConfigurationError("decide: by which model? --model FILE")
+    decide_again(Policy.load(model), processor_name(), sys.stdin.buffer, sys.stdout.buffer)
     return 0
 
 

@@ -5,6 +5,9 @@ Each step of the loop makes a new one that knows more; who listens gets the last
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from mbot_agent.arming import Orders, State, state_of
 from mbot_agent.faults import Fault
 from mbot_agent.hardware import Delivery
@@ -21,6 +24,20 @@ class Action:
     right: float
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Memory:
+    """What a model goes on with from one decision to the next.
+
+    Attributes:
+        state: shape (layers, 1, units), float32; without layers for a model without memory.
+        previous_action: what the wheels were really told, left and right in [-1, 1].
+
+    """
+
+    state: NDArray[np.float32]
+    previous_action: tuple[float, float] = (0.0, 0.0)
+
+
 @dataclass(frozen=True, slots=True)
 class Tick:
     """One beat. Times are monotonic; 0 or None where a stage did not happen.
@@ -35,11 +52,13 @@ class Tick:
         captured_ns: when the frame was taken.
         observation: what the policy sees, shape (64, 64, 3), uint8, RGB.
         observed_ns: when that was ready.
+        memory: what the policy went on with, if it was asked to drive; None: it began anew.
         action: what the policy answered, if it was asked to drive.
         decided_ns: when it had.
         steps: the same in motor steps.
         joystick: what the board was given; STOP if nothing.
         delivery: the board's acknowledgement.
+        by_hand: what the board is told while a person drives; STOP otherwise.
 
     """
 
@@ -53,11 +72,13 @@ class Tick:
     captured_ns: int = 0
     observation: Picture | None = None
     observed_ns: int = 0
+    memory: Memory | None = None
     action: Action | None = None
     decided_ns: int = 0
     steps: Steps | None = None
     joystick: Joystick = STOP
     delivery: Delivery | None = None
+    by_hand: Joystick = STOP
 
     @property
     def stop_count(self) -> int:

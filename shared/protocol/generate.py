@@ -9,23 +9,24 @@ from pathlib import Path
 from grpc_tools import protoc
 
 HERE = Path(__file__).parent
-PROTO = "mbot_protocol/v1/messages.proto"
+PROTOS = ("mbot_protocol/v1/messages.proto", "mbot_protocol/v1/recordings.proto")
 
 
 def generate(target: Path) -> None:
-    """Write messages_pb2.py and messages_pb2.pyi under `target`/mbot_protocol/v1.
+    """Write the _pb2.py and _pb2.pyi of each .proto file under `target`/mbot_protocol/v1.
 
     Raises:
-        RuntimeError: protoc refused the .proto file; it has printed why.
+        RuntimeError: protoc refused a .proto file; it has printed why.
 
     """
     target.mkdir(parents=True, exist_ok=True)
-    arguments = ["protoc", f"-I{HERE}", f"--python_out={target}", f"--pyi_out={target}", PROTO]
+    arguments = ["protoc", f"-I{HERE}", f"--python_out={target}", f"--pyi_out={target}", *PROTOS]
     if protoc.main(arguments) != 0:
-        raise RuntimeError(f"protoc refused {PROTO}")
-    # protoc leaves Mapping without type arguments, which strict type checking refuses.
-    stub = target / PROTO.replace(".proto", "_pb2.pyi")
-    stub.write_text(re.sub(r"_Mapping\]", "_Mapping[str, object]]", stub.read_text()))
+        raise RuntimeError(f"protoc refused one of {', '.join(PROTOS)}")
+    for proto in PROTOS:
+        # protoc leaves Mapping without type arguments, which strict type checking refuses.
+        stub = target / proto.replace(".proto", "_pb2.pyi")
+        stub.write_text(re.sub(r"_Mapping\]", "_Mapping[str, object]]", stub.read_text()))
 
 
 if __name__ == "__main__":

@@ -3,7 +3,12 @@ import pytest
 from mbot_protocol import keys
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.keys import FOXGLOVE_PICTURE, TOPICS, Flow, Right
-from mbot_protocol.v1 import messages_pb2
+from mbot_protocol.v1 import messages_pb2, recordings_pb2
+
+MESSAGES = {
+    **messages_pb2.DESCRIPTOR.message_types_by_name,
+    **recordings_pb2.DESCRIPTOR.message_types_by_name,
+}
 
 
 def test_every_message_named_in_the_table_exists_and_carries_a_version() -> None:
@@ -11,7 +16,7 @@ def test_every_message_named_in_the_table_exists_and_carries_a_version() -> None
         for name in (topic.message, topic.reply):
             if name in ("", FOXGLOVE_PICTURE):
                 continue
-            message = messages_pb2.DESCRIPTOR.message_types_by_name[name.removeprefix("mbot.v1.")]
+            message = MESSAGES[name.removeprefix("mbot.v1.")]
             assert message.fields_by_name["schema_version"].number == 1
 
 
@@ -32,9 +37,12 @@ def test_an_id_that_could_reach_other_robots_is_refused(robot_id: str) -> None:
 def test_each_key_needs_the_right_that_its_harm_calls_for() -> None:
     for topic in TOPICS:
         if topic.flow is Flow.QUERY:
-            models = topic.name.startswith("models/")
+            changes = topic.name.startswith("models/") or topic in (
+                keys.RECORDING_KEEP,
+                keys.RECORDING_REMOVE,
+            )
             drives = topic is keys.COMMAND
-            assert topic.right is (Right.PUSH if models else Right.DRIVE if drives else Right.VIEW)
+            assert topic.right is (Right.PUSH if changes else Right.DRIVE if drives else Right.VIEW)
 
 
 def test_a_workstations_token_is_told_from_another_ones() -> None:

@@ -15,7 +15,7 @@ PROTOCOL = Path(__file__).parents[2] / "shared" / "protocol"
 
 def test_the_generated_code_is_current(tmp_path: Path) -> None:
     runpy.run_path(str(PROTOCOL / "generate.py"))["generate"](tmp_path)
-    for name in ("messages_pb2.py", "messages_pb2.pyi"):
+    for name in (f"{one}_pb2.py{end}" for one in ("messages", "recordings") for end in ("", "i")):
         generated = tmp_path / "mbot_protocol" / "v1" / name
         committed = PROTOCOL / "mbot_protocol" / "v1" / name
         assert generated.read_text() == committed.read_text(), "run `make protocol`"

@@ -81,3 +81,45 @@ def counting_model(name: str = "counting") -> bytes:
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
     helper.set_model_props(model, PolicyMetadata(name, contract_version=2).to_properties())
     return model.SerializeToString()
+
+
+def seeing_model(name: str = "seeing") -> bytes:
+    """A model with memory that looks: random weights between picture, memory and wheels."""
+    noise = np.random.default_rng(5)
+    nodes = [
+        helper.make_node("Cast", ["observation"], ["float"], to=TensorProto.FLOAT),
+        helper.make_node("Transpose", ["float"], ["planes"], perm=[0, 3, 1, 2]),
+        helper.make_node(
+            "AveragePool", ["planes"], ["small"], kernel_shape=[16, 16], strides=[16, 16]
+        ),
+        helper.make_node("Flatten", ["small"], ["row"]),
+        helper.make_node("Squeeze", ["state_in", "first"], ["before"]),
+        helper.make_node("Concat", ["row", "before", "previous_action"], ["known"], axis=1),
+        helper.make_node("Gemm", ["known", "weights"], ["sum"]),
+        helper.make_node("Tanh", ["sum"], ["after"]),
+        helper.make_node("Unsqueeze", ["after", "first"], ["state_out"]),
+        helper.make_node("Gemm", ["after", "wheels"], ["action"]),
+    ]
+    weights = noise.normal(0, 1, (48 + 8 + 2, 8)).astype(np.float32)
+    weights[:48] /= 400
+    constants = {
+        "first": np.array([0], np.int64),
+        "weights": weights,
+        "wheels": noise.normal(0, 0.4, (8, 2)).astype(np.float32),
+    }
+    state, pair = (1, 1, 8), (1, 2)
+    value = helper.make_tensor_value_info
+    graph = helper.make_graph(
+        nodes,
+        name,
+        [
+            value("observation", TensorProto.UINT8, (1, 64, 64, 3)),
+            value("previous_action", TensorProto.FLOAT, pair),
+            value("state_in", TensorProto.FLOAT, state),
+        ],
+        [value("action", TensorProto.FLOAT, pair), value("state_out", TensorProto.FLOAT, state)],
+        [numpy_helper.from_array(value, key) for key, value in constants.items()],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    helper.set_model_props(model, PolicyMetadata(name, contract_version=2).to_properties())
+    return model.SerializeToString()

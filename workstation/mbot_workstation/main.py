@@ -8,6 +8,7 @@ from mbot_protocol.errors import MbotError
 from mbot_workstation.commands.calibrate import app as calibrate
 from mbot_workstation.commands.demo import demo
 from mbot_workstation.commands.drive import drive, run, stop
+from mbot_workstation.commands.drive_report import film, report
 from mbot_workstation.commands.enroll import enroll
 from mbot_workstation.commands.evaluate import evaluate
 from mbot_workstation.commands.explain import explain
@@ -22,12 +23,15 @@ from mbot_workstation.commands.models import models, rollback
 from mbot_workstation.commands.panorama import panorama
 from mbot_workstation.commands.print_targets import app as print_targets
 from mbot_workstation.commands.push_model import push_model
+from mbot_workstation.commands.recordings import app as recordings
+from mbot_workstation.commands.replay import replay
 from mbot_workstation.commands.robots import robots
 from mbot_workstation.commands.study import study
 from mbot_workstation.commands.telemetry import telemetry
 from mbot_workstation.commands.track_robot import track
 from mbot_workstation.commands.train import train
 from mbot_workstation.commands.training_curve import training_curve
+from mbot_workstation.commands.view_drives import view
 from mbot_workstation.commands.virtual_robot import virtual_robot
 
 app = typer.Typer(
@@ -57,6 +61,7 @@ def workstation(
 
 
 _TRY, _DRIVE, _MODELS = "Try it without hardware", "Drive a robot", "Models and who may send them"
+_LOOK = "Look at drives"
 _TRAIN, _MEASURE = "Train and evaluate policies", "Measure a robot"
 
 app.command("demo", rich_help_panel=_TRY)(demo)
@@ -71,6 +76,12 @@ app.command("stop", rich_help_panel=_DRIVE)(stop)
 negative_numbers = {"ignore_unknown_options": True}
 app.command("drive", rich_help_panel=_DRIVE, context_settings=negative_numbers)(drive)
 app.command("flash", rich_help_panel=_DRIVE)(flash)
+
+app.command("view", rich_help_panel=_LOOK)(view)
+app.add_typer(recordings, name="recordings", rich_help_panel=_LOOK)
+app.command("report", rich_help_panel=_LOOK)(report)
+app.command("film", rich_help_panel=_LOOK)(film)
+app.command("replay", rich_help_panel=_LOOK)(replay)
 
 app.command("push-model", rich_help_panel=_MODELS)(push_model)
 app.command("models", rich_help_panel=_MODELS)(models)

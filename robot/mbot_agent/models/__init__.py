@@ -2,5 +2,5 @@
 
 For others: `pilot.Pilot`, which answers for the model in use; `model_keeper.ModelKeeper`, which
 chooses it; `model_service.ModelService`, which answers `models/...`; and what these are made with,
-`model_directory`, `sequence_floors`, `trust`, `policy`.
+`model_directory`, `sequence_floors`, `trust`, `policy`. `decide_again` is for replays.
 """

@@ -5,9 +5,9 @@ import time
 from collections import deque
 
 from mbot_agent.faults import Fault
-from mbot_agent.models.policy import Answer, Memory, Policy, PolicyError
+from mbot_agent.models.policy import Answer, Policy, PolicyError
 from mbot_agent.models.trial import Trial
-from mbot_agent.tick import Action
+from mbot_agent.tick import Action, Memory
 from mbot_protocol.picture import Picture
 from mbot_protocol.policy_contract import FULL_VIEW, FieldOfView
 
@@ -70,6 +70,11 @@ class Pilot:
             return Fault("no-model", "no model yet: `workstation push-model` sends one")
         return self._given_up
 
+    @property
+    def memory(self) -> Memory | None:
+        """What it will go on with; None: it begins anew. The loop's thread only."""
+        return self._memory
+
     def decide(self, observation: Picture, due_ns: int) -> Action | Fault:
         """Ask it, with what it remembers; it remembers this once `drove` says what came of it.
 
@@ -97,6 +102,10 @@ class Pilot:
         """Its last answer has moved the robot: what the wheels were really told, in [-1, 1]."""
         if self._answer is not None:
             self._memory = Memory(self._answer.state, (left, right))
+
+    def resume(self, memory: Memory) -> None:
+        """Go on with a memory that was kept elsewhere, such as in a recording."""
+        self._memory, self._answer = memory, None
 
     def forget(self) -> None:
         """Begin anew: what it remembers has nothing to do with what comes next."""

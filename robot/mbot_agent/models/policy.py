@@ -10,6 +10,7 @@ import numpy as np
 import onnxruntime as untyped_onnxruntime  # pyright: ignore[reportMissingTypeStubs]
 from numpy.typing import NDArray
 
+from mbot_agent.tick import Memory
 from mbot_protocol.errors import ContractError, MbotError
 from mbot_protocol.golden_frames import GoldenFrame, read_golden_frames
 from mbot_protocol.model_structure import check_structure
@@ -36,20 +37,6 @@ onnxruntime.set_default_logger_severity(4)  # errors reach us as exceptions, wit
 
 class PolicyError(MbotError):
     """The model failed on a picture; its answer must not reach a motor."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Memory:
-    """What a model goes on with from one decision to the next.
-
-    Attributes:
-        state: shape (layers, 1, units), float32; without layers for a model without memory.
-        previous_action: what the wheels were really told, left and right in [-1, 1].
-
-    """
-
-    state: NDArray[np.float32]
-    previous_action: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -24,10 +24,11 @@ class Right(Enum):
     """What a person may do with a robot. `push` and `drive` each come with `view`."""
 
     VIEW = "view"
-    """See that it is alive, its status and telemetry; and stop it: a stop can do no harm."""
+    """See that it is alive, its status, telemetry and recordings; and stop it: a stop can do no
+    harm."""
 
     PUSH = "push"
-    """Send models and make them active."""
+    """Send models and make them active; remove recordings, or keep them from going."""
 
     DRIVE = "drive"
     """Let it run, drive it by hand."""
@@ -106,6 +107,31 @@ MODELS = Topic("models/list", Flow.QUERY, "", "mbot.v1.ModelList", right=Right.P
 ACTIVATE = Topic(
     "models/activate", Flow.QUERY, "mbot.v1.Activate", "mbot.v1.ModelList", right=Right.PUSH
 )
+RECORDINGS = Topic("recordings/list", Flow.QUERY, "", "mbot.v1.RecordingList")
+RECORDING_READ = Topic(
+    "recordings/read",
+    Flow.QUERY,
+    "mbot.v1.RecordingRead",
+    "mbot.v1.RecordingPart",
+    "one at a time",
+)
+RECORDING_DIGEST = Topic(
+    "recordings/digest", Flow.QUERY, "mbot.v1.RecordingDigest", "mbot.v1.RecordingDigestReply"
+)
+RECORDING_KEEP = Topic(
+    "recordings/keep",
+    Flow.QUERY,
+    "mbot.v1.RecordingKeep",
+    "mbot.v1.RecordingList",
+    right=Right.PUSH,
+)
+RECORDING_REMOVE = Topic(
+    "recordings/remove",
+    Flow.QUERY,
+    "mbot.v1.RecordingRemove",
+    "mbot.v1.RecordingList",
+    right=Right.PUSH,
+)
 
 DOORS = {
     right: Topic(f"may/{right.value}", Flow.LIVELINESS, rate="while the daemon runs", right=right)
@@ -130,6 +156,11 @@ TOPICS = (
     PUSH_COMMIT,
     MODELS,
     ACTIVATE,
+    RECORDINGS,
+    RECORDING_READ,
+    RECORDING_DIGEST,
+    RECORDING_KEEP,
+    RECORDING_REMOVE,
     *DOORS.values(),
     PRESENCE,
 )

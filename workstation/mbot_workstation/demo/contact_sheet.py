@@ -9,18 +9,25 @@ import cv2
 import numpy as np
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 
+from mbot_protocol.actions import STEP_LIMIT
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Picture
 from mbot_protocol.v1.messages_pb2 import Decision
+from mbot_workstation.pictures.film_tile import (
+    INK,
+    TILE_PX,
+    Bar,
+    blank,
+    caption_px,
+    draw_tile,
+    write,
+)
 from mbot_workstation.recordings.drive_mcap import read_recording
 
 COLUMNS, ROWS = 6, 4
-TILE_PX = 128
-CAPTION_PX = 34
+CAPTION_PX = caption_px(bars=2)
 GAP_PX = 8
 TITLE_PX = 44
-INK, FAINT, PAPER = (40, 40, 40), (150, 150, 150), (250, 250, 248)
-FORWARD, BACKWARD = (20, 130, 60), (200, 90, 20)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,8 +72,8 @@ def contact_sheet(seen: Sequence[Moment], path: Picture | None, title: str) -> P
     """
     height = TITLE_PX + ROWS * (TILE_PX + CAPTION_PX + GAP_PX) + GAP_PX
     width = GAP_PX + COLUMNS * (TILE_PX + GAP_PX)
-    sheet = np.full((height, width, 3), PAPER, np.uint8)
-    _text(sheet, title, (GAP_PX, 28), INK, 0.55)
+    sheet = blank(height, width)
+    write(sheet, title, (GAP_PX, 28), INK, 0.55)
     count = min(len(seen), COLUMNS * ROWS)
     chosen = [seen[round(k)] for k in np.linspace(0, len(seen) - 1, count)] if count else []
     for number, moment in enumerate(chosen):
@@ -74,10 +81,13 @@ def contact_sheet(seen: Sequence[Moment], path: Picture | None, title: str) -> P
         top = TITLE_PX + row * (TILE_PX + CAPTION_PX + GAP_PX)
         left = GAP_PX + column * (TILE_PX + GAP_PX)
         since_ns = moment.decision.unix_time_ns - seen[0].decision.unix_time_ns
-        _tile(sheet[top : top + TILE_PX + CAPTION_PX, left : left + TILE_PX], moment, since_ns)
+        area = sheet[top : top + TILE_PX + CAPTION_PX, left : left + TILE_PX]
+        steps = moment.decision.steps
+        bars = [Bar("L", steps.left / STEP_LIMIT), Bar("R", steps.right / STEP_LIMIT)]
+        draw_tile(area, moment.observation, f"{since_ns / 1e9:.1f} s", bars)
     if path is None:
         return sheet
-    beside = np.full((height, path.shape[1] + 2 * GAP_PX, 3), PAPER, np.uint8)
+    beside = blank(height, path.shape[1] + 2 * GAP_PX)
     beside[TITLE_PX : TITLE_PX + path.shape[0], GAP_PX : GAP_PX + path.shape[1]] = path
     return np.hstack([sheet, beside])
 
@@ -96,24 +106,3 @@ def save(picture: Picture, path: Path) -> None:
     """
     if not cv2.imwrite(str(path), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)):
         raise ConfigurationError(f"can't write the picture {path}")
-
-
-def _tile(area: Picture, moment: Moment, since_ns: int) -> None:
-    """One observation, enlarged without smoothing, its time, and both wheels as bars."""
-    area[:TILE_PX] = cv2.resize(
-        moment.observation, (TILE_PX, TILE_PX), interpolation=cv2.INTER_NEAREST
-    )
-    _text(area, f"{since_ns / 1e9:.1f} s", (2, TILE_PX + 14), INK, 0.4)
-    middle = TILE_PX * 2 // 3
-    for line, step in enumerate((moment.decision.steps.left, moment.decision.steps.right)):
-        y = TILE_PX + 9 + 12 * line
-        _text(area, "LR"[line], (middle - 48, y + 4), FAINT, 0.35)
-        cv2.line(area, (middle - 36, y), (middle + 36, y), (220, 220, 216), 1)
-        end = (middle + round(36 * step / 250), y)
-        cv2.line(area, (middle, y), end, FORWARD if step >= 0 else BACKWARD, 5)
-
-
-def _text(
-    area: Picture, text: str, at: tuple[int, int], colour: tuple[int, int, int], size: float
-) -> None:
-    cv2.putText(area, text, at, cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA)

@@ -9,7 +9,7 @@ from mbot_workstation.link.security import LinkSecurity, owner_name
 
 _DEEDS = {
     Right.VIEW: "see {robot}",
-    Right.PUSH: "send models to {robot} or see those it keeps",
+    Right.PUSH: "send models to {robot}, see those it keeps or change its recordings",
     Right.DRIVE: "drive {robot}",
 }
 

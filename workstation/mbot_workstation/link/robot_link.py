@@ -13,6 +13,7 @@ from mbot_protocol.keys import (
     ALIVE,
     COMMAND,
     PUSH_CHUNK,
+    RECORDING_READ,
     STATUS,
     STOP,
     Topic,
@@ -31,11 +32,12 @@ M = TypeVar("M", bound=Message)
 
 QUERY_TIMEOUT_S = 2.0
 
-# A command overtakes a push that goes on beside it; a push leaves the link to everything else.
+# A command overtakes a push that goes on beside it; a push or a fetch leaves the link to all else.
 _PRIORITIES = {
     STOP.name: zenoh.Priority.REAL_TIME,
     COMMAND.name: zenoh.Priority.INTERACTIVE_HIGH,
     PUSH_CHUNK.name: zenoh.Priority.DATA_LOW,
+    RECORDING_READ.name: zenoh.Priority.DATA_LOW,
 }
 
 

@@ -2,24 +2,21 @@
 
 import logging
 import os
-import struct
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import BinaryIO, Self
+from typing import Self
 
-import zstandard
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from google.protobuf.message import DecodeError
-from mcap.exceptions import McapError
-from mcap.reader import NonSeekingReader
 from mcap.well_known import MessageEncoding
-from mcap.writer import MCAP0_MAGIC, Writer
+from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
+from mbot_workstation.recordings.whole_chunks import WholeChunks
 
 FLUSH_EVERY_S = 0.5
 """At most this much is lost to a power cut, plus the time to the next write: below 1 s."""
@@ -27,18 +24,6 @@ FLUSH_EVERY_S = 0.5
 _MESSAGE_TYPES: dict[str, type[Decision] | type[CompressedImage]] = {
     kind.DESCRIPTOR.full_name: kind for kind in (Decision, CompressedImage)
 }
-
-# All that the libraries raise for a file whose end or middle is missing.
-_DAMAGE = (
-    McapError,
-    DecodeError,
-    zstandard.ZstdError,
-    struct.error,
-    ValueError,
-    KeyError,
-    OverflowError,
-    MemoryError,
-)
 
 _log = logging.getLogger(__name__)
 
@@ -145,36 +130,25 @@ class Recording:
 def read_recording(path: Path) -> Iterator[tuple[str, Decision | CompressedImage]]:
     """The messages of a recording with their topics, in the order they were written.
 
-    A file that was cut off, as by a power cut, gives all that is whole and a warning in the log.
-    Messages of other types, which another tool may have added, are left out.
+    A file that was cut off or damaged, as by a power cut, gives all that is whole and a warning in
+    the log. Messages of other types, which another tool may have added, are left out.
 
     Raises:
         ConfigurationError: there is no such file, or it is no MCAP file.
 
     """
-    try:
-        stream = path.open("rb")
-    except OSError as error:
-        raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
-    with stream:
-        if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-            raise ConfigurationError(f"{path} is no MCAP recording")
-        stream.seek(0)
-        count = 0
-        try:
-            for topic, message in _messages(stream):
-                count += 1
-                yield topic, message
-        except _DAMAGE:
-            _log.warning("%s was cut off or damaged; %d messages of it are whole", path, count)
-
-
-def _messages(stream: BinaryIO) -> Iterator[tuple[str, Decision | CompressedImage]]:
-    # The reader that does not seek needs no index at the end, which a cut file lacks.
-    reader = NonSeekingReader(stream, validate_crcs=True)
-    for schema, channel, record in reader.iter_messages(log_time_order=False):
-        kind = None if schema is None else _MESSAGE_TYPES.get(schema.name)
+    chunks, count = WholeChunks(path), 0
+    for found in chunks.messages():
+        kind = _MESSAGE_TYPES.get(found.schema)
         if kind is not None:
             message = kind()
-            message.ParseFromString(record.data)
-            yield channel.topic, message
+            try:
+                message.ParseFromString(found.data)
+            except DecodeError:
+                continue
+            count += 1
+            yield found.topic, message
+    if not chunks.is_whole:
+        _log.warning(
+            "%s was cut off or damaged: %s; %d messages are whole", path, chunks.words, count
+        )

@@ -1,0 +1,133 @@
+"""One beat of a recorded drive as plain numbers: what the robot writes, and everybody reads.
+
+It stands in recordings as JSON beside `mbot.v1.Decision`, so that any viewer plots it and any
+language reads it without our schema. It also holds what a replay needs and telemetry lacks.
+"""
+
+from typing import Any
+
+import msgspec
+from msgspec import UNSET, UnsetType
+
+from mbot_protocol.actions import MotorMap, WheelMaps
+
+SCHEMA_NAME = "mbot.DriveRecord"
+
+DECISION_TOPIC, DRIVE_TOPIC = "decision", "drive"
+OBSERVATION_TOPIC, CAMERA_TOPIC, LOG_TOPIC = "observation", "camera", "log"
+
+ROBOT_METADATA = "mbot.robot"
+"""The metadata record of a recording that says which robot it was: `RobotFacts` as strings."""
+
+
+class DriveRecord(msgspec.Struct, frozen=True):
+    """One beat. What is left out did not happen.
+
+    Attributes:
+        sequence: as in Decision.
+        state: idle, running, stopped, manual, fault.
+        armed: whether the wheels may turn without anybody saying more.
+        action_left, action_right: what the policy answered, not yet clipped.
+        steps_left, steps_right: the same in motor steps, -250..250.
+        board_m1, board_m2: what the board was given, by the policy or by hand, -255..255.
+        acknowledged: whether the board has confirmed that in time.
+        began_anew: the policy was asked with its memory zeroed.
+        told_left, told_right: what the policy was told that the wheels did before, [-1, 1].
+        memory: what the policy went on with, float32, little endian, shape as the model's.
+        picture_age_ms: of the frame when the beat began.
+        late_ms, observe_ms, decide_ms, write_ms, acknowledge_ms: how long each stage took.
+        missed_ticks, stop_count, dropped_records: counted since the daemon's start; the last
+            are beats that this recording lacks because the card was too slow.
+
+    """
+
+    sequence: int
+    state: str
+    armed: bool = False
+    action_left: float | UnsetType = UNSET
+    action_right: float | UnsetType = UNSET
+    steps_left: int | UnsetType = UNSET
+    steps_right: int | UnsetType = UNSET
+    board_m1: int = 0
+    board_m2: int = 0
+    acknowledged: bool = False
+    began_anew: bool = False
+    told_left: float = 0.0
+    told_right: float = 0.0
+    memory: bytes = b""
+    picture_age_ms: float | UnsetType = UNSET
+    late_ms: float = 0.0
+    observe_ms: float | UnsetType = UNSET
+    decide_ms: float | UnsetType = UNSET
+    write_ms: float | UnsetType = UNSET
+    acknowledge_ms: float | UnsetType = UNSET
+    missed_ticks: int = 0
+    stop_count: int = 0
+    dropped_records: int = 0
+
+
+class RobotFacts(msgspec.Struct, frozen=True):
+    """Whose recording this is, and what turns an action of its policy into the board's speeds.
+
+    Attributes:
+        robot_id, session_id: as in Decision.
+        software_version: of mbot-agent.
+        processor: what has computed; another one may differ in the last digits.
+        decision_rate_hz: beats a second.
+        left_reversed, left_trim, left_dead_band: `mbot_protocol.actions.MotorMap`, left wheel.
+        right_reversed, right_trim, right_dead_band: the right one.
+
+    """
+
+    robot_id: str
+    session_id: int
+    software_version: str
+    processor: str
+    decision_rate_hz: float
+    left_reversed: bool
+    left_trim: float
+    left_dead_band: int
+    right_reversed: bool
+    right_trim: float
+    right_dead_band: int
+
+    def to_strings(self) -> dict[str, str]:
+        """As MCAP keeps metadata."""
+        return {name: str(getattr(self, name)) for name in self.__struct_fields__}
+
+    @property
+    def wheels(self) -> WheelMaps:
+        """How both wheels' steps became the board's speeds."""
+        return WheelMaps(
+            MotorMap(self.left_reversed, self.left_trim, self.left_dead_band),
+            MotorMap(self.right_reversed, self.right_trim, self.right_dead_band),
+        )
+
+    @classmethod
+    def from_strings(cls, strings: dict[str, str]) -> "RobotFacts":
+        """Read what `to_strings` wrote.
+
+        Raises:
+            ValueError: a value is missing or of another kind; it says which.
+
+        """
+        return msgspec.convert(
+            {
+                key: value.lower() if value in ("True", "False") else value
+                for key, value in strings.items()
+            },
+            cls,
+            strict=False,
+        )
+
+
+def topic(robot_id: str, name: str) -> str:
+    """A recording's topic: "/mbot/mbot-1/drive"."""
+    return f"/mbot/{robot_id}/{name}"
+
+
+def drive_record_schema() -> bytes:
+    """The JSON schema of `DriveRecord`, an object without references, as viewers expect it."""
+    _, components = msgspec.json.schema_components([DriveRecord])
+    schema: dict[str, Any] = components["DriveRecord"]
+    return msgspec.json.encode(schema)

@@ -1,0 +1,100 @@
+"""The real daemon records what it does; killed, it leaves a drive that decides the same again."""
+
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from mbot_agent.configuration import decode
+from mbot_workstation.drives.drive_figures import figures
+from mbot_workstation.drives.recording_fetch import fetch, keep, list_recordings, remove
+from mbot_workstation.drives.replayed_drive import TOLERANCE, replay
+from mbot_workstation.link.remote_control import RemoteControl
+from mbot_workstation.recordings.recorded_drive import read_drive
+
+from ..robot.fake_board import FakeBoard
+from ..robot.tiny_models import seeing_model
+from .processes import Daemon, until
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture
+def daemon(tmp_path: Path, board: FakeBoard) -> Daemon:
+    return Daemon(tmp_path, board.path)
+
+
+def test_a_killed_daemon_leaves_a_drive_that_is_fetched_and_decided_again(
+    daemon: Daemon, board: FakeBoard, tmp_path: Path
+) -> None:
+    with daemon.camera():
+        with daemon.start() as process:
+            assert daemon.is_up()
+            daemon.push(seeing_model())
+            daemon.run()
+            assert until(lambda: board.moved)
+            with daemon.link() as link:
+                until_s = time.monotonic() + 4
+                before = link.status()
+                assert until(lambda: time.monotonic() > until_s, 10)
+                decisions = link.status().decisions - before.decisions
+            process.signal(signal.SIGKILL)
+            process.wait()
+        daemon.log.write_text("")
+        with daemon.start():
+            assert daemon.is_up()
+            with daemon.link() as link:
+                (drive,) = list_recordings(link).drives
+                assert not drive.open
+                folder = fetch(link, drive, tmp_path / "here")
+                assert keep(link, drive.name, kept=True).drives[0].kept
+                keep(link, drive.name, kept=False)
+                assert not remove(link, drive.name).drives
+    recorded = read_drive(folder)
+    assert "was never ended properly" in recorded.words[0]
+    # A second at 2.5 beats a second may be lost, and one beat is counted on either side.
+    assert len(recorded.decided) >= decisions - 4
+    found = replay(recorded, [daemon.directory / "model.onnx"])
+    assert found.same_model
+    assert found.largest_difference <= TOLERANCE
+    assert found.same_motor_bytes == len(found.decisions)
+    assert figures(recorded).lost_records == 0
+
+
+def test_a_drive_under_way_is_fetched_without_a_missed_beat(
+    daemon: Daemon, board: FakeBoard, tmp_path: Path
+) -> None:
+    with daemon.camera(), daemon.start():
+        assert daemon.is_up()
+        daemon.push(seeing_model())
+        daemon.run()
+        assert until(lambda: board.moved)
+        with daemon.link() as link:
+            assert until(lambda: any(drive.files for drive in list_recordings(link).drives))
+            for _ in range(5):
+                (drive,) = list_recordings(link).drives
+                assert drive.open
+                fetch(link, drive, tmp_path / "here")
+            RemoteControl(link).stop()
+            assert until(lambda: not list_recordings(link).drives[0].open)
+            folder = fetch(link, list_recordings(link).drives[0], tmp_path / "here")
+    recorded = read_drive(folder)
+    assert recorded.words == ()
+    assert figures(recorded).missed_beats == 0
+    assert "was stopped by" in figures(recorded).sentence
+
+
+def test_a_robot_told_so_records_nothing(daemon: Daemon, board: FakeBoard) -> None:
+    daemon.config.write_text(daemon.config.read_text() + "[recording]\nenabled = false\n")
+    assert not decode(daemon.config.read_text(), "here").recording.enabled
+    with daemon.camera(), daemon.start():
+        assert daemon.is_up()
+        daemon.push(seeing_model())
+        daemon.run()
+        assert until(lambda: board.moved)
+        with daemon.link() as link:
+            found = list_recordings(link)
+    assert not found.enabled
+    assert not found.drives
+    assert not (daemon.directory / "recordings").exists()

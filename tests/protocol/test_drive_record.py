@@ -1,0 +1,55 @@
+import json
+
+import msgspec
+import numpy as np
+import pytest
+
+from mbot_protocol.drive_record import DriveRecord, RobotFacts, drive_record_schema, topic
+
+FACTS = RobotFacts(
+    robot_id="mbot-1",
+    session_id=2**63 + 5,
+    software_version="0.1.0",
+    processor="aarch64",
+    decision_rate_hz=2.5,
+    left_reversed=True,
+    left_trim=0.9,
+    left_dead_band=41,
+    right_reversed=False,
+    right_trim=1.0,
+    right_dead_band=0,
+)
+
+
+def test_an_action_comes_back_to_the_last_bit() -> None:
+    for value in np.random.default_rng(1).uniform(-1, 1, 200).astype(np.float32):
+        record = DriveRecord(1, "running", action_left=float(value), memory=value.tobytes())
+        assert msgspec.json.decode(msgspec.json.encode(record), type=DriveRecord) == record
+
+
+def test_the_schema_is_what_viewers_read() -> None:
+    schema = json.loads(drive_record_schema())
+    assert schema["type"] == "object"
+    kinds = {name: field["type"] for name, field in schema["properties"].items()}
+    assert kinds["action_left"] == "number"
+    assert kinds["board_m1"] == "integer"
+    assert set(kinds) == set(DriveRecord.__struct_fields__)
+    assert "$ref" not in drive_record_schema().decode()
+
+
+def test_a_standing_wheel_is_a_number_and_what_did_not_happen_is_left_out() -> None:
+    written = json.loads(msgspec.json.encode(DriveRecord(1, "idle")))
+    assert written["board_m1"] == 0
+    assert "action_left" not in written
+
+
+def test_the_robot_is_told_in_strings() -> None:
+    assert RobotFacts.from_strings(FACTS.to_strings()) == FACTS
+    with pytest.raises(ValueError, match="left_trim"):
+        RobotFacts.from_strings(FACTS.to_strings() | {"left_trim": "much"})
+    with pytest.raises(ValueError, match="robot_id"):
+        RobotFacts.from_strings({})
+
+
+def test_topics_lie_below_the_robot() -> None:
+    assert topic("mbot-1", "drive") == "/mbot/mbot-1/drive"

@@ -1,0 +1,120 @@
+"""A recorded drive as a page, a film and a sentence."""
+
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import cv2
+import pytest
+from typer.testing import CliRunner
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.v1.messages_pb2 import Fault, State
+from mbot_workstation.commands.drive_report import ReportOptions
+from mbot_workstation.drives.drive_figures import HISTOGRAM_BINS, Latency, figures
+from mbot_workstation.drives.drive_film import RATE_HZ, film
+from mbot_workstation.drives.drive_page import drive_page
+from mbot_workstation.main import app
+from mbot_workstation.recordings.recorded_drive import RecordedDrive, read_drive
+
+RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"
+
+
+@pytest.fixture
+def drive() -> RecordedDrive:
+    return read_drive(RECORDED)
+
+
+def test_a_sentence_says_what_happened(drive: RecordedDrive) -> None:
+    assert figures(drive).sentence == (
+        "virtual was driven for 4.8 s by 93277d5c321b, 12 decisions, no beat missed. "
+        "The recording ends while it still drives."
+    )
+    stopped = drive.beats[8]
+    assert stopped.decision.state == State.STATE_STOPPED
+    assert figures(replace(drive, beats=drive.beats[:9])).end == "It was stopped by root."
+
+
+def test_faults_missed_and_lost_beats_are_counted(drive: RecordedDrive) -> None:
+    beats = list(drive.beats)
+    for index in (3, 4, 6):
+        beats[index].decision.faults.append(Fault(kind="camera-stalled", detail="no frame"))
+    for beat in beats[5:]:
+        beat.decision.missed_ticks = 2
+    found = figures(replace(drive, beats=tuple(beats[:9] + beats[10:])))
+    assert [(kind, detail) for _, kind, detail in found.faults] == [
+        ("camera-stalled", "no frame")
+    ] * 2
+    assert (found.missed_beats, found.lost_records) == (2, 1)
+    assert "2 beats missed; in the way: camera-stalled" in found.sentence
+
+
+class Sources(HTMLParser):
+    """Every address in a page."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.found: list[str] = []
+        self.tags: set[str] = set()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.add(tag)
+        self.found += [
+            value or "" for name, value in attrs if name in ("src", "href", "xlink:href")
+        ]
+
+
+def test_the_page_needs_nothing_else(drive: RecordedDrive) -> None:
+    text = drive_page([figures(drive), figures(drive)])
+    sources = Sources()
+    sources.feed(text)
+    assert len(sources.found) == 2 * 13
+    assert all(source.startswith("data:image/jpeg;base64,") for source in sources.found)
+    assert not sources.tags & {"script", "link", "iframe"}
+    assert "http" not in re.sub(r"base64,[^\"]*", "", text)
+    assert text.count("was driven for") == 2
+    assert "5 of 5 chunks read, it was never ended properly" in text
+
+
+def test_what_a_robot_says_of_itself_is_no_markup(drive: RecordedDrive) -> None:
+    drive.beats[3].decision.faults.append(Fault(kind="<script>", detail="<img src=x>"))
+    text = drive_page([figures(drive)])
+    assert "<script>" not in text
+    assert "&lt;img src=x&gt;" in text
+
+
+def test_a_histogram_counts_all() -> None:
+    latency = Latency("decide", (0.0, 1.0, 1.0, 4.0, -0.5))
+    counts = latency.histogram(4.0)
+    assert len(counts) == HISTOGRAM_BINS
+    assert (counts[0], counts[10], counts[-1], sum(counts)) == (2, 2, 1, 5)
+
+
+def test_a_film_keeps_time(drive: RecordedDrive, tmp_path: Path) -> None:
+    path = tmp_path / "drive.mp4"
+    lasts_s = film(drive, path)
+    assert lasts_s == pytest.approx(drive.duration_s + 0.4, abs=0.2)
+    found = cv2.VideoCapture(str(path))
+    assert found.get(cv2.CAP_PROP_FRAME_COUNT) == pytest.approx(lasts_s * RATE_HZ)
+    whole, picture = found.read()
+    assert whole
+    assert picture.shape == (648, 512, 3)
+    without = replace(drive, beats=tuple(replace(beat, encoded=b"") for beat in drive.beats))
+    with pytest.raises(ConfigurationError, match="no pictures"):
+        film(without, path)
+    with pytest.raises(ConfigurationError, match="can't write a film"):
+        film(drive, tmp_path / "none" / "drive.mp4")
+
+
+def test_the_commands(tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    result = CliRunner().invoke(app, ["report", str(RECORDED), "-o", str(page), "--json"])
+    assert result.exit_code == 0, result.output
+    (told,) = json.loads(result.stdout)["drives"]
+    assert told["decisions"] == 12
+    assert page.read_text().startswith("<!DOCTYPE html>")
+    result = CliRunner().invoke(app, ["film", str(RECORDED), str(tmp_path / "drive.mp4")])
+    assert "drive.mp4, 5.2 s" in result.output.replace("\n", "")
+    assert ReportOptions(recordings=[RECORDED]).output == Path("drive.html")

@@ -1,0 +1,139 @@
+"""A recorded drive is a test of the daemon: its own program has to decide the same again."""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from mbot_protocol.errors import ConfigurationError, MbotError
+from mbot_workstation.commands.replay import DIFFERS
+from mbot_workstation.drives import replay_words
+from mbot_workstation.drives.decider import Decider
+from mbot_workstation.drives.replayed_drive import TOLERANCE, replay
+from mbot_workstation.main import app
+from mbot_workstation.pictures.film_tile import TILE_PX, Bar, blank, caption_px, draw_tile
+from mbot_workstation.recordings.drive_mcap import Recording
+from mbot_workstation.recordings.recorded_drive import RecordedDrive, read_drive, read_drives
+
+from ..robot.tiny_models import constant_model
+from .samples import decision, picture
+
+RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"
+"""Driven on the virtual robot by `seeing_model`: a stop and a run, an acknowledgement that came too
+late, and in the end the daemon was killed."""
+
+MODEL = RECORDED / "seeing.onnx"
+
+
+@pytest.fixture(scope="module")
+def drive() -> RecordedDrive:
+    return read_drive(RECORDED)
+
+
+def test_a_recording_is_read_beat_by_beat(drive: RecordedDrive) -> None:
+    assert (drive.robot_id, drive.name) == ("virtual", "recorded-drive")
+    assert len(drive.beats) == 13
+    assert len(drive.decided) == 12
+    assert drive.words == ("000.mcap: 5 of 5 chunks read, it was never ended properly",)
+    assert [words for _, words in drive.log][1:3] == ["now running", "now stopped"]
+    assert drive.duration_s == pytest.approx(4.8, abs=0.1)
+    assert drive.facts is not None
+    assert drive.facts.decision_rate_hz == 2.5
+    seen = drive.beats[0].observation
+    assert seen is not None
+    assert seen.shape == (64, 64, 3)
+
+
+def test_the_daemon_decides_the_same_again(drive: RecordedDrive) -> None:
+    found = replay(drive, [MODEL])
+    assert found.same_model
+    assert len(found.decisions) == 12
+    assert found.same_motor_bytes == 12
+    assert found.largest_difference <= TOLERANCE
+    assert found.is_as_expected or not found.same_processor
+
+
+def test_a_memory_that_is_not_zeroed_where_the_robot_zeroed_it_is_found(
+    drive: RecordedDrive,
+) -> None:
+    beats = []
+    for beat in drive.beats:
+        assert beat.record is not None
+        beats.append(replace(beat, record=msgspec.structs.replace(beat.record, began_anew=False)))
+    found = replay(replace(drive, beats=tuple(beats)), [MODEL])
+    assert not found.is_as_expected
+    assert found.largest_difference > 0.01
+    assert any("differs by" in line for line in replay_words.lines(found))
+
+
+def test_after_a_gap_it_goes_on_with_the_recorded_memory(drive: RecordedDrive) -> None:
+    without_one = [beat for index, beat in enumerate(drive.beats) if index != 4]
+    found = replay(replace(drive, beats=tuple(without_one)), [MODEL])
+    assert len(found.decisions) == 11
+    assert found.largest_difference <= TOLERANCE
+
+
+def test_what_another_model_would_have_done(drive: RecordedDrive, tmp_path: Path) -> None:
+    other = tmp_path / "other.onnx"
+    other.write_bytes(constant_model(0.9, -0.9))
+    found = replay(drive, [], other)
+    assert not found.same_model
+    assert found.is_as_expected
+    assert found.largest_difference > 0.1
+    lines = list(replay_words.lines(found))
+    assert max(len(line) for line in lines) <= 80
+    assert sum(" s  " in line for line in lines) == sum(
+        one.difference > replay_words.NOTABLE for one in found.decisions
+    )
+    strip = replay_words.strip(found)
+    assert strip.shape[1] == 8 + 6 * (TILE_PX + 8)
+    assert len(np.unique(strip)) > 50
+
+
+def test_a_recording_that_cannot_be_replayed_says_why(drive: RecordedDrive, tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"model 93277d5c321b drove, and none of 1 files"):
+        replay(drive, [RECORDED / "000.mcap"])
+    path = tmp_path / "telemetry.mcap"
+    with Recording(path, "mbot-1") as recording:
+        recording.write(picture(decision(0).unix_time_ns))
+        recording.write(decision(0))
+    with pytest.raises(ConfigurationError, match="fetch the robot's own recording"):
+        replay(read_drives([path])[0], [MODEL])
+    with pytest.raises(ConfigurationError, match="holds no recording"):
+        read_drive(tmp_path / "..")
+    path.write_bytes(path.read_bytes()[:60])
+    with pytest.raises(ConfigurationError, match=r"nothing to be seen .*0 of . chunks"):
+        read_drive(path)
+
+
+def test_what_the_daemon_says_of_a_model_reaches_the_person(tmp_path: Path) -> None:
+    path = tmp_path / "no.onnx"
+    path.write_bytes(b"no")
+    with pytest.raises(MbotError, match="mbot-agent: "), Decider(path):
+        pass
+
+
+def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shutil.copy(MODEL, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["replay", str(RECORDED), "--strip", "out/strip.png"])
+    assert "recorded-drive: 12 decisions" in result.stdout
+    assert (tmp_path / "out" / "strip.png").is_file()
+    result = CliRunner().invoke(app, ["replay", str(RECORDED / "000.mcap"), "--json"])
+    found = json.loads(result.stdout)
+    assert found["decisions"] == 12
+    assert found["same_model"]
+    assert result.exit_code == (0 if found["as_expected"] else DIFFERS)
+
+
+def test_a_tile_shows_picture_and_wheels() -> None:
+    area = blank(TILE_PX + caption_px(2), TILE_PX)
+    draw_tile(area, np.zeros((64, 64, 3), np.uint8), "0.4 s", [Bar("L", 1.0), Bar("R", -2.0)])
+    assert not area[:TILE_PX].any()
+    colours = {tuple(pixel) for pixel in area[TILE_PX:].reshape(-1, 3).tolist()}
+    assert {(20, 130, 60), (200, 90, 20)} <= colours

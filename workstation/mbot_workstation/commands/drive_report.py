@@ -1,0 +1,86 @@
+"""`workstation report` and `workstation film`: a recorded drive to look at."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mbot_workstation.commands.link_options import json_option
+from mbot_workstation.commands.options import argument, option, with_options
+
+
+def _recording(words: str, metavar: str) -> Any:
+    return argument(
+        f"{words} that `recordings fetch` or `telemetry --record` made.", metavar=metavar
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportOptions:
+    """What `report` takes."""
+
+    recordings: list[Path] = _recording("Folders or files", "RECORDING...")
+    output: Path = option(Path("drive.html"), "The page.", "--output", "-o", metavar="FILE.html")
+    as_json: bool = json_option()
+
+
+@with_options
+def report(options: ReportOptions) -> None:
+    """Write what happened in recorded drives as one page; several for comparison.
+
+    A sentence, pictures over the whole drive, wheels, latencies, missed beats, faults, the model's
+    digest. The page needs no other file and no network, prints, and reads on a phone.
+
+    Example: `workstation report drives/mbot-1/drive-0012-20261122-171501`
+    """
+    import json
+
+    from mbot_protocol import atomic_file
+    from mbot_protocol.errors import ConfigurationError
+    from mbot_workstation.drives.drive_figures import figures
+    from mbot_workstation.drives.drive_page import drive_page
+    from mbot_workstation.recordings.recorded_drive import read_drives
+
+    drives = [figures(drive) for drive in read_drives(options.recordings)]
+    try:
+        atomic_file.replace(options.output, drive_page(drives).encode())
+    except OSError as error:
+        raise ConfigurationError(f"can't write {options.output}: {error.strerror}") from None
+    if options.as_json:
+        fields = [
+            {
+                "recording": one.drive.name,
+                "sentence": one.sentence,
+                "models": list(one.models),
+                "decisions": len(one.drive.decided),
+                "missed_beats": one.missed_beats,
+                "lost_records": one.lost_records,
+                "faults": [list(fault) for fault in one.faults],
+            }
+            for one in drives
+        ]
+        print(json.dumps({"path": str(options.output), "drives": fields}, indent=2))
+        return
+    for one in drives:
+        print(f"{one.drive.name}: {one.sentence}")
+    print(f"wrote {options.output}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FilmOptions:
+    """What `film` takes."""
+
+    recording: Path = _recording("A folder or file", "RECORDING")
+    output: Path = argument("The film.", metavar="FILE.mp4")
+
+
+@with_options
+def film(options: FilmOptions) -> None:
+    """Make a film of a recorded drive: what the policy saw, with its wheels, in real time.
+
+    Example: `workstation film drives/mbot-1/drive-0012-20261122-171501 drive.mp4`
+    """
+    from mbot_workstation.drives.drive_film import film as make_film
+    from mbot_workstation.recordings.recorded_drive import read_drive
+
+    lasts_s = make_film(read_drive(options.recording), options.output)
+    print(f"wrote {options.output}, {lasts_s:.1f} s")

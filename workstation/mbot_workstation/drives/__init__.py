@@ -1,0 +1,1 @@
+"""Recorded drives: fetched from a robot, decided once more, filmed, reported."""

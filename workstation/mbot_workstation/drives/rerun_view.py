@@ -1,0 +1,196 @@
+"""Drives in the Rerun viewer, live or recorded: what to log, and how the window is laid out.
+
+Rerun is the extra `[view]`; nothing else here imports it.
+"""
+
+import importlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from mbot_protocol.actions import STEP_LIMIT
+from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.v1.messages_pb2 import Decision
+from mbot_workstation.recordings.recorded_drive import RecordedDrive
+from mbot_workstation.telemetry.stage_times import span_ms
+from mbot_workstation.wording import one_line, short_digest, state_word
+
+APPLICATION = "mbot"
+LATENCIES = ("frame to motors", "observe", "decide", "tick late by")
+LOOPBACK = "127.0.0.1"
+START_WAIT_S = 20.0
+MEMORY_LIMIT = "512MiB"
+"""What the server keeps for a viewer that connects later: hours of a robot."""
+
+
+class RerunView:
+    """A Rerun recording that drives of one or several robots are logged into. A context manager.
+
+    Each robot has its own branch, named by its id; times are the robot's wall clock.
+    """
+
+    def __init__(self, robots: list[str]) -> None:
+        """Begin.
+
+        Raises:
+            ConfigurationError: Rerun is not installed.
+
+        """
+        try:
+            self._rerun: Any = importlib.import_module("rerun")
+            layout: Any = importlib.import_module("rerun.blueprint")
+        except ModuleNotFoundError as error:
+            raise ConfigurationError(
+                f"view needs {error.name}: pip install -c constraints.txt -e '.[view]' in the "
+                "checkout (it takes 700 MB)"
+            ) from None
+        self._blueprint = layout.Blueprint(
+            layout.Horizontal(*(_robot_view(layout, robot) for robot in robots)),
+            layout.TimePanel(state="collapsed"),
+        )
+        self._stream: Any = self._rerun.RecordingStream(APPLICATION)
+        self._before: dict[str, Decision] = {}
+        self._end = ExitStack()
+
+    def __enter__(self) -> "RerunView":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stream.flush()
+        self._stream.disconnect()
+        self._end.close()
+
+    def save(self, path: Path) -> None:
+        """Write into a file that the viewer opens; raises ConfigurationError."""
+        if not path.absolute().parent.is_dir():
+            raise ConfigurationError(f"no folder {path.absolute().parent} to write {path.name} to")
+        self._stream.save(str(path), default_blueprint=self._blueprint)
+
+    def open_window(self, *, grpc_port: int) -> None:
+        """Open the viewer's window; it stays when this process ends. Raises ConfigurationError."""
+        self._start(grpc_port, [])
+
+    def serve_web(self, *, grpc_port: int, web_port: int) -> str:
+        """Serve the viewer as a page; returns the page's address on this machine.
+
+        Raises:
+            ConfigurationError: the viewer does not start; is a port taken?
+
+        """
+        # The server is not the library's own: that one listens on every network (0.0.0.0).
+        options = ["--serve-web", "--web-viewer-port", str(web_port), "--server-memory-limit"]
+        server = self._start(grpc_port, [*options, MEMORY_LIMIT])
+        self._end.callback(lambda: os.killpg(server.pid, signal.SIGTERM))
+        return f"http://127.0.0.1:{web_port}/?url={_source(grpc_port)}"
+
+    def _start(self, grpc_port: int, options: list[str]) -> "subprocess.Popen[bytes]":
+        """Rerun's own program, for this machine only; what is logged goes there."""
+        bound = ["--bind", LOOPBACK, "--port", str(grpc_port)]
+        command = [sys.executable, "-m", "rerun_cli", *bound, *options]
+        process = subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+        )
+        until_s = time.monotonic() + START_WAIT_S
+        while not _listens(grpc_port):
+            if process.poll() is not None or time.monotonic() > until_s:
+                raise ConfigurationError(
+                    f"Rerun's viewer does not start on port {grpc_port}; is there a display, or "
+                    "--web; is the port taken (--grpc-port)?"
+                )
+            time.sleep(0.1)
+        self._stream.connect_grpc(_source(grpc_port), default_blueprint=self._blueprint)
+        return process
+
+    def log_drive(self, drive: RecordedDrive) -> None:
+        """A whole recording."""
+        for beat in drive.beats:
+            if beat.encoded:
+                self.log_picture(
+                    drive.robot_id, beat.encoded, beat.decision.unix_time_ns, exact=beat.is_exact
+                )
+            self.log_decision(beat.decision)
+
+    def log_picture(self, robot: str, encoded: bytes, time_ns: int, *, exact: bool) -> None:
+        """What the policy saw, PNG where it is exact, else JPEG."""
+        self._at(time_ns)
+        kind = "image/png" if exact else "image/jpeg"
+        picture = self._rerun.EncodedImage(contents=encoded, media_type=kind)
+        self._stream.log(f"{robot}/observation", picture)
+
+    def log_decision(self, decision: Decision) -> None:
+        """One beat: wheels, latencies, counters, and what has changed, in words."""
+        robot, log, rerun = decision.robot_id, self._stream.log, self._rerun
+        self._at(decision.unix_time_ns)
+        self._stream.set_time("beat", sequence=decision.sequence)
+        for side in ("left", "right"):
+            steps = getattr(decision.steps, side)
+            log(f"{robot}/wheels/{side}", rerun.Scalars(steps / STEP_LIMIT))
+            if decision.HasField("action"):
+                log(f"{robot}/action/{side}", rerun.Scalars(getattr(decision.action, side)))
+        spans = span_ms(decision)
+        for name in LATENCIES:
+            if name in spans:
+                log(f"{robot}/latency_ms/{name.replace(' ', '_')}", rerun.Scalars(spans[name]))
+        log(f"{robot}/count/stops", rerun.Scalars(decision.stop_count))
+        log(f"{robot}/count/missed_beats", rerun.Scalars(decision.missed_ticks))
+        for level, words in changes(self._before.get(robot), decision):
+            log(f"{robot}/log", rerun.TextLog(words, level=level))
+        self._before[robot] = decision
+
+    def _at(self, time_ns: int) -> None:
+        self._stream.set_time("robot_time", timestamp=time_ns / 1e9)
+
+
+def changes(before: Decision | None, now: Decision) -> list[tuple[str, str]]:
+    """Level and words of what is new: model, state, faults, stops."""
+    found: list[tuple[str, str]] = []
+    if before is None or before.model_sha256 != now.model_sha256:
+        found.append(("INFO", f"model {short_digest(now.model_sha256)}"))
+    if before is None or before.state != now.state:
+        found.append(("INFO", f"now {state_word(now.state)}"))
+    known = {fault.kind for fault in before.faults} if before is not None else set[str]()
+    found += [
+        ("ERROR", f"{one_line(fault.kind)}: {one_line(fault.detail)}")
+        for fault in now.faults
+        if fault.kind not in known
+    ]
+    if before is not None and before.stop_count != now.stop_count:
+        found.append(("WARN", f"stop {now.stop_count}"))
+    return found
+
+
+def _source(grpc_port: int) -> str:
+    return f"rerun+http://{LOOPBACK}:{grpc_port}/proxy"
+
+
+def _listens(port: int) -> bool:
+    with socket.socket() as probe:
+        probe.settimeout(0.5)
+        return probe.connect_ex((LOOPBACK, port)) == 0
+
+
+def _robot_view(layout: Any, robot: str) -> Any:
+    """One robot's part of the window: picture and log on the left, lines on the right."""
+    return layout.Horizontal(
+        layout.Vertical(
+            layout.Spatial2DView(
+                origin=f"{robot}/observation", name=f"{robot}: as the policy sees"
+            ),
+            layout.TextLogView(origin=f"{robot}/log", name="state, faults, stops"),
+            row_shares=[3, 2],
+        ),
+        layout.Vertical(
+            layout.TimeSeriesView(origin=f"{robot}/wheels", name="wheels"),
+            layout.TimeSeriesView(origin=f"{robot}/action", name="action"),
+            layout.TimeSeriesView(origin=f"{robot}/latency_ms", name="latency, ms"),
+            layout.TimeSeriesView(origin=f"{robot}/count", name="stops, missed beats"),
+        ),
+        column_shares=[2, 3],
+        name=robot,
+    )

@@ -1,0 +1,216 @@
+"""What is whole of an MCAP file, whatever has happened to the rest.
+
+A power cut leaves a file without index and with half a chunk at its end; a bad card flips bits or
+loses blocks. Chunks carry checksums, so each is whole or left out. Where a record's length makes no
+sense the next chunk is looked for by its shape; that is what `mcap recover` does not do.
+"""
+
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Message, Metadata, Schema
+from mcap.stream_reader import breakup_chunk
+from mcap.writer import MCAP0_MAGIC
+
+from mbot_protocol.errors import ConfigurationError
+
+_HEAD = struct.Struct("<BQ")
+"""A record's opcode and the length of what follows."""
+
+_CHUNK = struct.Struct("<QQQII")
+"""First and last time, size, checksum, and how long the name of the compression is."""
+
+_COUNT_AT = 22
+"""Where statistics have the number of chunks: after 8, 2, 4, 4 and 4 bytes."""
+
+_LONGEST_COMPRESSION = 8
+_PRIVATE = 0x80
+_BETWEEN_CHUNKS = set(Opcode) - {Opcode.CHUNK, Opcode.MESSAGE}
+_FIXED_LENGTHS: dict[int, int] = {Opcode.DATA_END: 4, Opcode.FOOTER: 20}
+"""Those whose place at the end could make us stop too early."""
+
+_DAMAGE = (
+    McapError,
+    zstandard.ZstdError,
+    zlib.error,
+    struct.error,
+    RuntimeError,  # lz4's
+    ValueError,  # no UTF-8, no such opcode
+    KeyError,
+    IndexError,
+    OverflowError,
+    MemoryError,
+    EOFError,
+)
+"""All that the libraries raise for bytes that are not what they should be."""
+
+
+@dataclass(frozen=True, slots=True)
+class McapMessage:
+    """One message: its topic, the full name of its schema, its time and its bytes."""
+
+    topic: str
+    schema: str
+    log_time_ns: int
+    data: bytes
+
+
+class WholeChunks:
+    """A file that was read; `messages` yields what is whole, in the order it was written.
+
+    Attributes:
+        chunks_read: how many are whole; known once `messages` has come to its end.
+        chunks_found: how many there are or were, as far as that can be told.
+        is_finished: whether the file was ended properly.
+        metadata: its metadata records by name.
+
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Read the file.
+
+        Raises:
+            ConfigurationError: it cannot be read, or is no MCAP file at all.
+
+        """
+        try:
+            self._data = path.read_bytes()
+        except OSError as error:
+            raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
+        self.chunks_read = self.chunks_found = 0
+        self.is_finished = False
+        self.metadata: dict[str, dict[str, str]] = {}
+        self._schemas: dict[int, Schema] = {}
+        self._channels: dict[int, Channel] = {}
+        self._chunks: list[tuple[int, int]] = []
+        self._scan()
+        start = self._data[: len(MCAP0_MAGIC)]
+        if not self._chunks and start != MCAP0_MAGIC[: len(start)]:
+            raise ConfigurationError(f"{path} is no MCAP recording")
+
+    @property
+    def words(self) -> str:
+        """What could be read, such as "12 of 13 chunks read, the file was cut off"."""
+        end = "" if self.is_finished else ", it was never ended properly"
+        return f"{self.chunks_read} of {self.chunks_found} chunks read{end}"
+
+    @property
+    def is_whole(self) -> bool:
+        """Nothing is missing; known once `messages` has come to its end."""
+        return self.is_finished and self.chunks_read == self.chunks_found
+
+    def messages(self) -> Iterator[McapMessage]:
+        """All messages of whole chunks."""
+        self.chunks_read = 0
+        for start, end in self._chunks:
+            try:
+                chunk = Chunk.read(_stream(self._data[start:end]))
+                records = breakup_chunk(chunk, validate_crc=True)
+            except _DAMAGE:
+                continue
+            self.chunks_read += 1
+            for record in records:
+                if isinstance(record, Schema):
+                    self._schemas[record.id] = record
+                elif isinstance(record, Channel):
+                    self._channels[record.id] = record
+                elif isinstance(record, Message) and record.channel_id in self._channels:
+                    yield self._message(record)
+
+    def _message(self, record: Message) -> McapMessage:
+        channel = self._channels[record.channel_id]
+        schema = self._schemas.get(channel.schema_id)
+        name = schema.name if schema is not None else ""
+        return McapMessage(channel.topic, name, record.log_time, bytes(record.data))
+
+    def _scan(self) -> None:
+        """Find the chunks, and read what stands between them."""
+        data, at, counted = self._data, len(MCAP0_MAGIC), 0
+        while at < len(data):
+            head = data[at : at + _HEAD.size].ljust(_HEAD.size, b"\xff")
+            opcode, length = _HEAD.unpack(head)
+            start, end = at + _HEAD.size, at + _HEAD.size + length
+            if end > len(data) or not self._makes_sense(opcode, start, end):
+                # Of damage that could be anything a chunk is assumed.
+                self.chunks_found += opcode not in _BETWEEN_CHUNKS
+                at = self._next_chunk(at + 1)
+                continue
+            if opcode == Opcode.CHUNK:
+                self._chunks.append((start, end))
+                self.chunks_found += 1
+            elif opcode == Opcode.STATISTICS and end - start >= _COUNT_AT + 4:
+                (counted,) = struct.unpack_from("<I", data, start + _COUNT_AT)
+            elif opcode == Opcode.FOOTER:
+                self.is_finished = data[end:] == MCAP0_MAGIC
+                break
+            at = end
+        # The writer's own count is better than a guess, if it can be true.
+        if self.is_finished and len(self._chunks) <= counted <= 2 * self.chunks_found + 1:
+            self.chunks_found = counted
+
+    def _makes_sense(self, opcode: int, start: int, end: int) -> bool:
+        """Whether a record is as long as its contents say; takes up what is no chunk."""
+        data = self._data
+        if opcode == Opcode.CHUNK:
+            return self._is_chunk(start, end)
+        if opcode == Opcode.MESSAGE_INDEX:
+            return end - start >= 6 and struct.unpack_from("<I", data, start + 2)[0] == (
+                end - start - 6
+            )
+        if opcode in _FIXED_LENGTHS:
+            return end - start == _FIXED_LENGTHS[opcode]
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA):
+            return self._take_up(opcode, data[start:end])
+        return opcode in _BETWEEN_CHUNKS or opcode >= _PRIVATE
+
+    def _is_chunk(self, start: int, end: int) -> bool:
+        """Whether the lengths inside add up to the record's."""
+        size_at = start + _CHUNK.size
+        if end - start < _CHUNK.size:
+            return False
+        name_length = _CHUNK.unpack_from(self._data, start)[4]
+        if name_length > _LONGEST_COMPRESSION or size_at + name_length + 8 > end:
+            return False
+        (size,) = struct.unpack_from("<Q", self._data, size_at + name_length)
+        return size_at + name_length + 8 + size == end
+
+    def _next_chunk(self, at: int) -> int:
+        """Where from here on something has the shape of a chunk; the data's end if nothing has."""
+        data = self._data
+        while 0 <= (at := data.find(Opcode.CHUNK, at)) <= len(data) - _HEAD.size:
+            start = at + _HEAD.size
+            end = start + _HEAD.unpack_from(data, at)[1]
+            if end <= len(data) and self._is_chunk(start, end):
+                return at
+            at += 1
+        return len(data)
+
+    def _take_up(self, opcode: int, body: bytes) -> bool:
+        """Keep what a record says that stands outside of chunks, if it is whole."""
+        source = BytesIO(body)
+        stream = ReadDataStream(source)
+        try:
+            if opcode == Opcode.SCHEMA:
+                schema = Schema.read(stream)
+                self._schemas.setdefault(schema.id, schema)
+            elif opcode == Opcode.CHANNEL:
+                channel = Channel.read(stream)
+                self._channels.setdefault(channel.id, channel)
+            else:
+                metadata = Metadata.read(stream)
+                self.metadata[metadata.name] = metadata.metadata
+        except _DAMAGE:
+            return False
+        return source.tell() == len(body)
+
+
+def _stream(body: bytes) -> ReadDataStream:
+    return ReadDataStream(BytesIO(body))
