@@ -36,7 +36,6 @@ def test_what_changed_is_told_once() -> None:
 
 
 def test_a_recording_becomes_a_file_for_the_viewer(tmp_path: Path) -> None:
-    pytest.importorskip("rerun", reason="pip install -e '.[view]'")
     path = tmp_path / "drive.rrd"
     result = CliRunner().invoke(app, ["view", str(RECORDED), "--save", str(path)])
     assert result.exit_code == 0, result.output
