@@ -6,6 +6,7 @@ import typer
 
 from mbot_protocol.errors import MbotError
 from mbot_workstation.commands.calibrate import app as calibrate
+from mbot_workstation.commands.check_model import check_model_file
 from mbot_workstation.commands.demo import demo
 from mbot_workstation.commands.drive import drive, run, stop
 from mbot_workstation.commands.enroll import enroll
@@ -72,6 +73,7 @@ negative_numbers = {"ignore_unknown_options": True}
 app.command("drive", rich_help_panel=_DRIVE, context_settings=negative_numbers)(drive)
 app.command("flash", rich_help_panel=_DRIVE)(flash)
 
+app.command("check-model", rich_help_panel=_MODELS)(check_model_file)
 app.command("push-model", rich_help_panel=_MODELS)(push_model)
 app.command("models", rich_help_panel=_MODELS)(models)
 app.command("rollback", rich_help_panel=_MODELS)(rollback)
