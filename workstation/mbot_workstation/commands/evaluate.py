@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands.link_options import json_option
-from mbot_workstation.commands.options import argument, option, with_options
+from mbot_workstation.commands.options import argument, option, output_file, with_options
+from mbot_workstation.commands.output_paths import PICTURES
 from mbot_workstation.commands.simulation_options import calibration_option
 
 if TYPE_CHECKING:
@@ -56,7 +57,9 @@ class EvaluateOptions:
         "its truth.csv (file, in_view, bearing_left_deg).",
         metavar="FOLDER",
     )
-    plot: Path | None = option(None, "Draw the comparison too.", metavar="FILE.png")
+    plot: Path | None = output_file(
+        None, "Draw the comparison too.", endings=PICTURES, metavar="FILE.png"
+    )
     as_json: bool = json_option()
 
 

@@ -8,7 +8,7 @@ import typer
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands.link_options import LinkOptions, json_option
-from mbot_workstation.commands.options import option, with_options
+from mbot_workstation.commands.options import option, output_folder, with_options
 from mbot_workstation.maneuvers.plan import Order, Planned, duration_words, plan, room_needed_m
 from mbot_workstation.recordings.maneuver import (
     MANEUVER_S,
@@ -73,7 +73,7 @@ def list_maneuvers(options: ListManeuversOptions) -> None:
 class RunOptions(LinkOptions):
     """What `run` takes."""
 
-    output: Path | None = option(
+    output: Path | None = output_folder(
         None, "New recording; recordings/ROBOT-DATE if not given.", metavar="FOLDER"
     )
     resume: Path | None = option(

@@ -4,8 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mbot_protocol import atomic_file
+from mbot_protocol.did_you_mean import did_you_mean
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands.options import argument, option, with_options
+from mbot_workstation.commands.options import argument, option, output_folder, with_options
 from mbot_workstation.commands.simulation_options import calibration_option
 
 if TYPE_CHECKING:
@@ -27,7 +29,7 @@ class StudyOptions:
     contestants: list[str] = argument(
         "ONNX policies, servo, random or oracle; as in evaluate.", metavar="MODEL..."
     )
-    output: Path = option(
+    output: Path = output_folder(
         Path("docs/results"), "For the page and the picture.", "--output", "-o", metavar="FOLDER"
     )
     episodes: int | None = option(
@@ -80,7 +82,10 @@ def study(options: StudyOptions) -> None:
     from mbot_workstation.variation.presets import preset
 
     if options.name not in NAMES:
-        raise ConfigurationError(f"no study {options.name!r}, expected one of {', '.join(NAMES)}")
+        meant = did_you_mean(options.name, NAMES)
+        raise ConfigurationError(
+            f"no study {options.name!r}, expected one of {', '.join(NAMES)}{meant}"
+        )
     stage = find_lesson(options.lesson)
     files = read_files(options.calibration) if options.calibration else CalibrationFiles()
     robots = files.ranges if options.calibration else preset
@@ -167,7 +172,8 @@ def _tolerance(
     picture = folder / f"{TOLERANCE}.png"
     draw_maps(found, picture, nominal_reward=reward, largest=trial.lesson.largest_reward)
     page = folder / f"{TOLERANCE}.md"
-    page.write_text(map_page(found, nominal.contestant, reward, how, picture.name))
+    text = map_page(found, nominal.contestant, reward, how, picture.name)
+    atomic_file.save(page, text.encode())
     if reward > 0:  # otherwise there is nothing that could be tolerated
         numbers = as_file(found, nominal.contestant, reward, how)
         print(f"wrote {write_tolerances(folder / TOLERANCE_FILE, numbers)}")

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands.link_options import LinkOptions, json_option
-from mbot_workstation.commands.options import option, with_options
+from mbot_workstation.commands.options import option, output_file, with_options
 
 if TYPE_CHECKING:
     from mbot_workstation.telemetry.output import Output
@@ -18,7 +17,7 @@ _POLL_S = 0.1
 class TelemetryOptions(LinkOptions):
     """What `telemetry` takes."""
 
-    record: Path | None = option(
+    record: Path | None = output_file(
         None, "Also record into a new MCAP file.", "--record", metavar="FILE.mcap"
     )
     seconds: float | None = option(
@@ -42,8 +41,6 @@ def telemetry(options: TelemetryOptions) -> None:
     from mbot_workstation.recordings.drive_mcap import Recording
     from mbot_workstation.telemetry.stream import TelemetryStream
 
-    if options.record is not None and not options.record.absolute().parent.is_dir():
-        raise ConfigurationError(f"no folder {options.record.absolute().parent} to record into")
     with ExitStack() as stack:
         link = stack.enter_context(options.link())
         status = link.status()

@@ -4,9 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import typer
-
-from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.errors import ConfigurationError, InterruptedByUserError
 from mbot_workstation.commands.link_options import json_option
 from mbot_workstation.commands.options import option, with_options
 from mbot_workstation.commands.simulation_options import calibration_option
@@ -132,7 +130,6 @@ def train(options: TrainOptions) -> None:
     - `workstation train --lesson blur --from runs/first --steps 300000`
     """
     import json
-    import sys
     from dataclasses import asdict
 
     run, config = _resumed(options) if options.resume is not None else _begun(options)
@@ -146,11 +143,7 @@ def train(options: TrainOptions) -> None:
             f"{result.lesson}, mean reward {reward}"
         )
     if result.reason == "interrupted":
-        print(
-            f"workstation: interrupted and saved; go on with --resume {result.run}",
-            file=sys.stderr,
-        )
-        raise typer.Exit(130)
+        raise InterruptedByUserError(f"interrupted and saved; go on with --resume {result.run}")
     if not options.as_json:
         print(f"next: workstation export {result.run}")
 
@@ -238,12 +231,15 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
 
 
 def _lessons(selection: list[str]) -> tuple[str, ...]:
-    from mbot_workstation.training.worlds.lessons import named
+    from mbot_workstation.training.worlds.lessons import lesson, named
 
     try:
-        return named(selection)
+        names = named(selection)
+        for name in names:
+            lesson(name)
     except ValueError as error:
         raise ConfigurationError(f"--lesson: {error}") from None
+    return names
 
 
 def _device(name: str) -> str:

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from mbot_workstation.commands.options import argument, option, with_options
+from mbot_workstation.commands.options import argument, output_file, with_options
+from mbot_workstation.commands.output_paths import PICTURES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -11,8 +12,8 @@ class TrainingCurveOptions:
     """What `training_curve` takes."""
 
     run: Path = argument("A run's folder.", metavar="RUN")
-    output: Path | None = option(
-        None, "RUN/curve.png if not given.", "--output", "-o", metavar="FILE.png"
+    output: Path | None = output_file(
+        None, "RUN/curve.png if not given.", "--output", "-o", endings=PICTURES, metavar="FILE.png"
     )
 
 
