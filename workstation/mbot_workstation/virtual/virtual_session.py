@@ -113,7 +113,7 @@ def _follow(
 ) -> None:
     """Report and record until something ends the run."""
     began_s = time.monotonic()
-    polls = 0
+    polls, stopped_s = 0, 0.0
     while True:
         over = robot.stopped.is_set()
         status = robot.world.status()
@@ -125,6 +125,10 @@ def _follow(
             report.event(event)
             if trajectory is not None:
                 trajectory.add_event(event)
+        board = robot.board.state
+        if board.silent_ms and board.since_s != stopped_s:
+            stopped_s = board.since_s
+            report.board_stopped(board.silent_ms)
         if trajectory is not None:
             trajectory.add(status)
         if polls % STATUS_EVERY == 0:
