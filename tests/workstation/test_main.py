@@ -206,6 +206,16 @@ def test_a_bad_model_needs_no_robot(tmp_path: Path) -> None:
     assert "no ONNX model" in run.stderr
 
 
+def test_a_key_that_does_not_exist_is_refused_though_nothing_needs_it(
+    robot: FakeRobot, policy: Path
+) -> None:
+    assert workstation(robot, "push-model", str(policy)).returncode == 0
+    for command in (("push-model", str(policy)), ("rollback",)):
+        run = workstation(robot, *command, "--sign-with", "nobody")
+        assert run.returncode == 2
+        assert "no key 'nobody' in " in run.stderr
+
+
 def test_a_push_broken_off_leaves_the_old_model(robot: FakeRobot, policy: Path) -> None:
     answer = robot.replies[PUSH_CHUNK.name]
 
