@@ -19,6 +19,9 @@ MEMORY_UNITS = 128
 
 GUIDED_DECISIONS, GUIDED_STEPS = 400_000, 1_000_000
 
+ROUND_STEPS = 200_000
+"""What a run may be told to make besides, in an example."""
+
 _WHAT, _ROOMS, _HOW = "What to learn", "Rooms", "How"
 
 
@@ -133,14 +136,20 @@ def train(options: TrainOptions) -> None:
     from dataclasses import asdict
 
     run, config = _resumed(options) if options.resume is not None else _begun(options)
-    result = _train_until_stopped(run, config)
+    _say_rounding(run, config)
+    try:
+        result = _train_until_stopped(run, config)
+    except BaseException:
+        if options.resume is None:
+            run.forget_unless_begun()
+        raise
     if options.as_json:
         print(json.dumps(asdict(result)))
     else:
         reward = "unknown" if result.mean_reward is None else f"{result.mean_reward:.2f}"
         print(
             f"{result.run}: {result.step:,} decisions in {result.wall_s / 60:.1f} minutes, lesson "
-            f"{result.lesson}, mean reward {reward}"
+            f"{result.lesson}, mean reward {reward} of the latest episodes"
         )
     if result.reason == "interrupted":
         raise InterruptedByUserError(f"interrupted and saved; go on with --resume {result.run}")
@@ -161,14 +170,36 @@ def _resumed(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
     assert options.resume is not None
     run = RunDirectory.open(options.resume)
     config = read_config(run.config_file)
+    checkpoints, steps = run.checkpoints(), options.steps or config.steps
+    if checkpoints and (done := int(checkpoints[-1].name)) >= steps:
+        raise ConfigurationError(
+            f"{options.resume} has made {done:,} decisions already, {steps:,} are asked for; give "
+            f"--steps more than that, such as --steps {done + ROUND_STEPS}"
+        )
     return run, replace(
         config,
-        steps=options.steps or config.steps,
+        steps=steps,
         target_reward=config.target_reward
         if options.target_reward is None
         else options.target_reward,
         workers=config.workers if options.workers is None else options.workers,
     )
+
+
+def _say_rounding(run: "RunDirectory", config: "TrainingConfig") -> None:
+    """Decisions are made in whole rollouts, one of every robot, whatever --steps says."""
+    import sys
+
+    checkpoints = run.checkpoints()
+    done = int(checkpoints[-1].name) if checkpoints else 0
+    rollout = config.learner.steps_per_robot * config.robots
+    end = done - (done - config.steps) // rollout * rollout
+    if end != config.steps:
+        print(
+            f"workstation: note: --steps {config.steps:,} becomes {end:,}: {rollout:,} decisions "
+            "are learned from at a time",
+            file=sys.stderr,
+        )
 
 
 def _begun(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
