@@ -19,7 +19,8 @@ def main() -> None:
     except OSError as error:
         if error.errno not in NO_ROOM:
             raise
-        code = _said(f"no room to write {error.filename or 'a file'}: {error.strerror}", 1)
+        what = f"can't write {error.filename}" if error.filename else "can't write any more"
+        code = _said(f"{what}: {error.strerror}; make room on the disk", 1)
     except ModuleNotFoundError as error:
         if error.name not in TRAINING_LIBRARIES:
             raise

@@ -60,6 +60,12 @@ class EvaluateOptions:
     plot: Path | None = output_file(
         None, "Draw the comparison too.", endings=PICTURES, metavar="FILE.png"
     )
+    film: Path | None = output_file(
+        None,
+        "Film one episode too, all MODELs side by side, on the first --preset.",
+        endings=(".mp4",),
+        metavar="FILE.mp4",
+    )
     as_json: bool = json_option()
 
 
@@ -75,6 +81,7 @@ def evaluate(options: EvaluateOptions) -> None:
     - `workstation evaluate policy.onnx servo oracle --plot comparison.png`
     - `workstation evaluate policy.onnx servo --calibration calibration/mbot-1`
     - `workstation evaluate policy.onnx --preset slippery --preset uneven --panorama kitchen.jpg`
+    - `workstation evaluate policy.onnx servo --episodes 16 --film side-by-side.mp4`
     - `workstation evaluate policy.onnx servo --pictures my-photos`
     """
     if options.pictures is not None:
@@ -134,8 +141,8 @@ def _drive(options: EvaluateOptions) -> None:
     titles = _titles(options.contestants)
     rooms = gather_rooms(panorama, made_up, EVALUATION_ROOMS)
     lines: list[Line] = []
-    for name, effects in robots.items():
-        trial = Trial(
+    trials = {
+        name: Trial(
             stage,
             effects,
             rooms,
@@ -145,9 +152,17 @@ def _drive(options: EvaluateOptions) -> None:
             files.robot,
             files.scene,
         )
+        for name, effects in robots.items()
+    }
+    for name, trial in trials.items():
         for contestant, title in titles.items():
             results = _with_bar(contestant, f"{title}, {name}", trial)
             lines.append(Line(title, name, score(results)))
+    if options.film is not None:
+        from mbot_workstation.training.evaluation.episode_film import film_episode
+
+        contestants = {title: contestant for contestant, title in titles.items()}
+        film_episode(contestants, next(iter(trials.values())), options.film)
     if options.plot is not None:
         draw(lines, options.plot, ten_objects=stage.objects == 10)
     if options.as_json:
