@@ -315,6 +315,9 @@ def test_telemetry_records_until_ctrl_c(robot: FakeRobot, tmp_path: Path) -> Non
     topics = {topic for topic, _ in read_recording(path)}
     assert topics == {"/mbot/mbot-1/decision", "/mbot/mbot-1/observation"}
     assert path.read_bytes().endswith(b"MCAP0\r\n")
+    assert re.match(rf"workstation: recorded \d+ decisions into {path}; open it in Fox", errors)
+    assert "workstation explain POLICY.onnx --recording" in errors
+    assert errors.count("\n") == 1
     assert workstation(robot, "telemetry", "--record", str(path)).returncode == 2
 
 
