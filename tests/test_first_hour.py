@@ -35,6 +35,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(400)
 @pytest.mark.parametrize("mistake", MISTAKES, ids=[one.what for one in MISTAKES])
 def test_a_mistake_is_answered_by_its_line(mistake: Mistake, folder: Path) -> None:
     program, *words = mistake.command.split()
@@ -46,7 +47,7 @@ def test_a_mistake_is_answered_by_its_line(mistake: Mistake, folder: Path) -> No
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
-        timeout=100,
+        timeout=300,
         check=False,
     )
     assert done.stderr == mistake.line.replace("{folder}", str(folder)) + "\n"

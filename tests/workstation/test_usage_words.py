@@ -1,5 +1,9 @@
 """Mistakes in the words of a command line, each one line, and exit code 2."""
 
+import os
+import subprocess
+import sys
+
 import pytest
 
 from mbot_workstation import main
@@ -51,6 +55,19 @@ def test_no_words_at_all_show_the_help_and_nothing_else(
     assert ended.value.code == 2
     assert "push-model" in out + errors
     assert "workstation:" not in out + errors
+
+
+def test_a_shell_completes_subcommands() -> None:
+    asked = {"_WORKSTATION_COMPLETE": "complete_bash", "COMP_WORDS": "workstation ev"}
+    done = subprocess.run(
+        [sys.executable, "-m", "mbot_workstation.main"],
+        env=os.environ | asked | {"COMP_CWORD": "1"},
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
+    )
+    assert (done.returncode, done.stdout.split()) == (0, ["evaluate"])
 
 
 def test_other_errors_are_none_of_the_words() -> None:
