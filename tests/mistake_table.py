@@ -68,8 +68,8 @@ MISTAKES = (
     Mistake(
         "an action of the daemon misspelt",
         "mbot-agent chek",
-        "mbot-agent: argument action: invalid choice: 'chek' (choose from 'run', 'check', "
-        "'stop-motors'); did you mean check? see `mbot-agent --help`",
+        "mbot-agent: argument action: invalid choice: 'chek' (choose from run, check, "
+        "stop-motors); did you mean check? see `mbot-agent --help`",
     ),
     Mistake(
         "an option of the daemon misspelt",

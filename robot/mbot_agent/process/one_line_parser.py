@@ -24,6 +24,8 @@ class OneLineParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong and end."""
+        # Newer Pythons leave the quotes out.
+        message = re.sub(r"\(choose from .*\)", lambda found: found[0].replace("'", ""), message)
         known = [word for action in self._actions for word in action.option_strings]
         for action in self._actions:
             known += action.choices or ()
