@@ -7,11 +7,9 @@ import logging
 import math
 import os
 import re
-import tomllib
 from pathlib import Path
 from typing import Annotated, Literal
 
-import msgspec
 from msgspec import Meta, Struct
 
 from mbot_protocol.access_rules import check_name
@@ -26,6 +24,7 @@ from mbot_protocol.keys import DEFAULT_ENDPOINT, Right, check_robot_id
 from mbot_protocol.mcore import BAUD_RATE
 from mbot_protocol.policy_contract import DECISION_RATE_HZ
 from mbot_protocol.public_key import PublicKey
+from mbot_protocol.toml_file import decode_toml
 
 log = logging.getLogger(__name__)
 
@@ -363,11 +362,4 @@ def decode(text: str, origin: str) -> Configuration:
         ConfigurationError: as `load`.
 
     """
-    try:
-        return msgspec.convert(tomllib.loads(text), Configuration)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{origin} is no valid TOML: {error}") from None
-    except msgspec.ValidationError as error:
-        raise ConfigurationError(f"{origin}: {error}") from None
-    except ConfigurationError as error:
-        raise ConfigurationError(f"{origin}: {error}") from None
+    return decode_toml(text, Configuration, origin)

@@ -1,22 +1,20 @@
 """The command `mbot-agent`."""
 
-import argparse
-import json
-import logging
+# Nothing is imported up here that takes time: Ctrl-C meanwhile would show a traceback.
 import os
 import sys
-from pathlib import Path
-from typing import TYPE_CHECKING
 
-from mbot_agent import installed_version
-from mbot_agent.process import termination
-from mbot_agent.process.journal import Journal
-from mbot_protocol.errors import ConfigurationError, MbotError
-
+TYPE_CHECKING = False  # typing itself takes 10 ms to import
 if TYPE_CHECKING:
-    from mbot_agent.configuration import Configuration
+    import argparse
+    from pathlib import Path
 
-DEFAULT_PATH = Path("/etc/mbot-agent/config.toml")
+    from mbot_agent.configuration import Configuration
+    from mbot_agent.process.journal import Journal
+
+DEFAULT_PATH = "/etc/mbot-agent/config.toml"
+
+INTERRUPTED = 130
 
 EPILOG = """examples:
   mbot-agent check                       is everything there that driving needs?
@@ -27,35 +25,65 @@ EPILOG = """examples:
 
 def main() -> None:
     """Run the command line and end the process, whatever threads are left."""
-    arguments = _parser().parse_args()
-    if arguments.action == "run":
-        # Before numpy or OpenCV is imported: a thread of theirs that does not inherit the mask
-        # would take the signal, and the process would die with the motors running.
-        termination.block_signals()
-    journal = Journal(verbose=arguments.verbose)
     try:
-        code = _dispatch(arguments, journal)
-    except MbotError as error:
-        journal.say(f"mbot-agent: {error}")
-        code = error.exit_code
+        code = _run()
+        sys.stdout.flush()
     except KeyboardInterrupt:
-        code = 130
-    except BaseException:
-        logging.getLogger(__name__).exception("mbot-agent: internal error, please report it")
-        code = termination.THREAD_DIED
-    journal.drain()
-    sys.stdout.flush()
+        print("mbot-agent: interrupted", file=sys.stderr)
+        code = INTERRUPTED
     # Not sys.exit: a thread of Zenoh's or OpenCV's that hangs would keep a broken daemon alive,
     # and systemd would never restart it (measured; zenoh-python issue 434).
     os._exit(code)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def _run() -> int:
+    """The exit code."""
+    from mbot_protocol.early_interrupt import ctrl_c_as_usual, end_at_once_on_ctrl_c
+
+    end_at_once_on_ctrl_c("mbot-agent")
+
+    from mbot_agent.process import termination
+    from mbot_protocol.errors import MbotError
+
+    arguments = _parser().parse_args()
+    if arguments.version:
+        from mbot_agent import installed_version
+
+        print(f"mbot-agent {installed_version()}")
+        return 0
+    if arguments.action == "run":
+        # Before numpy or OpenCV is imported: a thread of theirs that does not inherit the mask
+        # would take the signal, and the process would die with the motors running.
+        termination.block_signals()
+    import logging
+
+    from mbot_agent.process.journal import Journal
+
+    journal = Journal(verbose=arguments.verbose)
+    ctrl_c_as_usual()
+    try:
+        return _dispatch(arguments, journal)
+    except MbotError as error:
+        journal.say(f"mbot-agent: {error}")
+        return error.exit_code
+    except KeyboardInterrupt:
+        raise
+    except BaseException:
+        logging.getLogger(__name__).exception("mbot-agent: internal error, please report it")
+        return termination.THREAD_DIED
+    finally:
+        journal.drain()
+
+
+def _parser() -> "argparse.ArgumentParser":
+    from pathlib import Path
+
+    from mbot_agent.process.one_line_parser import OneLineParser
+
+    parser = OneLineParser(
         prog="mbot-agent",
         description="Drives a Makeblock mBot by a camera policy.",
         epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "action",
@@ -68,25 +96,18 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--config",
         type=Path,
-        default=DEFAULT_PATH,
+        default=Path(DEFAULT_PATH),
         metavar="FILE",
         help="configuration (default: %(default)s)",
     )
     parser.add_argument("--model", type=Path, metavar="FILE", help="decide: by which model")
     parser.add_argument("--json", action="store_true", help="check: findings for machines")
     parser.add_argument("--verbose", "-v", action="store_true", help="log more")
-    parser.add_argument("--version", action=_PrintVersion, nargs=0, help="print it and end")
+    parser.add_argument("--version", action="store_true", help="print it and end")
     return parser
 
 
-class _PrintVersion(argparse.Action):
-    """Looks the version up only when asked: that takes longer than the rest of the start."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        parser.exit(message=f"mbot-agent {installed_version()}\n")
-
-
-def _dispatch(arguments: argparse.Namespace, journal: Journal) -> int:
+def _dispatch(arguments: "argparse.Namespace", journal: "Journal") -> int:
     if arguments.action == "stop-motors":
         return _stop_motors(arguments.config)
     if arguments.action == "decide":
@@ -104,7 +125,7 @@ def _dispatch(arguments: argparse.Namespace, journal: Journal) -> int:
     return 0
 
 
-def _stop_motors(path: Path) -> int:
+def _stop_motors(path: "Path") -> int:
     """Even a broken configuration must not keep the motors turning."""
     from mbot_agent.board.motor_stop import stop_motors
     from mbot_agent.configuration import load_board
@@ -113,11 +134,12 @@ def _stop_motors(path: Path) -> int:
     return 0
 
 
-def _decide(model: Path | None) -> int:
+def _decide(model: "Path | None") -> int:
     """By pipes, for `workstation replay`."""
     from mbot_agent.models.decide_again import decide_again
     from mbot_agent.models.policy import Policy
     from mbot_agent.recording.robot_facts import processor_name
+    from mbot_protocol.errors import ConfigurationError
 
     if model is None:
         raise ConfigurationError("decide: by which model? --model FILE")
@@ -126,6 +148,8 @@ def _decide(model: Path | None) -> int:
 
 
 def _check(configuration: "Configuration", *, as_json: bool) -> int:
+    import json
+
     from mbot_agent.doctor import examine
 
     findings = examine(configuration)

@@ -295,7 +295,11 @@ def run_agent(*arguments: str) -> subprocess.CompletedProcess[str]:
     [
         (None, 2, "no configuration at"),
         ("robot_id =", 2, "no valid TOML"),
-        ('robot_id = "a"\n[board]\nprot = "x"', 2, "unknown field `prot`"),
+        (
+            'robot_id = "a"\n[board]\nprot = "x"',
+            2,
+            "board.prot is unknown (line 3); did you mean port?",
+        ),
     ],
 )
 def test_a_bad_configuration_ends_with_one_line(

@@ -82,6 +82,20 @@ def test_two_people_and_a_robot(daemon: Daemon, tmp_path: Path) -> None:
         assert process.is_running()
 
 
+def test_a_trial_on_this_machine_copies_nothing(daemon: Daemon, tmp_path: Path) -> None:
+    rosa = Desk(tmp_path / "rosa")
+    said = rosa.do("enroll", "--here", str(daemon.config), "--port", str(free_port()))
+    assert (said.returncode, said.stderr) == (0, "")
+    assert f"workstation robots --robot {ROBOT_ID}" in said.stdout
+    assert "scp" not in said.stdout
+    assert (daemon.directory / "tls" / "robot.key").stat().st_mode & 0o077 == 0
+    with daemon.camera(), daemon.start():
+        assert daemon.is_up()
+        seen = rosa.do("robots", "--robot", ROBOT_ID)
+        assert (seen.returncode, seen.stderr) == (0, "")
+        assert ROBOT_ID in seen.stdout
+
+
 def test_a_daemon_with_wrong_files_says_which(daemon: Daemon, tmp_path: Path) -> None:
     desk = Desk(tmp_path / "rosa")
     assert desk.do("enroll", ROBOT_ID).returncode == 0

@@ -49,6 +49,12 @@ def test_a_serial_port_asks_and_drives_until_it_is_silent(firmware_folder: Path,
         assert until(lambda: board.state.motors == STOP)
         assert 299_000 <= board.changed_us - board.heard_us <= 302_000
         assert [state.motors for state in board.trace] == [STOP, DRIVE, STOP]
+        assert 299 <= board.state.silent_ms <= 302
+        assert answers(port, ARM_REQUEST, ACKNOWLEDGED)
+        assert answers(port, DRIVE.to_bytes(), ACKNOWLEDGED)
+        assert answers(port, STOP.to_bytes(), ACKNOWLEDGED)
+        assert until(lambda: board.state.motors == STOP)
+        assert board.state.silent_ms == 0, "this time it was told"
     assert board.state.motors == STOP
     assert not emulators_of(os.getpid())
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol import atomic_file
+from mbot_protocol.errors import ConfigurationError
 
 from ..robot.faulty_disk import EIO, ENOSPC, FaultyDisk, State, fails_at
 
@@ -105,3 +106,31 @@ def test_the_disk_of_these_tests_finds_careless_writers(
     disk.watch = lambda: seen.extend(disk.after_power_cut())
     way(path, NEW[:900], disk)
     assert {state.get("file") for state in seen} - {OLD, NEW[:900]}
+
+
+def test_what_a_person_asked_for_is_written_whole_or_not_at_all(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = content(path)
+
+    def full(*_: object) -> int:
+        raise OSError(ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(atomic_file.os, "write", full)
+        with pytest.raises(ConfigurationError, match=f"can't write {path}: No space left"):
+            atomic_file.save(path, NEW)
+    assert content(path) == before
+    assert [found.name for found in path.parent.iterdir()] == ["file"] * (before is not None)
+
+
+def test_a_device_and_a_link_stay_what_they_are(tmp_path: Path) -> None:
+    target = tmp_path / "target"
+    (tmp_path / "link").symlink_to(target)
+    atomic_file.save(tmp_path / "link", NEW)
+    assert (tmp_path / "link").is_symlink()
+    assert target.read_bytes() == NEW
+    atomic_file.save(Path("/dev/null"), NEW)
+    assert Path("/dev/null").is_char_device()
+    with pytest.raises(ConfigurationError, match="No space left"):
+        atomic_file.save(Path("/dev/full"), NEW)

@@ -193,7 +193,9 @@ def test_a_full_disk_is_a_reason(robot: Robot, monkeypatch: pytest.MonkeyPatch) 
 
     monkeypatch.setattr(model_service.shutil, "disk_usage", full)
     reply = robot.begin(FIRST)
-    assert "only 1000 bytes are free" in reply.reason
+    assert "it takes 4.2 MB in " in reply.reason
+    assert "0.0 MB are free; shorten its log" in reply.reason
+    assert "keep fewer than the 1 models" in reply.reason
     assert robot.active == "second"
 
 

@@ -109,7 +109,7 @@ def test_a_broken_calibration_is_named(folder: Path, command: Callable[..., None
     contestant = ("servo",) if command is evaluate else ()
     result = call(command, *contestant, "--calibration", folder)
     assert isinstance(result.exception, ConfigurationError)
-    assert "motion.toml: missing key" in str(result.exception)
+    assert "motion.toml: left_motor is missing" in str(result.exception)
 
 
 def test_a_policy_is_evaluated_on_the_calibrated_robot_in_its_room(folder: Path) -> None:

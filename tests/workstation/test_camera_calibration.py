@@ -182,6 +182,16 @@ def test_mirrored_pictures_are_refused_by_name(tmp_path: Path) -> None:
         look_for_boards([*paths, turned], [])
 
 
+def test_a_file_that_is_no_picture_is_left_out_by_name(tmp_path: Path) -> None:
+    paths = saved(tmp_path, pictures(CHARUCO, FULL, 3))
+    broken = tmp_path / "broken.png"
+    broken.write_bytes(paths[0].read_bytes()[:200])
+    found = look_for_boards([broken, *paths], [])
+    assert (found.unreadable, len(found.sightings)) == (("broken.png",), 3)
+    with pytest.raises(ConfigurationError, match="is no picture"):
+        look_for_boards([broken], [])
+
+
 def test_an_odd_checkerboard_cannot_tell_a_mirror_and_says_so() -> None:
     odd = Board(10, 7)
     assert not odd.tells_mirrored

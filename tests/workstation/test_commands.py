@@ -25,9 +25,9 @@ from mbot_workstation.commands.push_model import push_model
 from mbot_workstation.commands.robots import robots
 from mbot_workstation.commands.simulation_options import calibration_option, photographs
 from mbot_workstation.commands.stop_signals import stop_signals
+from mbot_workstation.commands.subcommands import app as workstation
 from mbot_workstation.commands.telemetry import telemetry
 from mbot_workstation.commands.track_robot import track
-from mbot_workstation.main import app as workstation
 
 NOBODY = ("--robot", "127.0.0.1:1")
 

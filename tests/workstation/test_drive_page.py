@@ -13,10 +13,10 @@ from typer.testing import CliRunner
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Fault, State
 from mbot_workstation.commands.drive_report import ReportOptions
+from mbot_workstation.commands.subcommands import app
 from mbot_workstation.drives.drive_figures import HISTOGRAM_BINS, Latency, figures
 from mbot_workstation.drives.drive_film import RATE_HZ, film
 from mbot_workstation.drives.drive_page import drive_page
-from mbot_workstation.main import app
 from mbot_workstation.recordings.recorded_drive import RecordedDrive, read_drive
 
 RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"

@@ -121,6 +121,7 @@ def test_scripts_get_json(desk: Desk) -> None:
         (("--list", "--person", "max"), "need ROBOT"),
         (("mbot-1", "--right", "view"), "--right is for --person NAME"),
         (("lab", "--router", "--person", "max"), "belong to a robot"),
+        (("--here", "no-such.toml"), "can't read no-such.toml"),
         (("--join", "no-such.tar"), "cannot read no-such.tar"),
     ],
 )

@@ -1,6 +1,7 @@
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import typer
@@ -13,6 +14,12 @@ from mbot_workstation.commands.evaluate import evaluate as command
 from mbot_workstation.simulation.room_generator import generate_room
 from mbot_workstation.training.drivers.contestants import driver
 from mbot_workstation.training.drivers.oracle import Oracle
+from mbot_workstation.training.evaluation.episode_film import (
+    LINE_PX,
+    RATE_HZ,
+    SIDE_PX,
+    film_episode,
+)
 from mbot_workstation.training.evaluation.episodes import EpisodeResult, Trial, evaluate, score
 from mbot_workstation.training.evaluation.evaluation_report import Line, draw, share_of_oracle
 from mbot_workstation.training.worlds.lessons import lesson
@@ -145,3 +152,20 @@ def test_the_command_names_what_is_wrong(tmp_path: Path) -> None:
     ):
         with pytest.raises(ConfigurationError, match=message):
             invoke(*options)
+
+
+def test_a_film_shows_all_contestants_side_by_side_until_the_last_has_ended(tmp_path: Path) -> None:
+    path = tmp_path / "film.mp4"
+    decisions = film_episode({"oracle": "oracle", "chance": "random"}, trial(1, stage="1"), path)
+    film = cv2.VideoCapture(str(path))
+    frames = 0
+    while True:
+        there, frame = film.read()
+        if not there:
+            break
+        frames += 1
+        assert frame.shape == (2 * SIDE_PX + LINE_PX, 2 * SIDE_PX, 3)
+    assert frames == decisions > 5
+    assert film.get(cv2.CAP_PROP_FPS) == RATE_HZ
+    with pytest.raises(ConfigurationError, match="can't write a film"):
+        film_episode({"oracle": "oracle"}, trial(1, stage="1"), tmp_path / "none" / "film.mp4")

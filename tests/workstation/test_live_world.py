@@ -58,3 +58,19 @@ def test_a_stall_of_the_machine_leaves_no_trace_in_the_history() -> None:
     assert len(kept) >= 150
     assert np.diff(kept) == pytest.approx(SLICE_S, abs=1e-6)
     assert kept[-1] <= time.monotonic()
+
+
+def test_the_way_counts_on_a_free_floor_and_being_carried_does_not() -> None:
+    simulation = Simulation(room_picture=ROOMS[0])
+    world = LiveWorld(simulation, Board(), FetchRules(), seed=0, free_floor=True)
+    for _ in range(400):
+        world.advance(1.0)
+    driven_m = world.status().result.distance_driven_m
+    assert driven_m == pytest.approx(simulation.pose.x_m, rel=0.05)
+    assert driven_m > 0.3
+    world._board = Board()  # pyright: ignore[reportPrivateUsage]
+    world._board._state = BoardState(Joystick(0, 0), 2.0, 2)  # pyright: ignore[reportPrivateUsage, reportAttributeAccessIssue]
+    for _ in range(400):
+        world.advance(3.0)
+    assert abs(simulation.pose.x_m) < 0.05, "it was carried back"
+    assert world.status().result.distance_driven_m < driven_m + 0.1

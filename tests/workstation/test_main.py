@@ -206,6 +206,16 @@ def test_a_bad_model_needs_no_robot(tmp_path: Path) -> None:
     assert "no ONNX model" in run.stderr
 
 
+def test_a_key_that_does_not_exist_is_refused_though_nothing_needs_it(
+    robot: FakeRobot, policy: Path
+) -> None:
+    assert workstation(robot, "push-model", str(policy)).returncode == 0
+    for command in (("push-model", str(policy)), ("rollback",)):
+        run = workstation(robot, *command, "--sign-with", "nobody")
+        assert run.returncode == 2
+        assert "no key 'nobody' in " in run.stderr
+
+
 def test_a_push_broken_off_leaves_the_old_model(robot: FakeRobot, policy: Path) -> None:
     answer = robot.replies[PUSH_CHUNK.name]
 
@@ -305,6 +315,9 @@ def test_telemetry_records_until_ctrl_c(robot: FakeRobot, tmp_path: Path) -> Non
     topics = {topic for topic, _ in read_recording(path)}
     assert topics == {"/mbot/mbot-1/decision", "/mbot/mbot-1/observation"}
     assert path.read_bytes().endswith(b"MCAP0\r\n")
+    assert re.match(rf"workstation: recorded \d+ decisions into {path}; open it in Fox", errors)
+    assert "workstation explain POLICY.onnx --recording" in errors
+    assert errors.count("\n") == 1
     assert workstation(robot, "telemetry", "--record", str(path)).returncode == 2
 
 

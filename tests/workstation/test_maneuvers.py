@@ -32,7 +32,7 @@ from mbot_workstation.maneuvers.maneuver_drive import (
     drive_maneuver,
 )
 from mbot_workstation.maneuvers.maneuver_session import Session, SessionSettings, check_ready
-from mbot_workstation.maneuvers.plan import Order, Planned, plan, room_needed_m
+from mbot_workstation.maneuvers.plan import Order, Planned, plan, reach, room_needed_m
 from mbot_workstation.maneuvers.robot_time import measure_robot_time
 from mbot_workstation.maneuvers.session_journal import Journal
 from mbot_workstation.recordings.commands_csv import read_commands
@@ -604,3 +604,15 @@ def test_the_list_is_readable_by_people_and_machines(robot: FakeRobot) -> None:
         "width_m": rows[0]["width_m"],
     }
     assert 2 < rows[0]["length_m"] < 3
+
+
+def test_a_plan_says_how_much_floor_it_needs_to_which_side() -> None:
+    straight = reach([maneuver_named("forward-forward")], 5.0)
+    assert straight.ahead_m == pytest.approx(2.6, abs=0.1)
+    assert straight.behind_m == pytest.approx(0.3)
+    assert reach([maneuver_named("backward-backward")], 5.0).behind_m == straight.ahead_m
+    to_the_left = reach([maneuver_named("neutral-forward")], 5.0)
+    to_the_right = reach([maneuver_named("forward-neutral")], 5.0)
+    assert to_the_left.left_m == to_the_right.right_m > to_the_left.right_m
+    everything = reach(MANEUVERS, 5.0)
+    assert everything.ahead_m == everything.behind_m == straight.ahead_m

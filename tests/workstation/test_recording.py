@@ -1,3 +1,4 @@
+import errno
 import logging
 import os
 import subprocess
@@ -134,3 +135,15 @@ def test_a_full_disk_is_one_line(tmp_path: Path) -> None:
 
     with pytest.raises(ConfigurationError, match="No space left"):
         write_to_a_full_disk()
+
+
+def test_a_disk_that_is_full_from_the_start_leaves_no_empty_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(ConfigurationError, match=r"can't write .*drive\.mcap: No space left"):
+        Recording(tmp_path / "drive.mcap", "mbot-1")
+    assert list(tmp_path.iterdir()) == []

@@ -446,6 +446,8 @@ def test_the_documents_example_is_a_recording(
     monkeypatch.chdir(tmp_path)
     exec(program, {})
     found = read_recording(tmp_path / "ideal")
-    assert [run.maneuver for run in found.runs] == ["forward-forward", "forward-backward"]
+    assert len(found.runs) == 16
+    assert {run.maneuver for run in found.runs} == {one.name for one in MANEUVERS}
     assert found.tracker_ahead_s == pytest.approx(7000, abs=0.15)
-    assert found.runs[1].track.yaw_rad[-1] == pytest.approx(-70, abs=0.2)
+    turning = next(run for run in found.runs if run.maneuver == "forward-backward")
+    assert turning.track.yaw_rad[-1] == pytest.approx(-10 * 2 * 0.404 / 0.115, rel=0.01)

@@ -12,10 +12,10 @@ from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError, MbotError
 from mbot_workstation.commands.replay import DIFFERS
+from mbot_workstation.commands.subcommands import app
 from mbot_workstation.drives import replay_words
 from mbot_workstation.drives.decider import Decider
 from mbot_workstation.drives.replayed_drive import TOLERANCE, replay
-from mbot_workstation.main import app
 from mbot_workstation.pictures.film_tile import TILE_PX, Bar, blank, caption_px, draw_tile
 from mbot_workstation.recordings.drive_mcap import Recording
 from mbot_workstation.recordings.recorded_drive import RecordedDrive, read_drive, read_drives

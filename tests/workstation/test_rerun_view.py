@@ -8,9 +8,9 @@ from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision, Fault, State
+from mbot_workstation.commands.subcommands import app
 from mbot_workstation.commands.view_drives import ViewOptions
 from mbot_workstation.drives.rerun_view import RerunView, changes
-from mbot_workstation.main import app
 
 RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"
 

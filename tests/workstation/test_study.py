@@ -12,7 +12,7 @@ from mbot_workstation.calibration_files.calibration_folder import (
     read_files,
     write_motion,
 )
-from mbot_workstation.commands.study import NAMES, TOLERANCE, study
+from mbot_workstation.commands.study import NAMES, TOLERANCE, _beside, study  # pyright: ignore[reportPrivateUsage]
 from mbot_workstation.training.evaluation.episodes import EpisodeResult, Trial, score
 from mbot_workstation.training.evaluation.evaluation_report import Line
 from mbot_workstation.training.studies.study_plans import (
@@ -36,6 +36,12 @@ def invoke(*arguments: str) -> str:
     result = CliRunner().invoke(app, list(arguments), catch_exceptions=False)
     assert result.exit_code == 0, result.output
     return result.output
+
+
+def test_results_go_beside_the_first_policy_and_never_into_the_documents(tmp_path: Path) -> None:
+    (tmp_path / "policy.onnx").touch()
+    assert _beside(["servo", str(tmp_path / "policy.onnx")]) == tmp_path / "studies"
+    assert _beside(["servo", "oracle"]) == Path("studies")
 
 
 def test_the_command_knows_all_studies() -> None:

@@ -1,5 +1,6 @@
 """Parts of training that the larger tests only pass through."""
 
+import errno
 import multiprocessing
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from mbot_workstation.training.learning.git_state import git_state
 from mbot_workstation.training.learning.learning_curve import draw_curve
 from mbot_workstation.training.learning.policy_source import find_source
 from mbot_workstation.training.learning.progress_log import ProgressRow
+from mbot_workstation.training.learning.run_directory import RunDirectory
 from mbot_workstation.training.learning.scaled_rewards import ScaledRewards
 from mbot_workstation.training.studies.study_report import make_folder, markdown
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
@@ -157,3 +159,23 @@ def test_a_report_without_lines_is_a_table_without_rows(tmp_path: Path) -> None:
     make_folder(tmp_path / "new")
     assert (tmp_path / "new").is_dir()
     assert markdown([]).count("|") > 5
+
+
+def test_a_checkpoint_for_which_there_is_no_room_leaves_nothing(tmp_path: Path) -> None:
+    run = RunDirectory.create(tmp_path / "first")
+
+    def full(folder: Path) -> None:
+        (folder / "model.zip").touch()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with pytest.raises(ConfigurationError, match=r"No space left.*make room.*begin again"):
+        run.add_checkpoint(64, full)
+    assert list((run.path / "checkpoints").iterdir()) == []
+    run.forget_unless_begun()
+    assert not run.path.exists(), "its name is free again"
+    run = RunDirectory.create(tmp_path / "first")
+    run.add_checkpoint(64, lambda folder: (folder / "model.zip").touch())
+    with pytest.raises(ConfigurationError, match="go on with --resume"):
+        run.add_checkpoint(128, full)
+    run.forget_unless_begun()
+    assert [path.name for path in run.checkpoints()] == ["000000064"]

@@ -19,11 +19,23 @@ def test_a_link_leads_to_the_port_until_it_is_removed(tmp_path: Path) -> None:
     place = tmp_path / "deep" / "board"
     link = PortLink(place, "/dev/pts/7")
     assert str(place.readlink()) == "/dev/pts/7"
-    newer = PortLink(place, "/dev/pts/8")
+    place.unlink()
+    place.symlink_to("/dev/pts/8")
     link.remove()
     assert str(place.readlink()) == "/dev/pts/8", "somebody else's by now"
+    newer = PortLink(place, "/dev/pts/9")  # what a dead process has left is replaced
+    assert str(place.readlink()) == "/dev/pts/9"
     newer.remove()
-    assert not place.is_symlink()
+    assert list(place.parent.iterdir()) == []
+
+
+def test_a_link_in_use_is_left_to_its_robot(tmp_path: Path) -> None:
+    link = PortLink(tmp_path / "board", "/dev/pts/7")
+    with pytest.raises(ConfigurationError, match="another virtual robot, which still runs"):
+        PortLink(tmp_path / "board", "/dev/pts/8")
+    assert str((tmp_path / "board").readlink()) == "/dev/pts/7"
+    link.remove()
+    PortLink(tmp_path / "board", "/dev/pts/8").remove()
 
 
 def test_a_file_is_not_replaced_by_a_link(tmp_path: Path) -> None:

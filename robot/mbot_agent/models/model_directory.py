@@ -4,8 +4,10 @@ Every file is replaced whole or not at all, the model before what names it: afte
 any moment the active model is a whole one, the old or the new.
 """
 
+import errno
 import hashlib
 import logging
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -114,6 +116,17 @@ class ModelDirectory:
             raise RefusedError(f"cannot read the stored models: {error.strerror}") from None
         return sorted(found, key=lambda model: model.stored_unix_time_ns, reverse=True)
 
+    def no_room(self, needed_bytes: int, free_bytes: int) -> str:
+        """Why a model does not fit on the disk, and what can be removed there."""
+        stored = self.models()
+        stored_bytes = sum(model.size_bytes for model in stored)
+        return (
+            f"the robot's disk is full: it takes {needed_bytes / 1e6:.1f} MB in {self._directory}, "
+            f"{free_bytes / 1e6:.1f} MB are free; shorten its log (`sudo journalctl "
+            f"--vacuum-size=50M` there), or keep fewer than the {len(stored)} models stored, "
+            f"{stored_bytes / 1e6:.1f} MB (models.keep in its configuration)"
+        )
+
     def find(self, prefix: str) -> str:
         """The digest of the one stored model beginning with `prefix` (8 digits at least).
 
@@ -182,7 +195,11 @@ class ModelDirectory:
             if not self._is_whole(sha256):
                 atomic_file.replace(self._path(sha256), data)
         except OSError as error:
-            raise RefusedError(f"cannot store the model: {error.strerror}") from None
+            remedy = ""
+            if error.errno == errno.ENOSPC:
+                free_bytes = shutil.disk_usage(self._directory).free
+                remedy = f"; {self.no_room(len(data), free_bytes)}"
+            raise RefusedError(f"cannot store the model: {error.strerror}{remedy}") from None
 
     def activate(self, sha256: str, in_use: str) -> None:
         """Make a stored model the active one; the one in use becomes the previous one.

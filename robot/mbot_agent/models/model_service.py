@@ -165,8 +165,9 @@ class ModelService:
             free_bytes = shutil.disk_usage(self._directory).free
         except OSError as error:
             raise RefusedError(f"cannot use {self._directory}: {error.strerror}") from None
-        if free_bytes < request.size_bytes + DISK_RESERVE_BYTES:
-            raise RefusedError(f"only {free_bytes} bytes are free in {self._directory}")
+        needed_bytes = request.size_bytes + DISK_RESERVE_BYTES
+        if free_bytes < needed_bytes:
+            raise RefusedError(self._store.no_room(needed_bytes, free_bytes))
         self.expire_staging()
         staging = Staging(
             request.sha256, request.size_bytes, request.expected_active_sha256, admission

@@ -11,6 +11,7 @@ import onnxruntime as untyped_onnxruntime  # pyright: ignore[reportMissingTypeSt
 from numpy.typing import NDArray
 
 from mbot_agent.tick import Memory
+from mbot_protocol.engine_words import engine_words
 from mbot_protocol.errors import ContractError, MbotError
 from mbot_protocol.golden_frames import GoldenFrame, read_golden_frames
 from mbot_protocol.model_structure import check_structure
@@ -90,8 +91,9 @@ class Policy:
                 data, options, providers=["CPUExecutionProvider"]
             )
         except Exception as error:
-            reason = str(error).splitlines()[0][:200]
-            raise ContractError(f"onnxruntime cannot load the model: {reason}") from None
+            raise ContractError(
+                f"onnxruntime cannot load the model: {engine_words(error)}"
+            ) from None
         properties = cast(dict[str, str], self._session.get_modelmeta().custom_metadata_map)
         self.metadata = PolicyMetadata.from_properties(properties)
         self._properties = properties
@@ -157,8 +159,7 @@ class Policy:
             left, right = (float(value) for value in np.asarray(action).reshape(2))
             state = np.asarray(states[0], np.float32) if states else memory.state
         except Exception as error:
-            reason = str(error).splitlines()[0][:200]
-            raise PolicyError(f"the model failed on a picture: {reason}") from None
+            raise PolicyError(f"the model failed on a picture: {engine_words(error)}") from None
         if not (math.isfinite(left) and math.isfinite(right)):
             raise PolicyError(f"the model answered ({left}, {right}), expected two finite numbers")
         if not np.isfinite(state).all():

@@ -4,6 +4,7 @@
 # (zenoh's stubs leave out some return types.)
 
 import logging
+import re
 import threading
 from collections.abc import Callable, Mapping
 from typing import Self
@@ -172,5 +173,7 @@ def _answer(query: zenoh.Query, answer: Answer | None) -> None:
 
 
 def _reason(error: Exception) -> str:
-    """Zenoh's words up to where its own source positions begin."""
-    return str(error).split(" at /")[0].splitlines()[0][:160]
+    """Zenoh's words up to where its own source positions begin; of nested ones the innermost."""
+    words = str(error).split(" at /")[0].splitlines()[0]
+    inner = re.search(r"([A-Z][^\[\]:]*) \(os error \d+\)", words)
+    return inner[1] if inner else words[:160]

@@ -12,6 +12,8 @@ import os
 import time
 from pathlib import Path
 
+from mbot_protocol.errors import ConfigurationError
+
 TEMPORARY = ".tmp"
 
 
@@ -41,6 +43,22 @@ def replace(path: Path, data: bytes, *, mode: int = 0o666) -> None:
         # that the old content has to be back now.
         _put_back(path, before, mode)
         raise
+
+
+def save(path: Path, data: bytes) -> None:
+    """`replace` for a file that a person asked for: a device or a link stays what it is.
+
+    Raises:
+        ConfigurationError: it can't be written; it is what it was before.
+
+    """
+    try:
+        if path.exists() and not path.is_file():
+            path.write_bytes(data)
+        else:
+            replace(path.resolve(), data)
+    except OSError as error:
+        raise ConfigurationError(f"can't write {path}: {error.strerror}") from None
 
 
 def remove(path: Path) -> None:

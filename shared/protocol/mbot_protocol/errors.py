@@ -11,6 +11,12 @@ class MbotError(Exception):
     exit_code = 1
 
 
+class InterruptedByUserError(MbotError):
+    """Ctrl-C (exit code 130, as of a shell)."""
+
+    exit_code = 130
+
+
 class ConfigurationError(MbotError):
     """A setting, an option or a file given by the user is unusable (exit code 2, as argparse)."""
 

@@ -47,16 +47,35 @@ def check_structure(data: bytes) -> None:
         ContractError: it is no ONNX model, or made of something that is not allowed.
 
     """
+    _walk(data, _raise)
+
+
+def structure_faults(data: bytes) -> list[str]:
+    """Everything that `check_structure` would refuse, each once."""
+    found: list[str] = []
+    try:
+        _walk(data, found.append)
+    except ContractError as error:  # damage: nothing can be read behind it
+        found.append(str(error))
+    return list(dict.fromkeys(found))
+
+
+def _walk(data: bytes, refuse: Callable[[str], None]) -> None:
     if not data:
         raise ContractError("the file is empty; was the export interrupted?")
-    _Walk().message(memoryview(data), _MODEL, "the model")
+    _Walk(refuse).message(memoryview(data), _MODEL, "the model")
+
+
+def _raise(fault: str) -> None:
+    raise ContractError(fault)
 
 
 class _Walk:
-    """One walk through a file: counts what it has visited."""
+    """One walk through a file: counts what it has visited, and hands on what is not allowed."""
 
-    def __init__(self) -> None:
+    def __init__(self, refuse: Callable[[str], None]) -> None:
         self._visited = 0
+        self.refuse = refuse
 
     def message(self, data: memoryview, allowed: Allowed, what: str) -> None:
         for number, wire_type, value, content in fields(data):
@@ -65,8 +84,8 @@ class _Walk:
                 raise ContractError(f"the model has more than {MOST_FIELDS} parts, far too many")
             if number not in allowed:
                 words = _FORBIDDEN.get((what, number), f"field {number}, which no policy needs")
-                raise ContractError(f"{what} has {words}: export a plain network")
-            if (check := allowed[number]) is not None:
+                self.refuse(f"{what} has {words}: export a plain network")
+            elif (check := allowed[number]) is not None:
                 check(self, wire_type, value, content)
 
 
@@ -79,24 +98,24 @@ def _inside(allowed: Callable[[], Allowed], what: str) -> Check:
     return check
 
 
-def _operator(_: _Walk, __: int, ___: int, content: memoryview) -> None:
+def _operator(walk: _Walk, _: int, __: int, content: memoryview) -> None:
     name = content.tobytes()[:80].decode(errors="replace")
     if name not in OPERATORS:
-        raise ContractError(
+        walk.refuse(
             f"the model uses the operator {name!r}, which a robot does not run; "
             "mbot_protocol/model_structure.py lists those it does"
         )
 
 
-def _domain(_: _Walk, __: int, ___: int, content: memoryview) -> None:
+def _domain(walk: _Walk, _: int, __: int, content: memoryview) -> None:
     if content.tobytes() not in _STANDARD_DOMAINS:
         name = content.tobytes()[:80].decode(errors="replace")
-        raise ContractError(f"the model uses operators of {name!r}, expected ONNX's own")
+        walk.refuse(f"the model uses operators of {name!r}, expected ONNX's own")
 
 
-def _location(_: _Walk, __: int, value: int, ___: memoryview) -> None:
+def _location(walk: _Walk, _: int, value: int, __: memoryview) -> None:
     if value != _DEFAULT_LOCATION:
-        raise ContractError("the model's weights are in another file: export it as one")
+        walk.refuse("the model's weights are in another file: export it as one")
 
 
 def _tensor(walk: _Walk, wire_type: int, value: int, content: memoryview) -> None:
@@ -108,7 +127,7 @@ def _tensor(walk: _Walk, wire_type: int, value: int, content: memoryview) -> Non
             for one in (size,) if kind == VARINT else varints(packed):
                 elements *= max(1, one)  # a negative one is a huge one here
     if elements > LARGEST_MODEL_BYTES:
-        raise ContractError(f"a tensor of the model has more than {LARGEST_MODEL_BYTES} elements")
+        walk.refuse(f"a tensor of the model has more than {LARGEST_MODEL_BYTES} elements")
 
 
 def _plain(*numbers: int) -> Allowed:

@@ -16,7 +16,7 @@ Its metadata says how it wants to be used; `PolicyMetadata` is that, typed.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from mbot_protocol.errors import ContractError, NewerSchemaError
@@ -34,6 +34,9 @@ LARGEST_STATE = 65_536
 """Numbers of a memory; a tenth of the paper's weights."""
 DECISION_RATE_HZ = 2.5
 """The paper's decision rate; `control.decision_rate_hz` of a robot may differ."""
+
+SAFE_IR_VERSION, SAFE_OPSET = 10, 21
+"""Every robot's onnxruntime reads these; onnx writes newer ones by default."""
 
 LARGEST_MODEL_BYTES = 16 * 2**20
 """The paper's network has 0.6 million weights, 2.4 MB; anything far larger is a mistake."""
@@ -164,24 +167,31 @@ def check_signature(
         ContractError: with what was found and expected.
 
     """
-    if version == 1 or len(inputs) == 1:
-        _check("input", inputs, [Tensor(INPUT_NAME, INPUT_TYPE, OBSERVATION_SHAPE)])
-        _check("output", outputs, [Tensor(OUTPUT_NAME, OUTPUT_TYPE, ACTION_SHAPE)])
-        return MemoryShape()
-    memory = _memory(inputs)
-    state = (memory.layers, 1, memory.units)
+    for fault in signature_faults(inputs, outputs, version):
+        raise ContractError(fault)
+    return MemoryShape() if version == 1 or len(inputs) == 1 else _memory(inputs)
+
+
+def signature_faults(
+    inputs: Sequence[Tensor], outputs: Sequence[Tensor], version: int
+) -> Iterator[str]:
+    """Everything that is off in a signature, each as found and expected; as `check_signature`."""
+    observation = Tensor(INPUT_NAME, INPUT_TYPE, OBSERVATION_SHAPE)
     action = Tensor(OUTPUT_NAME, OUTPUT_TYPE, ACTION_SHAPE)
-    _check(
-        "input",
-        inputs,
-        [
-            Tensor(INPUT_NAME, INPUT_TYPE, OBSERVATION_SHAPE),
-            Tensor(PREVIOUS_ACTION_NAME, OUTPUT_TYPE, ACTION_SHAPE),
-            Tensor(STATE_IN_NAME, OUTPUT_TYPE, state),
-        ],
-    )
-    _check("output", outputs, [action, Tensor(STATE_OUT_NAME, OUTPUT_TYPE, state)])
-    return memory
+    if version == 1 or len(inputs) == 1:
+        yield from _faults("input", inputs, [observation])
+        yield from _faults("output", outputs, [action])
+        return
+    try:
+        memory = _memory(inputs)
+    except ContractError as error:
+        yield str(error)
+        return
+    state = (memory.layers, 1, memory.units)
+    previous = Tensor(PREVIOUS_ACTION_NAME, OUTPUT_TYPE, ACTION_SHAPE)
+    state_in = Tensor(STATE_IN_NAME, OUTPUT_TYPE, state)
+    yield from _faults("input", inputs, [observation, previous, state_in])
+    yield from _faults("output", outputs, [action, Tensor(STATE_OUT_NAME, OUTPUT_TYPE, state)])
 
 
 def _memory(inputs: Sequence[Tensor]) -> MemoryShape:
@@ -199,18 +209,19 @@ def _memory(inputs: Sequence[Tensor]) -> MemoryShape:
     return MemoryShape(1, 1)  # which is then missed, or compared with what was found
 
 
-def _check(role: str, found: Sequence[Tensor], expected: Sequence[Tensor]) -> None:
+def _faults(role: str, found: Sequence[Tensor], expected: Sequence[Tensor]) -> Iterator[str]:
     names = ", ".join(tensor.name for tensor in found) or "none"
     if len(found) != len(expected):
-        raise ContractError(
+        yield (
             f"the model has {len(found)} {role}s ({names}), expected {len(expected)}: "
             + ", ".join(tensor.name for tensor in expected)
         )
+        return
     by_name = {tensor.name: tensor for tensor in found}
     for wanted, at_its_place in zip(expected, found, strict=True):
         tensor = by_name.get(wanted.name, at_its_place)
         if Tensor(tensor.name, tensor.kind, _with_batch(tensor.shape, wanted.shape)) != wanted:
-            raise ContractError(f"the model's {role} is {tensor}, expected {wanted}")
+            yield f"the model's {role} is {tensor}, expected {wanted}"
 
 
 def _with_batch(shape: tuple[object, ...], wanted: tuple[object, ...]) -> tuple[object, ...]:

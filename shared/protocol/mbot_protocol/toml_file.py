@@ -1,17 +1,14 @@
 """TOML files as typed values: read strictly, every mistake one line with file, key and value."""
 
-import re
 import tomllib
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import TypeVar
 
 import msgspec
 
 from mbot_protocol.errors import ConfigurationError
 
 T = TypeVar("T")
-
-_PLACE = re.compile(r"(?P<what>.*?) - at `\$\.?(?P<key>.*)`", re.DOTALL)
 
 
 def read_toml(path: Path, kind: type[T]) -> T:
@@ -24,45 +21,30 @@ def read_toml(path: Path, kind: type[T]) -> T:
 
     """
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
     except UnicodeDecodeError:
         raise ConfigurationError(f"{path} is no text, expected a TOML file") from None
+    return decode_toml(text, kind, str(path))
+
+
+def decode_toml(text: str, kind: type[T], origin: str) -> T:
+    """Decode TOML text as a msgspec Struct; `origin` names it in errors.
+
+    Raises:
+        ConfigurationError: as `read_toml`.
+
+    """
+    try:
+        document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{path} is no valid TOML: {error}") from None
+        raise ConfigurationError(f"{origin} is no valid TOML: {error}") from None
     try:
         return msgspec.convert(document, kind)
     except msgspec.ValidationError as error:
-        raise ConfigurationError(f"{path}: {_placed(str(error), document)}") from None
+        from mbot_protocol.toml_mistakes import mistake  # not in every daemon's memory
 
-
-def _placed(message: str, document: dict[str, Any]) -> str:
-    """msgspec's message with the key in front, and the value where it is a plain one."""
-    found = _PLACE.fullmatch(message)
-    if found is None:
-        return _begun_small(message)
-    key, what = found["key"], _begun_small(found["what"])
-    value = _look_up(document, key)
-    shown = f" ({value!r})" if isinstance(value, str | int | float) else ""
-    return f"{key}: {what}{shown}"
-
-
-def _begun_small(message: str) -> str:
-    for word in ("Object contains", "Object missing", "Expected"):
-        if message.startswith(word):
-            message = word.lower() + message[len(word) :]
-    return message.replace("object contains unknown field", "unknown key").replace(
-        "object missing required field", "missing key"
-    )
-
-
-def _look_up(document: dict[str, Any], key: str) -> object:
-    """The value at msgspec's path of a key such as `left_motor.gain` or `components[2].name`."""
-    value: object = document
-    for name, index in re.findall(r"([^.\[\]]+)|\[(\d+)\]", key):
-        try:
-            value = cast(Any, value)[int(index) if index else name]
-        except (KeyError, IndexError, TypeError):
-            return None
-    return value
+        raise ConfigurationError(f"{origin}: {mistake(error, text, document, kind)}") from None
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{origin}: {error}") from None

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands.link_options import json_option
-from mbot_workstation.commands.options import argument, option, with_options
+from mbot_workstation.commands.options import argument, option, output_file, with_options
 from mbot_workstation.commands.simulation_options import calibration_output_option
 
 if TYPE_CHECKING:
@@ -25,13 +25,13 @@ class BodyOptions:
         False, "Print the nominal robot's components, with explanations.", "--example"
     )
     calibration: Path = calibration_output_option()
-    drawing: Path | None = option(
+    drawing: Path | None = output_file(
         None,
         "Where to put the drawing, PNG, PDF or SVG; body.png in the calibration folder "
         "if not given.",
         metavar="FILE",
     )
-    mjcf: Path | None = option(
+    mjcf: Path | None = output_file(
         None, "Write the robot as MJCF too, for other programs.", metavar="FILE.xml"
     )
     as_json: bool = json_option()

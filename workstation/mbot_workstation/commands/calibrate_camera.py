@@ -321,6 +321,8 @@ def _print_words(seen: "SeenBoards", fit: "CameraFit", quality: "CameraQuality")
 
 def _all_notes(seen: "SeenBoards", quality: "CameraQuality") -> list[str]:
     notes = list(quality.notes)
+    if seen.unreadable:
+        notes.append(f"left out, no pictures: {', '.join(seen.unreadable[:5])}")
     if seen.without:
         few = ", ".join(seen.without[:5]) + (", ..." if len(seen.without) > 5 else "")
         notes.append(f"no board found in {len(seen.without)} pictures: {few}")

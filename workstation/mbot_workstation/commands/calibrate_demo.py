@@ -5,14 +5,14 @@ from pathlib import Path
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands.link_options import json_option
-from mbot_workstation.commands.options import option, with_options
+from mbot_workstation.commands.options import option, output_folder, with_options
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrateDemoOptions:
     """What `calibrate_demo` takes."""
 
-    output: Path = option(
+    output: Path = output_folder(
         Path("out/calibrate-demo"),
         "For all that is made; made anew.",
         "--output",

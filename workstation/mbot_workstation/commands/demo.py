@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbot_workstation.commands.link_options import json_option
-from mbot_workstation.commands.options import option, with_options
+from mbot_workstation.commands.options import option, output_folder, with_options
 from mbot_workstation.commands.simulation_options import calibration_option
 
 if TYPE_CHECKING:
@@ -40,7 +40,9 @@ class DemoOptions:
     seconds: float = option(90.0, "Of driving, at most; ten objects end it early.", min=5, max=3600)
     radius: float = option(1.2, "How far from the middle objects appear.", metavar="METRES")
     seed: int = option(0, "Of the room and the objects.")
-    output: Path = option(Path("out/demo"), "For recording, pictures and logs.", metavar="FOLDER")
+    output: Path = output_folder(
+        Path("out/demo"), "For recording, pictures and logs.", metavar="FOLDER"
+    )
     as_json: bool = json_option()
 
 

@@ -41,6 +41,11 @@ class EnrollOptions:
     via: str | None = option(
         None, "The router the robot is behind; none: no longer.", metavar="ROUTER"
     )
+    here: Path | None = option(
+        None,
+        "Its daemon runs on this machine with this configuration: put the certificates beside it.",
+        metavar="robot.toml",
+    )
     router: bool = option(False, "It is a router (zenohd), not a robot.", "--router")
     listing: bool = option(
         False, "Show everybody, their rights, and when certificates expire.", "--list", panel=_OTHER
@@ -70,9 +75,12 @@ def enroll(options: EnrollOptions) -> None:
     - `workstation enroll mbot-1 --host mbot-1.local --host 10.0.0.7 --person max --right view`
     - `workstation enroll lab --router --host lab.local`, then `workstation enroll mbot-1 --via lab`
     - `workstation enroll --revoke max`
+    - `workstation enroll --here robot.toml`: a trial with a daemon on this machine
     """
     from mbot_workstation.enrolment.membership import Enrolment
 
+    if options.here is not None:
+        options = _for_here(options, options.here)
     _check(options)
     enrolment = Enrolment()
     begins = not enrolment.folder.has_authority and options.join is None
@@ -97,6 +105,9 @@ def enroll(options: EnrollOptions) -> None:
             f"A fleet begins in {enrolment.folder.path}: keep that folder to yourself, and a copy "
             "of it; whoever has it can let anybody in."
         )
+    if options.here is not None:
+        _put_here(options, options.here, enrolment, hand_overs)
+        return
     _print_hand_overs(enrolment, hand_overs, options.as_json)
     if options.as_json:
         return
@@ -108,6 +119,40 @@ def enroll(options: EnrollOptions) -> None:
     elif options.name and not options.router:
         print("\n".join(_advice_on_keys()))
         print(f"Then: workstation robots --robot {options.name}")
+
+
+def _put_here(
+    options: EnrollOptions,
+    configuration: Path,
+    enrolment: "Enrolment",
+    hand_overs: "Sequence[HandOver]",
+) -> None:
+    from mbot_protocol.access_rules import Kind
+
+    folder = enrolment.place_beside(configuration, options.name)
+    others = [h for h in hand_overs if (h.kind, h.name) != (Kind.ROBOT, options.name)]
+    if others or options.as_json:
+        _print_hand_overs(enrolment, others, options.as_json)
+    if not options.as_json:
+        print(
+            f"certificates are in {folder}, enrolment.toml is beside {configuration}; restart "
+            f"mbot-agent, then: workstation robots --robot {options.name}"
+        )
+
+
+def _for_here(options: EnrollOptions, configuration: Path) -> EnrollOptions:
+    """What is left out follows from the configuration."""
+    from dataclasses import replace
+
+    from mbot_protocol.errors import ConfigurationError
+    from mbot_workstation.enrolment.local_trial import LOOPBACK, robot_id_in
+
+    robot_id = robot_id_in(configuration)
+    if options.name not in ("", robot_id) or options.router:
+        raise ConfigurationError(
+            f"--here is the configuration of robot {robot_id!r}; leave ROBOT and --router out"
+        )
+    return replace(options, name=robot_id, hosts=options.hosts or list(LOOPBACK))
 
 
 def _check(options: EnrollOptions) -> None:

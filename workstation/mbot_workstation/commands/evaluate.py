@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands.link_options import json_option
-from mbot_workstation.commands.options import argument, option, with_options
+from mbot_workstation.commands.options import argument, option, output_file, with_options
+from mbot_workstation.commands.output_paths import PICTURES
 from mbot_workstation.commands.simulation_options import calibration_option
 
 if TYPE_CHECKING:
@@ -59,7 +60,15 @@ class EvaluateOptions:
         "its truth.csv (file, in_view, bearing_left_deg).",
         metavar="FOLDER",
     )
-    plot: Path | None = option(None, "Draw the comparison too.", metavar="FILE.png")
+    plot: Path | None = output_file(
+        None, "Draw the comparison too.", endings=PICTURES, metavar="FILE.png"
+    )
+    film: Path | None = output_file(
+        None,
+        "Film one episode too, all MODELs side by side, on the first --preset.",
+        endings=(".mp4",),
+        metavar="FILE.mp4",
+    )
     as_json: bool = json_option()
 
 
@@ -75,6 +84,7 @@ def evaluate(options: EvaluateOptions) -> None:
     - `workstation evaluate policy.onnx servo oracle --plot comparison.png`
     - `workstation evaluate policy.onnx servo --calibration calibration/mbot-1`
     - `workstation evaluate policy.onnx --preset slippery --preset uneven --panorama kitchen.jpg`
+    - `workstation evaluate policy.onnx servo --episodes 16 --film side-by-side.mp4`
     - `workstation evaluate policy.onnx servo --pictures my-photos`
     """
     if options.pictures is not None:
@@ -131,8 +141,8 @@ def _drive(options: EvaluateOptions) -> None:
     titles = _titles(options.contestants)
     rooms = evaluation_rooms(panorama, options.made_up_rooms)
     lines: list[Line] = []
-    for name, effects in robots.items():
-        trial = Trial(
+    trials = {
+        name: Trial(
             stage,
             effects,
             rooms,
@@ -142,9 +152,17 @@ def _drive(options: EvaluateOptions) -> None:
             files.robot,
             files.scene,
         )
+        for name, effects in robots.items()
+    }
+    for name, trial in trials.items():
         for contestant, title in titles.items():
             results = _with_bar(contestant, f"{title}, {name}", trial)
             lines.append(Line(title, name, score(results)))
+    if options.film is not None:
+        from mbot_workstation.training.evaluation.episode_film import film_episode
+
+        contestants = {title: contestant for contestant, title in titles.items()}
+        film_episode(contestants, next(iter(trials.values())), options.film)
     if options.plot is not None:
         draw(lines, options.plot, ten_objects=stage.objects == 10)
     if options.as_json:

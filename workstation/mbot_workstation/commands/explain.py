@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mbot_workstation.commands.link_options import json_option
-from mbot_workstation.commands.options import argument, option, with_options
+from mbot_workstation.commands.options import argument, option, output_file, with_options
+from mbot_workstation.commands.output_paths import PICTURES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,8 +22,13 @@ class ExplainOptions:
     )
     recording: Path | None = option(None, "Take pictures from this recording.", metavar="FILE.mcap")
     count: int = option(4, "How many, evenly spread over the recording.", min=1, max=12)
-    output: Path = option(
-        Path("explanation.png"), "The picture to write.", "--output", "-o", metavar="FILE.png"
+    output: Path = output_file(
+        Path("explanation.png"),
+        "The picture to write.",
+        "--output",
+        "-o",
+        endings=PICTURES,
+        metavar="FILE.png",
     )
     as_json: bool = json_option()
 

@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from mbot_protocol import atomic_file
 from mbot_workstation.commands.link_options import json_option
-from mbot_workstation.commands.options import argument, option, with_options
+from mbot_workstation.commands.options import argument, option, output_file, with_options
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -15,7 +16,7 @@ class ExportOptions:
         "A run's folder, that of one checkpoint, or a policy that was exported before.",
         metavar="RUN",
     )
-    output: Path | None = option(
+    output: Path | None = output_file(
         None, "What to write; RUN's name if not given.", "--output", "-o", metavar="FILE.onnx"
     )
     name: str | None = option(None, "What robots call it; the file's name if not given.")
@@ -37,7 +38,6 @@ def export(options: ExportOptions) -> None:
     import hashlib
     import json
 
-    from mbot_protocol.errors import ConfigurationError
     from mbot_workstation.training.learning.policy_export import export_policy
     from mbot_workstation.training.learning.trained_policy import trained_policy
     from mbot_workstation.wording import short_digest, size_words
@@ -46,10 +46,7 @@ def export(options: ExportOptions) -> None:
     path = options.output or Path(f"{policy.name}.onnx")
     policy_name = options.name or path.stem
     data = export_policy(policy, policy_name).SerializeToString(deterministic=True)
-    try:
-        path.write_bytes(data)
-    except OSError as error:
-        raise ConfigurationError(f"can't write {path}: {error.strerror}") from None
+    atomic_file.save(path, data)
     sha256 = hashlib.sha256(data).hexdigest()
     if options.as_json:
         fields = {"path": str(path), "name": policy_name, "sha256": sha256}

@@ -4,9 +4,9 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from mbot_protocol.errors import ConfigurationError
+from mbot_protocol import atomic_file
 from mbot_workstation.commands.link_options import json_option
-from mbot_workstation.commands.options import argument, option, with_options
+from mbot_workstation.commands.options import argument, option, output_file, with_options
 
 SHIPPED_MAP = Path("models/tolerance.json")
 """In the checkout, beside the policy it is of."""
@@ -37,7 +37,7 @@ class GapReportOptions:
         "the cube is in view, cube_x_m,cube_y_m,cube_yaw_deg.",
         metavar="FOLDER",
     )
-    output: Path = option(Path("gap.html"), "The page.", "--output", "-o", metavar="FILE.html")
+    output: Path = output_file(Path("gap.html"), "The page.", "--output", "-o", metavar="FILE.html")
     as_json: bool = json_option()
 
 
@@ -61,10 +61,6 @@ def gap_report(options: GapReportOptions) -> None:
     from mbot_workstation.gap_report.page import page, printed
     from mbot_workstation.gap_report.report import as_fields, build
 
-    if not options.output.parent.is_dir():  # said before the work, not after
-        raise ConfigurationError(
-            f"can't write {options.output}: there is no folder {options.output.parent}"
-        )
     with Console(stderr=True).status("reading") as status:
         report = build(
             options.recordings,
@@ -75,10 +71,7 @@ def gap_report(options: GapReportOptions) -> None:
         )
         status.update("drawing the page")
         text = page(report)
-    try:
-        options.output.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ConfigurationError(f"can't write {options.output}: {error.strerror}") from None
+    atomic_file.save(options.output, text.encode())
     if options.as_json:
         print(json.dumps(as_fields(report) | {"path": str(options.output)}, indent=2))
         return

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from mbot_protocol import atomic_file
 from mbot_protocol.policy_contract import FULL_VIEW, FieldOfView, PolicyMetadata
 from mbot_workstation.commands.link_options import json_option
 from mbot_workstation.commands.options import argument, option, with_options
@@ -55,10 +56,7 @@ def make_servo_policy(options: MakeServoPolicyOptions) -> None:
     if options.search_speed is not None:
         gains = replace(gains, search_speed=options.search_speed)
     data = servo_model(gains, metadata).SerializeToString(deterministic=True)
-    try:
-        options.output.write_bytes(data)
-    except OSError as error:
-        raise ConfigurationError(f"can't write {options.output}: {error.strerror}") from None
+    atomic_file.save(options.output, data)
     sha256 = hashlib.sha256(data).hexdigest()
     if options.as_json:
         fields = {"path": str(options.output), "name": POLICY_NAME, "sha256": sha256}

@@ -8,8 +8,15 @@ import typer
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands.link_options import LinkOptions, json_option
-from mbot_workstation.commands.options import option, with_options
-from mbot_workstation.maneuvers.plan import Order, Planned, duration_words, plan, room_needed_m
+from mbot_workstation.commands.options import option, output_folder, with_options
+from mbot_workstation.maneuvers.plan import (
+    Order,
+    Planned,
+    duration_words,
+    plan,
+    reach,
+    room_needed_m,
+)
 from mbot_workstation.recordings.maneuver import (
     MANEUVER_S,
     MANEUVERS,
@@ -73,7 +80,7 @@ def list_maneuvers(options: ListManeuversOptions) -> None:
 class RunOptions(LinkOptions):
     """What `run` takes."""
 
-    output: Path | None = option(
+    output: Path | None = output_folder(
         None, "New recording; recordings/ROBOT-DATE if not given.", metavar="FOLDER"
     )
     resume: Path | None = option(
@@ -166,14 +173,17 @@ def _announce(left: list[Planned], settings: "SessionSettings") -> None:
         return
     each_s = [one.maneuver.duration_s(settings.seconds) for one in left]
     in_all_s = sum(each_s) + len(left) * (settings.pause_s + 0.5)
-    rooms = [room_needed_m(one.maneuver, settings.seconds) for one in left]
-    length_m = max(room[0] for room in rooms)
-    width_m = max(room[1] for room in rooms)
+    floor = reach([one.maneuver for one in left], settings.seconds)
     print(
-        f"{len(left)} runs of {max(each_s):g} s, about {duration_words(in_all_s)}; "
-        f"the longest needs {length_m:.1f} x {width_m:.1f} m of free floor ahead of the robot (or "
-        "behind it, when driving backward)"
+        f"{len(left)} runs of {max(each_s):g} s, about {duration_words(in_all_s)}; free floor from "
+        f"where the robot starts: {floor.ahead_m:g} m ahead, {floor.behind_m:g} m behind, "
+        f"{floor.left_m:g} m to its left, {floor.right_m:g} m to its right"
     )
+    if max(one.repetition for one in left) < 2:
+        print(
+            "note: `workstation identify` needs every manoeuvre twice: half of them judge the "
+            "result; --repetitions 2 or more, or go on later by --resume"
+        )
 
 
 def _may_drive() -> bool:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mbot_protocol import atomic_file
 from mbot_workstation.commands.link_options import json_option
 from mbot_workstation.commands.options import argument, option, with_options
 
@@ -105,7 +106,7 @@ def show(options: ShowOptions) -> None:
     from mbot_workstation.models.key_folder import KeyFolder
 
     folder = KeyFolder()
-    key = folder.public_key(options.name or _only_name(folder))
+    key = folder.public_key(options.name or _only_name(folder, "its NAME behind `keys show`"))
     if options.as_json:
         _print_key(key.name, key.line, folder.path / f"{key.name}.pem", options.as_json)
     else:
@@ -134,14 +135,14 @@ def trust(options: TrustOptions) -> None:
     from mbot_workstation.models.trusting_configuration import with_trusted_key
 
     folder = KeyFolder()
-    key = folder.public_key(options.name or _only_name(folder))
+    key = folder.public_key(options.name or _only_name(folder, "--key NAME"))
     try:
         text = options.configuration.read_text()
         changed = with_trusted_key(text, key, str(options.configuration))
         if changed == text:
             print(f"{options.configuration} trusts {key.name} already")
             return
-        options.configuration.write_text(changed)
+        atomic_file.save(options.configuration, changed.encode())
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f"cannot change {options.configuration}: {error}") from None
     print(f"{options.configuration} now trusts {key.name}; restart mbot-agent to make it so")
@@ -157,13 +158,16 @@ def _print_key(name: str, line: str, path: Path, as_json: bool) -> None:
     print(f"put this line into [trust] keys of a robot's configuration, in quotes:\n\n{line}\n")
 
 
-def _only_name(folder: "KeyFolder") -> str:
+def _only_name(folder: "KeyFolder", by: str) -> str:
     from mbot_protocol.errors import ConfigurationError
 
     names = [key.name for key in folder.public_keys()]
     if len(names) != 1:
-        found = ", ".join(names) or "none yet: `workstation keys new` makes one"
-        raise ConfigurationError(f"which key? There are {len(names)}: {found}")
+        if not names:
+            raise ConfigurationError("there is no key yet: `workstation keys new` makes one")
+        raise ConfigurationError(
+            f"which key? There are {len(names)}: {', '.join(names)}; say which by {by}"
+        )
     return names[0]
 
 

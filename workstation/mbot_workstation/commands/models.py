@@ -65,6 +65,8 @@ def rollback(options: RollbackOptions) -> None:
             f"digest is {options.digest!r}, expected 8 to 64 of 0-9, a-f, as `workstation models` "
             "lists"
         )
+    if options.sign_with:
+        KeyFolder().public_key(options.sign_with)
     with options.link() as link:
         choose_key = chooser(KeyFolder(), options.sign_with, ask_passphrase)
         _print_models(activate(link, choose_key, options.digest), options.as_json)

@@ -4,13 +4,18 @@ import dataclasses
 import functools
 import inspect
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
+from mbot_protocol.early_interrupt import ctrl_c_as_usual
+from mbot_protocol.errors import InterruptedByUserError
+from mbot_workstation.commands.output_paths import check_output_file, check_output_folder
+
 Options = TypeVar("Options")
 
-_TYPER = "typer"
+_TYPER, _CHECK = "typer", "check"
 
 
 def option(default: Any, help_text: str, *names: str, panel: str = "", **settings: Any) -> Any:
@@ -28,6 +33,32 @@ def option(default: Any, help_text: str, *names: str, panel: str = "", **setting
     return dataclasses.field(default=default, metadata={_TYPER: made})
 
 
+def output_file(
+    default: Path | None,
+    help_text: str,
+    *names: str,
+    endings: tuple[str, ...] = (),
+    **settings: Any,
+) -> Any:
+    """An option that names a file to write, looked at before the command begins.
+
+    Args:
+        default, help_text, names, settings: as of `option`.
+        endings: one of which the file must have; any if empty.
+
+    """
+    made = option(default, help_text, *names, **settings)
+    check = functools.partial(check_output_file, endings=endings)
+    return dataclasses.field(default=default, metadata={**made.metadata, _CHECK: check})
+
+
+def output_folder(default: Path | None, help_text: str, *names: str, **settings: Any) -> Any:
+    """As `output_file`, for a folder, which is made if need be."""
+    made = option(default, help_text, *names, **settings)
+    metadata = {**made.metadata, _CHECK: check_output_folder}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
 def argument(help_text: str, default: Any = dataclasses.MISSING, **settings: Any) -> Any:
     """A field that is a positional argument; required unless it has a default."""
     made = typer.Argument(help=help_text, **settings)
@@ -42,7 +73,15 @@ def with_options(command: Callable[[Options], None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def run(**values: Any) -> None:
-        command(kind(**values))
+        ctrl_c_as_usual()
+        for field in dataclasses.fields(kind):
+            check, value = field.metadata.get(_CHECK), values.get(field.name)
+            if check is not None and value is not None:
+                check(value, "--" + field.name.replace("_", "-"))
+        try:
+            command(kind(**values))
+        except KeyboardInterrupt:
+            raise InterruptedByUserError("interrupted") from None
 
     parameters = [
         inspect.Parameter(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mbot_protocol import atomic_file
 from mbot_workstation.commands.options import option, with_options
 from mbot_workstation.targets.specifications import (
     BOARD_COLUMNS,
@@ -159,10 +160,7 @@ def _write(page: "Page", path: Path) -> None:
         raise ConfigurationError(
             f"can't write {path}: expected a file ending in .pdf, .svg or .png"
         )
-    try:
-        path.write_bytes(encode(page))
-    except OSError as error:
-        raise ConfigurationError(f"can't write {path}: {error.strerror}") from None
+    atomic_file.save(path, encode(page))
     print(
         f"wrote {path}: {page.title} on {page.width_mm:g} x {page.height_mm:g} mm; print it at "
         "100 % and check its scale with a ruler"

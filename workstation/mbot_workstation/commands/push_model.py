@@ -54,24 +54,26 @@ def push_model(options: PushModelOptions) -> None:
     import json
     import sys
 
+    from mbot_protocol.errors import InterruptedByUserError
     from mbot_workstation.models.check import check_model
+    from mbot_workstation.models.key_folder import KeyFolder
     from mbot_workstation.models.stored_models import model_fields
     from mbot_workstation.wording import one_line, short_digest, size_words
 
     checked = check_model(
         options.model
     )  # before the robot is looked for: most mistakes are in the file
+    if options.sign_with:  # also where nothing will need to be signed
+        KeyFolder().public_key(options.sign_with)
     try:
         with options.link() as link:
             pushed = _push_with_bar(link, checked, options.sign_with, options.allow_downgrade)
             name = link.robot_id
     except KeyboardInterrupt:
-        print(
-            "workstation: interrupted; the robot keeps the model it had, unless the push was "
-            "complete (see `workstation models`)",
-            file=sys.stderr,
-        )
-        raise
+        raise InterruptedByUserError(
+            "interrupted; the robot keeps the model it had, unless the push was complete (see "
+            "`workstation models`)"
+        ) from None
     active = pushed.model
     if pushed.was_sent and not active.signed_by:
         print(

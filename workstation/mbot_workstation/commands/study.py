@@ -4,8 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mbot_protocol import atomic_file
+from mbot_protocol.did_you_mean import did_you_mean
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands.options import argument, option, with_options
+from mbot_workstation.commands.options import argument, option, output_folder, with_options
 from mbot_workstation.commands.simulation_options import calibration_option
 
 if TYPE_CHECKING:
@@ -27,8 +29,12 @@ class StudyOptions:
     contestants: list[str] = argument(
         "ONNX policies, servo, random or oracle; as in evaluate.", metavar="MODEL..."
     )
-    output: Path = option(
-        Path("docs/results"), "For the page and the picture.", "--output", "-o", metavar="FOLDER"
+    output: Path | None = output_folder(
+        None,
+        "For the page and the picture; `studies` beside the first policy if not given.",
+        "--output",
+        "-o",
+        metavar="FOLDER",
     )
     episodes: int | None = option(
         None, "For each of them under each condition; 50, or 12 for tolerance.", min=1
@@ -79,8 +85,7 @@ def study(options: StudyOptions) -> None:
     from mbot_workstation.training.worlds.rooms import evaluation_rooms
     from mbot_workstation.variation.presets import preset
 
-    if options.name not in NAMES:
-        raise ConfigurationError(f"no study {options.name!r}, expected one of {', '.join(NAMES)}")
+    _check_name(options.name)
     stage = find_lesson(options.lesson)
     files = read_files(options.calibration) if options.calibration else CalibrationFiles()
     robots = files.ranges if options.calibration else preset
@@ -100,13 +105,26 @@ def study(options: StudyOptions) -> None:
             lambda ended: run_study(conditions, drivers, trial, options.backend, ended),
         )
 
+    folder = options.output or _beside(options.contestants)
     if options.name == TOLERANCE:
-        page = _tolerance(options, run, trial, how)
+        page = _tolerance(options, folder, run, trial, how)
     else:
         plan = study_plan(options.name, robots)
         lines = run(plan.conditions, options.contestants)
-        page = write_report(plan, lines, options.output, how, ten_objects=stage.objects == 10)
+        page = write_report(plan, lines, folder, how, ten_objects=stage.objects == 10)
     print(f"wrote {page}")
+
+
+def _check_name(name: str) -> None:
+    if name not in NAMES:
+        meant = did_you_mean(name, NAMES)
+        raise ConfigurationError(f"no study {name!r}, expected one of {', '.join(NAMES)}{meant}")
+
+
+def _beside(contestants: "Sequence[str]") -> Path:
+    """The folder `studies` where the first policy's file is, or here if all are built in."""
+    files = [Path(name) for name in contestants if Path(name).is_file()]
+    return (files[0].parent if files else Path()) / "studies"
 
 
 def _how(options: StudyOptions, episodes: int, rooms: int, *, photographed: bool) -> str:
@@ -138,6 +156,7 @@ def _with_bar(
 
 def _tolerance(
     options: StudyOptions,
+    folder: Path,
     run: "Callable[[Sequence[Condition], Sequence[str]], list[Line]]",
     trial: "Trial",
     how: str,
@@ -159,7 +178,7 @@ def _tolerance(
             f"--pair is {options.pair}, expected two names such as track_scale:fov_scale"
         )
     maps = [ToleranceMap.of(across, up, options.cells) for across, up in names]
-    folder, contestant, robot = options.output, options.contestants[0], trial.preset
+    contestant, robot = options.contestants[0], trial.preset
     make_folder(folder)
     (nominal,) = run([Condition("nominal", robot)], [contestant])
     reward = nominal.score.reward.mean
@@ -167,7 +186,8 @@ def _tolerance(
     picture = folder / f"{TOLERANCE}.png"
     draw_maps(found, picture, nominal_reward=reward, largest=trial.lesson.largest_reward)
     page = folder / f"{TOLERANCE}.md"
-    page.write_text(map_page(found, nominal.contestant, reward, how, picture.name))
+    text = map_page(found, nominal.contestant, reward, how, picture.name)
+    atomic_file.save(page, text.encode())
     if reward > 0:  # otherwise there is nothing that could be tolerated
         numbers = as_file(found, nominal.contestant, reward, how)
         print(f"wrote {write_tolerances(folder / TOLERANCE_FILE, numbers)}")

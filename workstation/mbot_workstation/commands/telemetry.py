@@ -4,11 +4,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands.link_options import LinkOptions, json_option
-from mbot_workstation.commands.options import option, with_options
+from mbot_workstation.commands.options import option, output_file, with_options
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from mbot_workstation.telemetry.output import Output
 
 _POLL_S = 0.1
@@ -18,7 +19,7 @@ _POLL_S = 0.1
 class TelemetryOptions(LinkOptions):
     """What `telemetry` takes."""
 
-    record: Path | None = option(
+    record: Path | None = output_file(
         None, "Also record into a new MCAP file.", "--record", metavar="FILE.mcap"
     )
     seconds: float | None = option(
@@ -36,14 +37,39 @@ def telemetry(options: TelemetryOptions) -> None:
 
     Example: `workstation telemetry --robot mbot-1.local --record drive.mcap`
     """
+    import sys
+
+    from mbot_protocol.errors import InterruptedByUserError
+
+    count = 0
+    try:
+        for decisions in _watched(options):
+            count = decisions
+    except KeyboardInterrupt:
+        if options.record is None:
+            raise
+        raise InterruptedByUserError(_recorded(count, options.record)) from None
+    if options.record is not None:
+        print(f"workstation: {_recorded(count, options.record)}", file=sys.stderr)
+
+
+def _recorded(count: int, path: Path) -> str:
+    return (
+        f"recorded {count} decisions into {path}; open it in Foxglove, Lichtblick or Rerun, or: "
+        f"workstation explain POLICY.onnx --recording {path}"
+    )
+
+
+def _watched(options: TelemetryOptions) -> "Iterator[int]":
+    """Watch and record; yields again and again how many decisions there were."""
     import time
     from contextlib import ExitStack
 
+    from mbot_protocol.v1.messages_pb2 import Decision
     from mbot_workstation.recordings.drive_mcap import Recording
     from mbot_workstation.telemetry.stream import TelemetryStream
 
-    if options.record is not None and not options.record.absolute().parent.is_dir():
-        raise ConfigurationError(f"no folder {options.record.absolute().parent} to record into")
+    count = 0
     with ExitStack() as stack:
         link = stack.enter_context(options.link())
         status = link.status()
@@ -58,11 +84,13 @@ def telemetry(options: TelemetryOptions) -> None:
         while until_s is None or time.monotonic() < until_s:
             for sample in stream.poll(_POLL_S):
                 output.take(sample)
+                count += isinstance(sample.message, Decision)
                 if recording is not None:
                     recording.write(sample.message)
             output.refresh(stream.state, stream.silence_s)
             if recording is not None:
                 recording.save_if_due()
+            yield count
 
 
 def _output(robot_id: str, as_json: bool) -> "Output":

@@ -4,9 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import typer
-
-from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.errors import ConfigurationError, InterruptedByUserError
 from mbot_workstation.commands.link_options import json_option
 from mbot_workstation.commands.options import option, with_options
 from mbot_workstation.commands.simulation_options import calibration_option
@@ -23,6 +21,9 @@ MADE_UP_ROOMS = 8
 """Beside the photographs that ship with the project."""
 
 GUIDED_DECISIONS, GUIDED_STEPS = 900_000, 1_000_000
+
+ROUND_STEPS = 200_000
+"""What a run may be told to make besides, in an example."""
 
 _WHAT, _ROOMS, _HOW = "What to learn", "Rooms", "How"
 
@@ -137,25 +138,26 @@ def train(options: TrainOptions) -> None:
     - `workstation train --lesson blur --from runs/first --steps 300000`
     """
     import json
-    import sys
     from dataclasses import asdict
 
     run, config = _resumed(options) if options.resume is not None else _begun(options)
-    result = _train_until_stopped(run, config)
+    _say_rounding(run, config)
+    try:
+        result = _train_until_stopped(run, config)
+    except BaseException:
+        if options.resume is None:
+            run.forget_unless_begun()
+        raise
     if options.as_json:
         print(json.dumps(asdict(result)))
     else:
         reward = "unknown" if result.mean_reward is None else f"{result.mean_reward:.2f}"
         print(
             f"{result.run}: {result.step:,} decisions in {result.wall_s / 60:.1f} minutes, lesson "
-            f"{result.lesson}, mean reward {reward}"
+            f"{result.lesson}, mean reward {reward} of the latest episodes"
         )
     if result.reason == "interrupted":
-        print(
-            f"workstation: interrupted and saved; go on with --resume {result.run}",
-            file=sys.stderr,
-        )
-        raise typer.Exit(130)
+        raise InterruptedByUserError(f"interrupted and saved; go on with --resume {result.run}")
     if not options.as_json:
         print(f"next: workstation export {result.run}")
 
@@ -173,14 +175,36 @@ def _resumed(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
     assert options.resume is not None
     run = RunDirectory.open(options.resume)
     config = read_config(run.config_file)
+    checkpoints, steps = run.checkpoints(), options.steps or config.steps
+    if checkpoints and (done := int(checkpoints[-1].name)) >= steps:
+        raise ConfigurationError(
+            f"{options.resume} has made {done:,} decisions already, {steps:,} are asked for; give "
+            f"--steps more than that, such as --steps {done + ROUND_STEPS}"
+        )
     return run, replace(
         config,
-        steps=options.steps or config.steps,
+        steps=steps,
         target_reward=config.target_reward
         if options.target_reward is None
         else options.target_reward,
         workers=config.workers if options.workers is None else options.workers,
     )
+
+
+def _say_rounding(run: "RunDirectory", config: "TrainingConfig") -> None:
+    """Decisions are made in whole rollouts, one of every robot, whatever --steps says."""
+    import sys
+
+    checkpoints = run.checkpoints()
+    done = int(checkpoints[-1].name) if checkpoints else 0
+    rollout = config.learner.steps_per_robot * config.robots
+    end = done - (done - config.steps) // rollout * rollout
+    if end != config.steps:
+        print(
+            f"workstation: note: --steps {config.steps:,} becomes {end:,}: {rollout:,} decisions "
+            "are learned from at a time",
+            file=sys.stderr,
+        )
 
 
 def _begun(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
@@ -244,12 +268,15 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
 
 
 def _lessons(selection: list[str]) -> tuple[str, ...]:
-    from mbot_workstation.training.worlds.lessons import named
+    from mbot_workstation.training.worlds.lessons import lesson, named
 
     try:
-        return named(selection)
+        names = named(selection)
+        for name in names:
+            lesson(name)
     except ValueError as error:
         raise ConfigurationError(f"--lesson: {error}") from None
+    return names
 
 
 def _device(name: str) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands.options import option, with_options
+from mbot_workstation.commands.options import option, output_file, with_options
 from mbot_workstation.commands.simulation_options import calibration_option
 
 if TYPE_CHECKING:
@@ -149,14 +149,16 @@ class VirtualRobotOptions:
         "--plain",
         panel=_CAMERA,
     )
-    result: Path | None = option(None, "The run in figures.", panel=_OUTPUT, metavar="FILE.json")
-    trajectory: Path | None = option(
+    result: Path | None = output_file(
+        None, "The run in figures.", panel=_OUTPUT, metavar="FILE.json"
+    )
+    trajectory: Path | None = output_file(
         None,
         "Ten lines a second: time, robot, object; and what happened.",
         panel=_OUTPUT,
         metavar="FILE.jsonl",
     )
-    truth_track: Path | None = option(
+    truth_track: Path | None = output_file(
         None,
         "90 times a second where it truly is, as a tracker on it would write it: .csv is "
         "triad_openvr's format, .tum is TUM's. See docs/recordings.md.",
@@ -175,7 +177,7 @@ class VirtualRobotOptions:
         panel=_OUTPUT,
         metavar="AHEAD_MM LEFT_MM",
     )
-    record: Path | None = option(
+    record: Path | None = output_file(
         None,
         "Film of what it sees, next to the arena from above.",
         panel=_OUTPUT,
@@ -183,13 +185,13 @@ class VirtualRobotOptions:
     )
     view: bool = option(False, "Open a window.", "--view", panel=_OUTPUT)
     as_json: bool = option(False, "Print JSON, an object a line.", "--json", panel=_OUTPUT)
-    write_config: Path | None = option(
+    write_config: Path | None = output_file(
         None,
         "A configuration for a daemon that is to drive it; kept if it is there and fits.",
         panel=_OUTPUT,
         metavar="robot.toml",
     )
-    ready_file: Path | None = option(
+    ready_file: Path | None = output_file(
         None,
         "Exists while camera and board are up, and says where they are.",
         panel=_OUTPUT,

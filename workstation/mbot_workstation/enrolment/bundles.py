@@ -65,14 +65,16 @@ def robot_bundle(roll: Roll, robot_id: str, robot: Identity, authority_pem: byte
     )
 
 
-def enrolment_toml(roll: Roll, robot_id: str, folder: str = f"/{ROBOT_FOLDER}/tls") -> str:
+def enrolment_toml(
+    roll: Roll, robot_id: str, folder: str = f"/{ROBOT_FOLDER}/tls", listen: str = "0.0.0.0"
+) -> str:
     """The robot's enrolment.toml, for certificates in a folder over there."""
     robot = roll.robots[robot_id]
     router = roll.routers.get(robot.router)
     document = {
         "robot_id": robot_id,
         "network": {
-            "listen": [f"tls/0.0.0.0:{robot.port}"],
+            "listen": [f"tls/{listen}:{robot.port}"],
             "connect": [] if router is None else [str(router.endpoint)],
             "tls": {
                 "ca": f"{folder}/ca.pem",

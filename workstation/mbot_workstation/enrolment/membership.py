@@ -25,6 +25,7 @@ from mbot_workstation.enrolment.bundles import (
 )
 from mbot_workstation.enrolment.certificates import hosts_in, issue, make_authority
 from mbot_workstation.enrolment.fleet_folder import FleetFolder
+from mbot_workstation.enrolment.local_trial import place_beside
 from mbot_workstation.enrolment.roll import (
     EnrolledPerson,
     EnrolledRobot,
@@ -107,6 +108,12 @@ class Enrolment:
         )
         roll = structs.replace(roll, robots=roll.robots | {robot_id: robot})
         return self._save(self._certified(roll, {robot_id, *robot.people}), {robot_id})
+
+    def place_beside(self, configuration: Path, robot_id: str) -> Path:
+        """Put an enrolled robot's files beside a daemon's configuration, see `local_trial`."""
+        folder = self.folder
+        identity = folder.identity(Kind.ROBOT, robot_id)
+        return place_beside(configuration, folder.roll(), robot_id, identity, folder.authority_pem)
 
     def router(
         self, name: str, hosts: Sequence[str] = (), port: int | None = None

@@ -75,6 +75,34 @@ def room_needed_m(maneuver: Maneuver, seconds: float) -> tuple[float, float]:
     return circle_m, circle_m
 
 
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """How far runs go from where they start, in metres, to each side of the robot."""
+
+    ahead_m: float
+    behind_m: float
+    left_m: float
+    right_m: float
+
+
+def reach(maneuvers: Sequence[Maneuver], seconds: float) -> Reach:
+    """The free floor that all of them need together, each begun at the same place."""
+    ahead = behind = left = right = 2 * OUTER_REACH_M
+    for maneuver in maneuvers:
+        length_m, width_m = room_needed_m(maneuver, seconds)
+        if maneuver.left == maneuver.right and not maneuver.is_slow:
+            ahead = max(ahead, length_m) if maneuver.left > 0 else ahead
+            behind = max(behind, length_m) if maneuver.left < 0 else behind
+            left, right = max(left, width_m / 2), max(right, width_m / 2)
+            continue
+        # About the slower wheel: the circle lies on its side, half of it behind.
+        ahead, behind = max(ahead, length_m / 2), max(behind, length_m / 2)
+        turns_about_left = abs(maneuver.left) <= abs(maneuver.right)
+        left = max(left, width_m) if turns_about_left else left
+        right = max(right, width_m) if not turns_about_left else right
+    return Reach(round(ahead, 1), round(behind, 1), round(left, 1), round(right, 1))
+
+
 def duration_words(seconds: float) -> str:
     """Such as "45 s", "18 min"."""
     return f"{seconds:.0f} s" if seconds < 90 else f"{math.ceil(seconds / 60)} min"

@@ -66,6 +66,14 @@ def _read(path: Path) -> bytes:
                 f"{LARGEST_MODEL_BYTES / 2**20:g} MiB; is it the policy, exported without "
                 "optimiser state?"
             )
+    except OSError as error:
+        raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
+    return read_bytes(path)
+
+
+def read_bytes(path: Path) -> bytes:
+    """A file's bytes; raises ConfigurationError if it can't be read."""
+    try:
         return path.read_bytes()
     except OSError as error:
         raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
@@ -73,20 +81,21 @@ def _read(path: Path) -> bytes:
 
 def _check_contents(data: bytes) -> PolicyMetadata:
     model = _parse(data)
-    graph = model.graph
-    # Old exporters list the weights among the inputs.
-    weights = {tensor.name for tensor in graph.initializer}
-    inputs = [value for value in graph.input if value.name not in weights]
     metadata = PolicyMetadata.from_properties({p.key: p.value for p in model.metadata_props})
-    check_signature(
-        [_tensor(value) for value in inputs],
-        [_tensor(value) for value in graph.output],
-        metadata.contract_version,
-    )
+    check_signature(*declared_tensors(model), metadata.contract_version)
     return metadata
 
 
-def _parse(data: bytes) -> "onnx.ModelProto":
+def declared_tensors(model: "onnx.ModelProto") -> tuple[list[Tensor], list[Tensor]]:
+    """A model's inputs and outputs as it declares them."""
+    # Old exporters list the weights among the inputs.
+    weights = {tensor.name for tensor in model.graph.initializer}
+    inputs = [_tensor(value) for value in model.graph.input if value.name not in weights]
+    return inputs, [_tensor(value) for value in model.graph.output]
+
+
+def parse_model(data: bytes) -> "onnx.ModelProto":
+    """An ONNX file read, whatever is in it; raises ContractError if it is none, or damaged."""
     import onnx
     from google.protobuf.message import DecodeError
 
@@ -101,6 +110,13 @@ def _parse(data: bytes) -> "onnx.ModelProto":
         raise ContractError(
             "the ONNX data is truncated or damaged; copy or export the file again"
         ) from None
+    return model
+
+
+def _parse(data: bytes) -> "onnx.ModelProto":
+    import onnx
+
+    model = parse_model(data)
     for tensor in model.graph.initializer:
         if tensor.data_location == onnx.TensorProto.EXTERNAL:
             raise ContractError(

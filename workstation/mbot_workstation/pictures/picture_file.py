@@ -83,20 +83,24 @@ def write_picture(path: Path, picture: Picture, quality: int = 95) -> Path:
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        atomic_file.replace(path, encode_picture(picture, path.suffix, quality))
     except OSError as error:
         raise ConfigurationError(f"can't write {path}: {error.strerror}") from None
+    atomic_file.save(path, encode_picture(picture, path.suffix, quality))
     return path
 
 
 def save_figure(figure: "Figure", path: Path, dots_per_inch: int = 110) -> None:
-    """Write a figure in any format that matplotlib can; the file's ending says which.
+    """Write a figure, whole or not at all; the file's ending says in which of matplotlib's formats.
 
     Raises:
         ConfigurationError: it can't be written.
 
     """
+    import io
+
+    drawn = io.BytesIO()
     try:
-        figure.savefig(path, dpi=dots_per_inch)
-    except (OSError, ValueError) as error:
+        figure.savefig(drawn, format=path.suffix[1:] or "png", dpi=dots_per_inch)
+    except ValueError as error:
         raise ConfigurationError(f"can't write {path}: {error}") from None
+    atomic_file.save(path, drawn.getvalue())

@@ -59,9 +59,15 @@ class Recording:
                 raise ConfigurationError(f"{path} exists already; choose another name") from None
             except OSError as error:
                 raise ConfigurationError(f"can't write {path}: {error.strerror}") from None
-            self._writer = Writer(self._file)
-            self._writer.start(library="mbot-workstation")
-            self._channels = {kind: self._register(kind) for kind in self._topics}
+            try:
+                self._writer = Writer(self._file)
+                self._writer.start(library="mbot-workstation")
+                self._channels = {kind: self._register(kind) for kind in self._topics}
+                self._writer.flush()
+                self._save()
+            except OSError as error:
+                path.unlink(missing_ok=True)
+                raise ConfigurationError(f"can't write {path}: {error.strerror}") from None
             self._stack = stack.pop_all()
 
     def __enter__(self) -> Self:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from itertools import product
 
+from mbot_protocol.did_you_mean import did_you_mean
 from mbot_protocol.errors import ConfigurationError
 
 NEUTRAL = "neutral"
@@ -84,5 +85,8 @@ def maneuver_named(name: str) -> Maneuver:
     for maneuver in known:
         if maneuver.name == name:
             return maneuver
-    names = ", ".join(maneuver.name for maneuver in known)
-    raise ConfigurationError(f"there is no manoeuvre {name!r}, expected one of {names}")
+    names = [maneuver.name for maneuver in known]
+    raise ConfigurationError(
+        f"there is no manoeuvre {name!r}, expected one of {', '.join(names)}"
+        f"{did_you_mean(name, names)}"
+    )

@@ -121,9 +121,7 @@ class FetchTask:
         """
         if self.ended:
             raise RuntimeError("the run has ended: begin() a new one")
-        self._distance_m += math.hypot(robot.x_m - self._robot.x_m, robot.y_m - self._robot.y_m)
-        self._duration_s += elapsed_s
-        self._robot = robot
+        self.travel(robot, elapsed_s)
         self.object_s += elapsed_s
         if touches(robot, self.target, self.rules):
             return self._touched(robot)
@@ -133,6 +131,16 @@ class FetchTask:
         if self.object_s >= self.rules.time_limit_s - 0.0025:
             return self._failed(Happening.TIME_OUT)
         return NOTHING
+
+    def travel(self, robot: Pose, elapsed_s: float) -> None:
+        """Count way and time only: as `advance`, where nobody looks at objects."""
+        self._distance_m += math.hypot(robot.x_m - self._robot.x_m, robot.y_m - self._robot.y_m)
+        self._duration_s += elapsed_s
+        self._robot = robot
+
+    def carried(self, robot: Pose) -> None:
+        """Somebody has put the robot here, which is no way it drove."""
+        self._robot = robot
 
     def result(self) -> FetchResult:
         """The run so far."""

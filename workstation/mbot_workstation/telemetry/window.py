@@ -55,11 +55,12 @@ class TelemetryWindow:
             else:
                 self.lost += max(0, message.sequence - self.newest.sequence - 1)
         self.newest = message
-        self._samples.append((sample.arrived_s, span_ms(message)))
+        # By the robot's own clock: the first ones arrive together, whenever they were made.
+        self._samples.append((message.started_monotonic_ns / 1e9, span_ms(message)))
 
     @property
     def decisions_per_s(self) -> float | None:
-        """The rate at which decisions arrived; None before there are two."""
+        """The rate of the decisions that arrived; None before there are two."""
         if len(self._samples) < 2:
             return None
         elapsed_s = self._samples[-1][0] - self._samples[0][0]

@@ -5,6 +5,7 @@
 with one thing wrong, mostly by more than `randomised` ever shows.
 """
 
+from mbot_protocol.did_you_mean import did_you_mean
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.variation.effects import IDEAL, EffectRanges, RealWorldEffects
 
@@ -147,7 +148,8 @@ def preset(name: str, calibrated: RealWorldEffects | None = None) -> EffectRange
 
     """
     if name not in _BY_NAME:
-        raise ValueError(f"no preset {name!r}, expected one of {', '.join(_BY_NAME)}")
+        meant = did_you_mean(name, _BY_NAME)
+        raise ValueError(f"no preset {name!r}, expected one of {', '.join(_BY_NAME)}{meant}")
     if calibrated is None:
         return _BY_NAME[name]
     if name == "ideal":

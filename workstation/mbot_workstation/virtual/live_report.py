@@ -14,7 +14,8 @@ from mbot_workstation.virtual.live_world import TaskEvent, WorldStatus
 class LiveReport:
     """Writes to a stream, standard output if not told otherwise.
 
-    With `as_json` every line is an object with a `type`: ready, status, event or result.
+    With `as_json` every line is an object with a `type`: ready, status, event, board_stopped or
+    result.
     """
 
     def __init__(self, *, as_json: bool, stream: TextIO | None = None) -> None:
@@ -51,6 +52,16 @@ class LiveReport:
             self._text(
                 f"{event.time_s:7.1f} s  {event.happening.value:8}  {event.score:+.2f}  "
                 f"(touched {event.result.touches}, score {event.result.score:.2f})"
+            )
+
+    def board_stopped(self, silent_ms: float) -> None:
+        """The board has stopped its motors by itself, since nobody told it anything any more."""
+        if self._as_json:
+            self._json("board_stopped", {"silent_ms": round(silent_ms, 1)})
+        else:
+            self._text(
+                f"the board stopped the motors by itself, {silent_ms:.0f} ms after the last "
+                "command; is mbot-agent still alive?"
             )
 
     def status(self, status: WorldStatus, frames: int, commands: int) -> None:

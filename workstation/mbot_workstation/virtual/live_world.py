@@ -166,13 +166,16 @@ class LiveWorld:
         self._underway.append(motors)
         simulation.set_duty(*duties(self._underway.popleft()))
         simulation.step(SLICE_S)
+        self._driven = self._driven or not motors.is_stop
         if self._carry_back is not None:
+            if self._driven:
+                self._task.travel(simulation.pose, SLICE_S)
             if self._carry_back.is_due(
                 driven=not motors.is_stop, pose=simulation.pose, elapsed_s=SLICE_S
             ):
                 simulation.place_robot(ORIGIN)
+                self._task.carried(ORIGIN)
             return
-        self._driven = self._driven or not motors.is_stop
         if not self._driven:
             return
         step = self._task.advance(simulation.pose, SLICE_S)

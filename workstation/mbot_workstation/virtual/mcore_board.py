@@ -31,12 +31,15 @@ class BoardState:
         motors: the speeds in force; they stay in force for ever.
         since_s: monotonic time at which they were set, by a command or by a reset.
         commands: how many motor commands have been obeyed since the start.
+        silent_ms: how long the host had been silent when the board stopped its motors by itself; 0
+            where it was told to.
 
     """
 
     motors: Joystick
     since_s: float
     commands: int
+    silent_ms: float = 0.0
 
 
 class McoreBoard:

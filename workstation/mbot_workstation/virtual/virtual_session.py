@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from mbot_protocol import atomic_file
-from mbot_protocol.errors import ConfigurationError, MbotError
+from mbot_protocol.errors import MbotError
 from mbot_workstation.simulation.fetch_task import FetchResult
 from mbot_workstation.virtual.daemon_config import write_daemon_config
 from mbot_workstation.virtual.live_report import LiveReport
@@ -67,8 +67,6 @@ def run_session(
     """
     if outputs.view:
         check_display()
-    for path in (outputs.result, outputs.ready_file, outputs.daemon_config):
-        _check_writable(path)
     with ExitStack() as resources:
         trajectory = (
             resources.enter_context(TrajectoryWriter(outputs.trajectory))
@@ -115,7 +113,7 @@ def _follow(
 ) -> None:
     """Report and record until something ends the run."""
     began_s = time.monotonic()
-    polls = 0
+    polls, stopped_s = 0, 0.0
     while True:
         over = robot.stopped.is_set()
         status = robot.world.status()
@@ -127,6 +125,10 @@ def _follow(
             report.event(event)
             if trajectory is not None:
                 trajectory.add_event(event)
+        board = robot.board.state
+        if board.silent_ms and board.since_s != stopped_s:
+            stopped_s = board.since_s
+            report.board_stopped(board.silent_ms)
         if trajectory is not None:
             trajectory.add(status)
         if polls % STATUS_EVERY == 0:
@@ -136,15 +138,6 @@ def _follow(
         polls += 1
 
 
-def _check_writable(path: Path | None) -> None:
-    """Find out before the run, not after an hour of it."""
-    if path is not None and not path.absolute().parent.is_dir():
-        raise ConfigurationError(f"can't write {path}: there is no folder {path.absolute().parent}")
-
-
 def _write_json(path: Path, fields: dict[str, object] | dict[str, str]) -> None:
-    try:
-        # Whoever waits for the file never reads half of it.
-        atomic_file.replace(path, (json.dumps(fields, indent=2) + "\n").encode())
-    except OSError as error:
-        raise ConfigurationError(f"can't write {path}: {error.strerror}") from None
+    # Whoever waits for the file never reads half of it.
+    atomic_file.save(path, (json.dumps(fields, indent=2) + "\n").encode())

@@ -1,5 +1,6 @@
 """From picture files to boards seen in them, and what was wrong with the others."""
 
+import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,12 +30,14 @@ class SeenBoards:
         sightings: boards found, not mirrored as far as can be told.
         without: names of pictures without a board.
         boards: which boards were found.
+        unreadable: names of files that are no pictures; they were left out.
 
     """
 
     sightings: tuple[Sighting, ...]
     without: tuple[str, ...]
     boards: tuple[Board, ...]
+    unreadable: tuple[str, ...] = ()
 
 
 def grey_picture(path: Path) -> Grey:
@@ -61,26 +64,36 @@ def look_for_boards(
         looked: called with the number of pictures done.
 
     Raises:
-        ConfigurationError: a picture can't be read, none shows a board, or one is mirrored.
+        ConfigurationError: no picture can be read, none shows a board, or one is mirrored.
 
     """
     boards = boards or guess_boards(paths)
+    unreadable: list[str] = []
     sightings: list[Sighting] = []
     without: list[str] = []
     seen: list[Board] = []
     for count, path in enumerate(paths, start=1):
-        picture = grey_picture(path)
+        looked(count)
+        try:
+            picture = grey_picture(path)
+        except ConfigurationError:
+            if len(unreadable) + 1 == len(paths):
+                raise
+            # One bad file is no reason to photograph again.
+            unreadable.append(path.name)
+            continue
         sighting, board = look(picture, path.name, boards)
         if sighting is None or board is None:
             without.append(path.name)
         else:
             sightings.append(sighting)
             seen.append(board)
-        looked(count)
     if not sightings:
         raise _no_board(paths, boards)
     check_not_mirrored(sightings)
-    return SeenBoards(tuple(sightings), tuple(without), tuple(dict.fromkeys(seen)))
+    return SeenBoards(
+        tuple(sightings), tuple(without), tuple(dict.fromkeys(seen)), tuple(unreadable)
+    )
 
 
 def _no_board(paths: Sequence[Path], boards: Sequence[Board]) -> ConfigurationError:
@@ -113,14 +126,12 @@ def look(
 
 
 def guess_boards(paths: Sequence[Path]) -> list[Board]:
-    """Our ChArUco board if it is in a few of the pictures, and the likeliest checkerboard.
-
-    Raises:
-        ConfigurationError: a picture can't be read.
-
-    """
+    """Our ChArUco board if it is in a few of the pictures, and the likeliest checkerboard."""
     step = max(1, len(paths) // LOOKED_AT_FOR_SIZE)
-    pictures = [grey_picture(path) for path in paths[::step][:LOOKED_AT_FOR_SIZE]]
+    pictures: list[Grey] = []
+    for path in paths[::step][:LOOKED_AT_FOR_SIZE]:
+        with contextlib.suppress(ConfigurationError):
+            pictures.append(grey_picture(path))
     charuco = Board(charuco=True)
     with_charuco = [find_board(picture, charuco) is not None for picture in pictures]
     rest = [p for p, has_it in zip(pictures, with_charuco, strict=True) if not has_it]

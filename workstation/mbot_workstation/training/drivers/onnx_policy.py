@@ -11,6 +11,7 @@ import onnxruntime
 from numpy.typing import NDArray
 
 from mbot_protocol.actions import STEP_LIMIT
+from mbot_protocol.engine_words import engine_words
 from mbot_protocol.errors import ContractError
 from mbot_protocol.policy_contract import (
     INPUT_NAME,
@@ -53,7 +54,9 @@ class OnnxPolicy:
                 model, options, providers=["CPUExecutionProvider"]
             )
         except Exception as error:  # onnxruntime's errors share no base class
-            raise ContractError(f"onnxruntime does not take the model: {error}") from None
+            raise ContractError(
+                f"onnxruntime does not take the model: {engine_words(error)}"
+            ) from None
         properties = self._session.get_modelmeta().custom_metadata_map
         self.metadata = PolicyMetadata.from_properties(properties)
         shapes = {tensor.name: tensor.shape for tensor in self._session.get_inputs()}

@@ -8,7 +8,7 @@ from typing import Any
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.pictures.picture_file import save_figure
 from mbot_workstation.training.evaluation.episodes import Estimate, Score
 
 PAPER_REWARD, PAPER_DECISIONS = 19.8, 20.0
@@ -100,10 +100,7 @@ def draw(lines: Sequence[Line], path: Path, *, ten_objects: bool) -> None:
         if ten_objects:
             axes.axhline(paper, color="#666666", linestyle="--", linewidth=1, label="paper")
     figure.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=6)
-    try:
-        figure.savefig(path, dpi=110)
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"can't write {path}: {error}") from None
+    save_figure(figure, path)
 
 
 def _bars(

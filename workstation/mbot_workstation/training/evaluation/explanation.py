@@ -12,7 +12,7 @@ from mbot_protocol.camera_model import nominal_pi_camera
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Observer, Picture
 from mbot_protocol.policy_contract import OBSERVATION_SIDE_PX, FieldOfView
-from mbot_workstation.pictures.picture_file import decode_picture
+from mbot_workstation.pictures.picture_file import decode_picture, save_figure
 from mbot_workstation.training.evaluation.activations import Activations
 
 _GAP = np.nan
@@ -101,10 +101,7 @@ def draw(seen: Mapping[str, Activations], path: Path) -> None:
     titles = ("input", f"first convolution, {filters} filters", "after LeakyReLU", "wheels")
     for axes, title in zip(rows[0], titles, strict=True):
         axes.set_title(title, fontsize=11)
-    try:
-        figure.savefig(path, dpi=110)
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"can't write {path}: {error}") from None
+    save_figure(figure, path)
 
 
 def mosaic(maps: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -7,6 +7,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.pictures.picture_file import save_figure
 from mbot_workstation.training.learning.progress_log import ProgressRow
 
 PAPER_REWARD, PAPER_LENGTH = 19.8, 200.0
@@ -49,10 +50,7 @@ def draw_curve(rows: Sequence[ProgressRow], path: Path, title: str = "") -> None
     axes[2].set_xlim(left=0)
     if title:
         figure.suptitle(title)
-    try:
-        figure.savefig(path, dpi=110)
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"can't write {path}: {error}") from None
+    save_figure(figure, path)
 
 
 def _panel(axes: Any, steps: list[float], values: list[float], label: str, paper: float) -> None:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mbot_protocol import atomic_file
 from mbot_protocol.errors import ConfigurationError
 
 KEPT_CHECKPOINTS = 2
@@ -96,6 +97,11 @@ class RunDirectory:
         """Folder for TensorBoard."""
         return self.path / "tensorboard"
 
+    def forget_unless_begun(self) -> None:
+        """Delete the folder if there is no checkpoint in it: it would only block its name."""
+        if not self.checkpoints():
+            shutil.rmtree(self.path, ignore_errors=True)
+
     def checkpoints(self) -> list[Path]:
         """The whole checkpoints, oldest first."""
         folder = self.path / "checkpoints"
@@ -125,18 +131,29 @@ class RunDirectory:
             write: puts the checkpoint's files into the folder it is given.
             kept_from: checkpoints of this step and later ones are all kept.
 
+        Raises:
+            ConfigurationError: the disk is full or gone; the checkpoints before are whole.
+
         """
         folder = self.path / "checkpoints"
         final = folder / f"{step:09d}"
         unfinished = final.with_suffix(UNFINISHED)
         shutil.rmtree(unfinished, ignore_errors=True)
-        unfinished.mkdir(parents=True)
-        write(unfinished)
-        for file in unfinished.iterdir():
-            _to_disk(file)
-        shutil.rmtree(final, ignore_errors=True)
-        unfinished.rename(final)
-        _to_disk(folder)
+        try:
+            unfinished.mkdir(parents=True)
+            write(unfinished)
+            for file in unfinished.iterdir():
+                _to_disk(file)
+            shutil.rmtree(final, ignore_errors=True)
+            unfinished.rename(final)
+            _to_disk(folder)
+        except (OSError, RuntimeError) as error:  # torch has no type of its own for a full disk
+            shutil.rmtree(unfinished, ignore_errors=True)
+            reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
+            then = f"go on with --resume {self.path}" if self.checkpoints() else "begin again"
+            raise ConfigurationError(
+                f"can't save a checkpoint in {folder}: {reason}; make room there, then {then}"
+            ) from None
         for old in self.checkpoints()[:-KEPT_CHECKPOINTS]:
             if kept_from is None or int(old.name) < kept_from:
                 shutil.rmtree(old)
@@ -150,7 +167,7 @@ def first_candidate(steps: int) -> int:
 
 def write_json(path: Path, content: Any) -> None:
     """Write a JSON file that a person can read too."""
-    path.write_text(json.dumps(content, indent=2, ensure_ascii=False) + "\n")
+    atomic_file.save(path, (json.dumps(content, indent=2, ensure_ascii=False) + "\n").encode())
 
 
 def _to_disk(path: Path) -> None:

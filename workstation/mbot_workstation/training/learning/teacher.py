@@ -70,8 +70,9 @@ class Teacher(BaseCallback):
 
     @property
     def mean_reward(self) -> float | None:
-        """Of the last progress row."""
-        return self._mean_reward
+        """Of the latest episodes, as the display shows it; of the last row before the first."""
+        recent = self._progress.recent_means()
+        return self._mean_reward if recent is None else recent[0]
 
     def save(self) -> None:
         """Write a checkpoint, unless there is one of this very step."""

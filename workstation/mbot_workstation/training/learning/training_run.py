@@ -33,7 +33,7 @@ class TrainingResult:
         step: decisions made.
         wall_s: training time, over all resumptions.
         lesson: reached.
-        mean_reward: of the last row of progress.csv; None if there is none.
+        mean_reward: of the latest 100 episodes, as the display shows it; None before the first.
 
     """
 
@@ -53,8 +53,12 @@ def begin_run(path: Path, config: TrainingConfig) -> RunDirectory:
 
     """
     run = RunDirectory.create(path)
-    write_json(run.config_file, config.resolved())
-    write_json(run.git_file, [])
+    try:
+        write_json(run.config_file, config.resolved())
+        write_json(run.git_file, [])
+    except BaseException:
+        run.forget_unless_begun()
+        raise
     return run
 
 

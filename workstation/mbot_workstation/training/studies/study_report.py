@@ -6,7 +6,9 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from mbot_protocol import atomic_file
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.pictures.picture_file import save_figure
 from mbot_workstation.training.evaluation.episodes import Estimate
 from mbot_workstation.training.evaluation.evaluation_report import (
     COLOURS,
@@ -43,10 +45,11 @@ def write_report(
     else:
         draw(lines, picture, ten_objects=ten_objects)
     page = folder / f"{study.name}.md"
-    page.write_text(
+    text = (
         f"# {study.heading}\n\n{study.question}\n\n{how}\n\n{markdown(lines)}\n\n"
         f"![{study.heading}]({picture.name})\n"
     )
+    atomic_file.save(page, text.encode())
     return page
 
 
@@ -119,7 +122,4 @@ def _draw_curves(study: Study, lines: Sequence[Line], path: Path) -> None:
     lower.set_xlabel(study.axis)
     lower.set_ylim(bottom=0)
     upper.legend(loc="best")
-    try:
-        figure.savefig(path, dpi=110)
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"can't write {path}: {error}") from None
+    save_figure(figure, path)

@@ -6,6 +6,7 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
+from mbot_protocol import atomic_file
 from mbot_protocol.errors import ConfigurationError
 
 TOLERANCE_FILE = "tolerance.json"
@@ -114,8 +115,5 @@ def write_tolerances(path: Path, tolerances: Tolerances) -> Path:
         ConfigurationError: it can't be written.
 
     """
-    try:
-        path.write_bytes(msgspec.json.format(msgspec.json.encode(tolerances)) + b"\n")
-    except OSError as error:
-        raise ConfigurationError(f"can't write {path}: {error.strerror}") from None
+    atomic_file.save(path, msgspec.json.format(msgspec.json.encode(tolerances)) + b"\n")
     return path

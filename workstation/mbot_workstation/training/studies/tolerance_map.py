@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.pictures.picture_file import save_figure
 from mbot_workstation.training.evaluation.evaluation_report import Line
 from mbot_workstation.training.studies.study_plans import DEVIATIONS, deviating
 from mbot_workstation.training.studies.study_run import Condition
@@ -146,10 +147,7 @@ def draw_maps(
     figure.suptitle(
         f"+ nominal; black line: {100 * BEARABLE:.0f} % of the nominal reward {nominal_reward:.1f}"
     )
-    try:
-        figure.savefig(path, dpi=110)
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"can't write {path}: {error}") from None
+    save_figure(figure, path)
 
 
 def map_page(

@@ -11,6 +11,7 @@ from typing import Self
 
 import numpy as np
 
+from mbot_protocol.did_you_mean import did_you_mean
 from mbot_workstation.simulation.fetch_rules import TIME_LIMIT_DECISIONS, FetchRules
 from mbot_workstation.variation.effects import EffectRanges, RealWorldEffects
 
@@ -177,7 +178,8 @@ def lesson(name: str) -> Lesson:
 
     """
     if name not in _BY_NAME:
-        raise ValueError(f"no lesson {name!r}, expected one of {', '.join(_BY_NAME)}")
+        meant = did_you_mean(name, _BY_NAME)
+        raise ValueError(f"no lesson {name!r}, expected one of {', '.join(_BY_NAME)}{meant}")
     return _BY_NAME[name]
 
 

@@ -3,6 +3,7 @@
 import time
 from collections import deque
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
@@ -12,6 +13,9 @@ from mbot_workstation.virtual.emulated.board_process import BoardProcess
 from mbot_workstation.virtual.emulated.motor_pins import MotorPins
 from mbot_workstation.virtual.mcore_board import TRACE_STATES, BoardState
 from mbot_workstation.virtual.port_link import PortLink
+
+TOLD_WITHIN_MS = 50.0
+"""A stop that comes later than this after the last byte is the board's own."""
 
 
 class EmulatedBoard:
@@ -92,13 +96,15 @@ class EmulatedBoard:
             for reply in self._replies.feed(bytes.fromhex(values[0])):
                 if isinstance(reply, Acknowledgement):
                     self._commands += 1
-                    self._state = BoardState(
-                        self._state.motors, self._state.since_s, self._commands
-                    )
+                    self._state = replace(self._state, commands=self._commands)
 
     def _note(self, pins: MotorPins) -> None:
         motors = pins.joystick
         if motors != self._state.motors:
             self.changed_us = pins.at_us
-            self._state = BoardState(motors, time.monotonic(), self._commands)
+            silent_ms = (pins.at_us - self.heard_us) / 1000
+            by_itself = motors == STOP and silent_ms > TOLD_WITHIN_MS
+            self._state = BoardState(
+                motors, time.monotonic(), self._commands, silent_ms if by_itself else 0.0
+            )
             self.trace.append(self._state)

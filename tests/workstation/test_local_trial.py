@@ -1,0 +1,31 @@
+"""Certificates for a daemon on this machine, in place."""
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.enrolment.fleet_folder import FleetFolder
+from mbot_workstation.enrolment.local_trial import LOOPBACK, robot_id_in
+from mbot_workstation.enrolment.membership import Enrolment
+
+
+def test_everything_lies_beside_the_configuration(tmp_path: Path) -> None:
+    configuration = tmp_path / "robot" / "robot.toml"
+    configuration.parent.mkdir()
+    configuration.write_text('robot_id = "virtual"')
+    enrolment = Enrolment(FleetFolder(tmp_path / "fleet"))
+    enrolment.robot(robot_id_in(configuration), LOOPBACK)
+    folder = enrolment.place_beside(configuration, "virtual")
+    written = tomllib.loads((configuration.parent / "enrolment.toml").read_text())
+    assert written["network"]["listen"] == ["tls/127.0.0.1:7447"], "nobody else is let in"
+    assert {Path(path) for path in written["network"]["tls"].values()} == set(folder.iterdir())
+    assert (folder / "robot.key").stat().st_mode & 0o077 == 0
+
+
+@pytest.mark.parametrize("text", ["", "robot_id = 3", "robot_id ="])
+def test_what_is_no_robots_configuration_is_named(tmp_path: Path, text: str) -> None:
+    (tmp_path / "robot.toml").write_text(text)
+    with pytest.raises(ConfigurationError, match=r"robot\.toml"):
+        robot_id_in(tmp_path / "robot.toml")

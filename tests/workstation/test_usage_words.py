@@ -1,0 +1,74 @@
+"""Mistakes in the words of a command line, each one line, and exit code 2."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from mbot_workstation import main
+from mbot_workstation.commands.usage_words import is_usage_error
+
+WORDS = [
+    ("evaluat servo", "no such command 'evaluat'; did you mean evaluate? see `workstation --help`"),
+    (
+        "evaluate servo --episode 1",
+        "no such option: --episode; did you mean --episodes? see `workstation evaluate --help`",
+    ),
+    ("keys lst", "no such command 'lst'; did you mean list? see `workstation keys --help`"),
+    ("zzz", "no such command 'zzz'; see `workstation --help`"),
+    ("evaluate", "missing argument 'MODEL...'; see `workstation evaluate --help`"),
+    ("enroll x --right fly", "'fly' is not one of 'view', 'push', 'drive'; see"),
+    ("evaluate servo --episodes 0", "invalid value for '--episodes'"),
+    ("evaluate servo --lesson rugh", "; did you mean rough?"),
+    ("evaluate servo --preset handicapp", "; did you mean handicap?"),
+    ("study latncy servo", "; did you mean latency?"),
+    ("maneuvers run --yes --maneuver forward-forwrd", "; did you mean forward-forward?"),
+    ("train --lesson rugh", "--lesson: no lesson 'rugh'"),
+]
+
+
+@pytest.mark.parametrize(("line", "said"), WORDS)
+def test_a_mistake_is_one_line_with_what_may_have_been_meant(
+    line: str,
+    said: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("sys.argv", ["workstation", *line.split()])
+    with pytest.raises(SystemExit) as ended:
+        main.main()
+    out, errors = capsys.readouterr()
+    assert (ended.value.code, out) == (2, "")
+    assert errors.startswith("workstation: ")
+    assert errors.count("\n") == 1
+    assert said in errors
+
+
+def test_no_words_at_all_show_the_help_and_nothing_else(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["workstation"])
+    with pytest.raises(SystemExit) as ended:
+        main.main()
+    out, errors = capsys.readouterr()
+    assert ended.value.code == 2
+    assert "push-model" in out + errors
+    assert "workstation:" not in out + errors
+
+
+def test_a_shell_completes_subcommands() -> None:
+    asked = {"_WORKSTATION_COMPLETE": "complete_bash", "COMP_WORDS": "workstation ev"}
+    done = subprocess.run(
+        [sys.executable, "-m", "mbot_workstation.main"],
+        env=os.environ | asked | {"COMP_CWORD": "1"},
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
+    )
+    assert (done.returncode, done.stdout.split()) == (0, ["evaluate"])
+
+
+def test_other_errors_are_none_of_the_words() -> None:
+    assert not is_usage_error(ValueError("x"))

@@ -1,0 +1,29 @@
+"""What is wrong with the words of a command line, in one line."""
+
+import re
+from typing import Any
+
+import typer
+
+_POSSIBLE = re.compile(r"[\s(]*(?:Possible options?:|Did you mean(?: one of)?:?)\s*(.*?)[?)]*$")
+
+
+def is_usage_error(error: Exception) -> bool:
+    """Whether it is about the words of a command line; typer itself does not name the class."""
+    return isinstance(error, typer.BadParameter.__mro__[1])
+
+
+def usage_words(error: Any) -> str:
+    """A usage error of typer's: what was found, what may have been meant, where help is;
+    empty where nothing needs to be said.
+    """
+    text = " ".join(error.format_message().split()).replace("Value error, ", "")
+    if not text:  # no words at all were given, and typer has shown the help instead
+        return ""
+    meant = ""
+    if found := _POSSIBLE.search(text):
+        text, names = text[: found.start()], found[1].replace("'", "")
+        meant = f" did you mean {' or '.join(names.split(', '))}?"
+    context = getattr(error, "ctx", None)
+    path = context.command_path if context is not None else "workstation"
+    return f"{text[:1].lower()}{text[1:].rstrip(' .')};{meant} see `{path} --help`"
