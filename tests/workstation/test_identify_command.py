@@ -145,3 +145,17 @@ def test_a_fit_that_is_worse_than_nothing_is_not_written(
 def test_no_folder_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"recording\.toml"):
         invoke(tmp_path / "nothing")
+
+
+@pytest.mark.slow
+def test_the_documents_example_is_identified(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = Path(__file__).parents[2] / "docs" / "recordings.md"
+    monkeypatch.chdir(tmp_path)
+    exec(page.read_text().split("```python\n")[1].split("```")[0], {})
+    found = invoke("ideal", "--calibration", tmp_path / "mine")
+    assert found.exit_code == 0, found.output
+    motion = read_motion(tmp_path / "mine")
+    assert motion is not None
+    assert motion.track_m == pytest.approx(0.115, abs=0.004)
