@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -143,6 +144,21 @@ def test_a_killed_worker_is_named() -> None:
         victim.join()
         with pytest.raises(WorkerError, match=r"robots 1 to 1 .*-9"):
             environment.step(np.zeros((2, 2), np.float32))
+
+
+def test_workers_that_die_before_they_are_told_anything_are_named(tmp_path: Path) -> None:
+    """A script without `if __name__ == "__main__"` is run again by each of them, and ends them."""
+    script = tmp_path / "train.py"
+    script.write_text(
+        "from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv\n"
+        "from mbot_workstation.training.worlds.rooms import evaluation_rooms\n"
+        "FetchVecEnv(2, rooms=evaluation_rooms([]), workers=2)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 1
+    assert "WorkerError: the worker of robots 0 to 0 has gone" in done.stderr
 
 
 def test_a_failing_worker_sends_its_traceback() -> None:

@@ -111,9 +111,9 @@ def test_memory_is_shared_by_its_arrays() -> None:
 def test_a_worker_serves_its_share_until_told_to_quit() -> None:
     ours, theirs = multiprocessing.Pipe()
     memory = SharedMemory.allocate(multiprocessing.get_context("spawn"), 1)
-    for request in (Reset(seeds=(5,)), Step(), Quit()):
+    for request in (settings(), Reset(seeds=(5,)), Step(), Quit()):
         ours.send(request)
-    run_worker(theirs, memory, range(1), settings())
+    run_worker(theirs, memory, range(1))
     assert [ours.recv() for _ in range(3)] == [Done()] * 3
     assert memory.arrays().frames[0].std() > 0
 

@@ -79,21 +79,20 @@ class Failed:
 Reply = Done | Failed
 
 
-def run_worker(
-    pipe: Connection, memory: SharedMemory, robots: range, settings: WorldSettings
-) -> None:
+def run_worker(pipe: Connection, memory: SharedMemory, robots: range) -> None:
     """Serve requests until told to quit or left alone.
 
     Args:
-        pipe: requests in, a reply to each out, after a first one when the worlds are built.
+        pipe: WorldSettings in, then requests; a reply to each out, the first when the worlds are
+            built.
         memory: shared.
         robots: which rows of the memory are this worker's.
-        settings: of the worlds.
 
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # also if a thread has started it
     cv2.setNumThreads(1)  # small pictures: handing them to threads costs more than the work
     try:
+        settings: WorldSettings = pipe.recv()
         with RobotEye(settings.rooms, settings.robot, settings.scene, settings.floors) as eye:
             share = _Share(eye, memory.arrays(), robots, settings)
             pipe.send(Done())

@@ -57,7 +57,7 @@ class WorkerPool:
                 ours, theirs = context.Pipe()
                 process = context.Process(
                     target=run_worker,
-                    args=(theirs, memory, share, settings),
+                    args=(theirs, memory, share),
                     name=f"robots {share.start} to {share.stop - 1}",
                     daemon=True,
                 )
@@ -65,6 +65,10 @@ class WorkerPool:
                     process.start()
                 theirs.close()
                 self._workers.append(_Worker(process, ours, share))
+            # Not among the arguments: multiprocessing hands those over by a pipe whose other end it
+            # holds too, and megabytes of rooms would wait there for ever if a worker has died.
+            for worker in self._workers:
+                self._send(worker, settings)
             self._owing = list(self._workers)
             self.wait()  # until all worlds are built
         except BaseException:
@@ -80,11 +84,8 @@ class WorkerPool:
         """Send each worker its request; `wait` for the replies."""
         self.wait()  # for what an interrupted caller has left
         for worker, request in zip(self._workers, requests, strict=True):
-            try:
-                worker.pipe.send(request)
-                self._owing.append(worker)
-            except (BrokenPipeError, ConnectionResetError):
-                self._raise_gone(worker)
+            self._send(worker, request)
+            self._owing.append(worker)
 
     def wait(self) -> None:
         """Wait until all have done what they were asked.
@@ -123,6 +124,12 @@ class WorkerPool:
             worker.process.close()
         self._workers = []
         self._owing = []
+
+    def _send(self, worker: _Worker, message: Request | WorldSettings) -> None:
+        try:
+            worker.pipe.send(message)
+        except (BrokenPipeError, ConnectionResetError):
+            self._raise_gone(worker)
 
     def _raise_gone(self, worker: _Worker) -> NoReturn:
         worker.process.join(QUIT_S)
