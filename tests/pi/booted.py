@@ -5,8 +5,10 @@ shares the network with this computer, so that a workstation here reaches a robo
 kernel's clock, so that times compare. It does not enforce limits on memory, devices and addresses.
 """
 
+import contextlib
 import os
 import shutil
+import signal
 import subprocess
 import time
 from pathlib import Path
@@ -92,9 +94,13 @@ class Machine:
         self.cut_power()
 
     def cut_power(self) -> None:
-        """Everything in it dies at once."""
-        self._nspawn.kill()
-        self._nspawn.wait(20)
+        """Everything in it dies at once, with its first process."""
+        with contextlib.suppress(OSError, IndexError):
+            os.kill(self._init, signal.SIGKILL)
+        try:
+            self._nspawn.wait(20)
+        finally:
+            self._nspawn.kill()
 
     def run(self, *command: str, timeout_s: float = 60.0) -> subprocess.CompletedProcess[str]:
         """A command as root in it; its exit status is the caller's to look at."""

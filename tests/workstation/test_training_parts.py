@@ -2,6 +2,7 @@
 
 import errno
 import multiprocessing
+import signal
 from pathlib import Path
 
 import cv2
@@ -113,7 +114,11 @@ def test_a_worker_serves_its_share_until_told_to_quit() -> None:
     memory = SharedMemory.allocate(multiprocessing.get_context("spawn"), 1)
     for request in (settings(), Reset(seeds=(5,)), Step(), Quit()):
         ours.send(request)
-    run_worker(theirs, memory, range(1))
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        run_worker(theirs, memory, range(1))  # a worker ignores Ctrl-C, and this process is none
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert [ours.recv() for _ in range(3)] == [Done()] * 3
     assert memory.arrays().frames[0].std() > 0
 
