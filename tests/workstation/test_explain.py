@@ -1,3 +1,4 @@
+import json
 import os
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from mbot_workstation.recordings.drive_mcap import Recording
 from mbot_workstation.training.evaluation.activations import Microscope
 from mbot_workstation.training.evaluation.explanation import as_observation, mosaic
 from mbot_workstation.training.learning.policy_graph import policy_graph
+from mbot_workstation.training.learning.training_config import TrainingConfig
 from mbot_workstation.training.worlds.example_frames import (
     NO_OBJECT,
     OBJECT_CENTRAL,
@@ -136,7 +138,7 @@ def test_what_cannot_be_explained_is_named(model_file: Path, tmp_path: Path) -> 
         (("--frames", str(tmp_path / "none.png")), "can't read"),
         (("--frames", str(text)), "no picture"),
         (("--frames", str(text), "--recording", str(text)), "one of the two"),
-        (("-o", str(tmp_path / "missing" / "o.png")), "can't write"),
+        (("-o", str(tmp_path / "missing" / "o.png")), "there is no folder"),
     ):
         with pytest.raises(ConfigurationError, match=message):
             invoke(explain, str(model_file), *arguments)
@@ -151,7 +153,7 @@ def test_maps_are_laid_out_in_rows() -> None:
 
 
 def test_the_training_curve_is_drawn(tmp_path: Path) -> None:
-    (tmp_path / "config.json").write_text("{}")
+    (tmp_path / "config.json").write_text(json.dumps(TrainingConfig().resolved()))
     progress = tmp_path / "progress.csv"
     header = "step,wall_s,lesson,mean_reward,mean_length,mean_touches,episodes"
     progress.write_text(header + "\n")

@@ -286,4 +286,5 @@ def test_bad_input_is_named(recording: Path, tmp_path: Path) -> None:
     other = tmp_path / "other"
     write_recording(other, "mbot-2", session(None, 1, 2.0, MANEUVERS[:1]))
     assert "mbot-2" in fails(str(recording), str(other), *options)
-    assert "can't write" in fails(str(recording), *options, "-o", str(tmp_path / "no" / "gap.html"))
+    missing = str(tmp_path / "no" / "gap.html")
+    assert "there is no folder" in fails(str(recording), *options, "-o", missing)

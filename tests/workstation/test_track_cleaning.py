@@ -64,7 +64,8 @@ def test_spikes_are_found_and_little_else(maneuver: int, seed: int) -> None:
     track = driven(Tracker(), maneuver, seed)
     random = np.random.default_rng(seed)
     spikes = np.zeros(len(track), dtype=bool)
-    spikes[random.choice(len(track), 12, replace=False)] = True
+    # The first and the last pose have neighbours on one side only and always pass.
+    spikes[1 + random.choice(len(track) - 2, 12, replace=False)] = True
     shift = random.normal(size=(len(track), 3))
     shift *= random.uniform(0.06, 2, (len(track), 1)) / np.linalg.norm(shift, axis=1, keepdims=True)
     found = outlying_poses(with_positions(track, track.position_m + spikes[:, None] * shift))

@@ -36,6 +36,7 @@ START_S = 30.0
 """The most that the child's imports may take, before it has seen the model."""
 
 READY = b"!"
+"""The child's first word, before it reads the model; its report follows."""
 
 MEMORY_BYTES = 128 << 20
 """Address space on top of what Python and onnxruntime map. The largest model allowed (16 MiB) needs
@@ -189,7 +190,8 @@ def _limit(model_s: float) -> None:
 
 if __name__ == "__main__":
     try:
-        sys.stdout.buffer.write(msgspec.json.encode(_try(float(sys.argv[1]), float(sys.argv[2]))))
+        limit_s = float(sys.argv[2]) if len(sys.argv) > 2 else MODEL_S
+        sys.stdout.buffer.write(msgspec.json.encode(_try(float(sys.argv[1]), limit_s)))
     except MbotError as reason:
         print(reason, file=sys.stderr)
         sys.exit(reason.exit_code)

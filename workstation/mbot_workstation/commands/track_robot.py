@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands.options import argument, option, output_file, with_options
+from mbot_workstation.commands.options import argument, option, with_options
 from mbot_workstation.commands.stop_signals import stop_signals
 from mbot_workstation.targets.specifications import ROBOT_MARKER_EDGE_MM, ROBOT_MARKER_ID
 
@@ -33,7 +33,7 @@ class TrackOptions:
         "`openvr` for a SteamVR tracker on this machine.",
         metavar="SOURCE",
     )
-    output: Path = output_file(
+    output: Path = option(
         Path("track.tum"), "The track, in TUM format.", "--output", "-o", metavar="FILE.tum"
     )
     marker_mm: float = option(

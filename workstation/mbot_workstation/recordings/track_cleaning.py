@@ -116,7 +116,9 @@ def noise(track: Track) -> tuple[float, float]:
 
 
 def outlying_poses(track: Track) -> Mask:
-    """Which poses are far from the median of those around them. Shape (n,)."""
+    """Which poses are far from the median of those around them. Shape (n,). Never the first and the
+    last: they may just be on the move.
+    """
     far = _off_median_m(track.time_s, track.position_m, REFLECTION_WINDOW_S)
     wild = far > REFLECTION_POSITION_M
     near = ~wild
