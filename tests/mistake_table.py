@@ -9,7 +9,7 @@ from pathlib import Path
 
 PRESETS = (
     "ideal, nominal, randomised, uneven, handicap, sluggish, slippery, blurry, noisy, distorted, "
-    "dim, bright, late, automatic, any-room, sharp"
+    "dim, bright, late, automatic, any-room, light-held, sharp"
 )
 FILES = {
     "typo.toml": 'robot_id = "mbot-1"\n\n[camera]\nframe_rat_hz = 15\n',
@@ -69,7 +69,7 @@ MISTAKES = (
         "an action of the daemon misspelt",
         "mbot-agent chek",
         "mbot-agent: argument action: invalid choice: 'chek' (choose from run, check, "
-        "stop-motors); did you mean check? see `mbot-agent --help`",
+        "stop-motors, decide); did you mean check? see `mbot-agent --help`",
     ),
     Mistake(
         "an option of the daemon misspelt",

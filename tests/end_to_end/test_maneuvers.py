@@ -101,7 +101,10 @@ def test_a_truth_track_lies_where_the_virtual_robot_stands(tmp_path: Path, endin
 
 
 def test_a_truth_track_that_can_not_be_written_is_refused(tmp_path: Path) -> None:
-    for name, words in (("truth.bag", "expected .csv, .tum or .txt"), ("no/t.csv", "can't write")):
+    for name, words in (
+        ("truth.bag", "expected .csv, .tum or .txt"),
+        ("no/t.csv", "there is no folder"),
+    ):
         with workstation(
             "virtual-robot", "--truth-track", str(tmp_path / name), log=tmp_path / "log"
         ) as robot:
