@@ -14,6 +14,7 @@ from stable_baselines3.common.evaluation import evaluate_policy
 
 from mbot_workstation.training.worlds.fetch_env import FetchEnv
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.training.worlds.lessons import Lesson
 from mbot_workstation.training.worlds.worker_pool import WorkerError
 
 from .small_world import ROOMS
@@ -144,6 +145,18 @@ def test_a_killed_worker_is_named() -> None:
         victim.join()
         with pytest.raises(WorkerError, match=r"robots 1 to 1 .*-9"):
             environment.step(np.zeros((2, 2), np.float32))
+
+
+def test_drivers_are_told_of_a_robot_that_changes_on_the_way() -> None:
+    weak = (("left_gain", (0.5, 0.5)),)
+    swap = Lesson("swap", 2.5, objects=10, changes=1.0, change_after=(2, 3), change_to=weak)
+    with FetchVecEnv(2, 0, "ideal", swap, ROOMS, workers=1) as environment:
+        environment.reset()
+        told = [environment.bodies["left_gain"].tolist()]
+        for _ in range(3):
+            environment.step(np.zeros((2, 2), np.float32))
+            told.append(environment.bodies["left_gain"].tolist())
+    assert told == [[1.0, 1.0]] * 3 + [[0.5, 0.5]]
 
 
 def test_workers_that_die_before_they_are_told_anything_are_named(tmp_path: Path) -> None:
