@@ -180,8 +180,10 @@ def main() -> None:
         after = window * WINDOW - SWAP_AFTER
         cells = " | ".join(f"{share[window]:.2f}" for share in shares.values())
         print(f"| {after} to {after + WINDOW} | {cells} |")
-    for name, share in shares.items():
-        print(f"\n{name}: {NEAR:.0%} of its progress before after {near_after(share)} decisions.")
+    soon = near_after(shares["with its memory"])
+    print(
+        f"\nWith its memory: {NEAR:.0%} of its progress before the change after {soon} decisions."
+    )
 
 
 if __name__ == "__main__":
