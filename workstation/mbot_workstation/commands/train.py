@@ -20,7 +20,7 @@ MEMORY_UNITS = 128
 MADE_UP_ROOMS = 8
 """Beside the photographs that ship with the project."""
 
-GUIDED_DECISIONS, GUIDED_STEPS = 900_000, 1_000_000
+GUIDED_DECISIONS, GUIDED_STEPS, FURTHER_STEPS = 1_900_000, 2_000_000, 1_000_000
 
 ROUND_STEPS = 200_000
 """What a run may be told to make besides, in an example."""
@@ -57,8 +57,8 @@ class TrainOptions:
     )
     steps: int | None = option(
         None,
-        "Decisions of all robots together; 1,000,000 if not given, 1,500,000 from nothing with "
-        "--guide 0.",
+        "Decisions of all robots together; 2,000,000 if not given, 1,000,000 with --from, 1,500,000 "
+        "from nothing with --guide 0.",
         panel=_WHAT,
         min=1,
     )
@@ -79,7 +79,7 @@ class TrainOptions:
     guide: int | None = option(
         None,
         "For the first N decisions learn from a guide as well, which knows what the robot is like "
-        "and where the object is while the camera can see it; its weight falls to 0. 900,000 if "
+        "and where the object is while the camera can see it; its weight falls to 0. 1,900,000 if "
         "not given, 0 with --from; 0 is PPO alone, as in the paper.",
         panel=_WHAT,
         metavar="N",
@@ -235,11 +235,14 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
     guided = options.guide
     if guided is None:
         guided = 0 if options.parent else GUIDED_DECISIONS
-    learner = FINE_TUNING if options.parent else default.learner
+    learner, steps = default.learner, default.steps
+    if options.parent:
+        learner, steps = FINE_TUNING, FURTHER_STEPS
     if guided:
         learner = replace(GUIDED, guided_decisions=guided)
+        steps = FURTHER_STEPS if options.parent else GUIDED_STEPS
     config = TrainingConfig(
-        steps=options.steps or (GUIDED_STEPS if guided or options.parent else default.steps),
+        steps=options.steps or steps,
         robots=options.robots,
         workers=options.workers,
         seed=options.seed,
