@@ -57,8 +57,8 @@ class TrainOptions:
     )
     steps: int | None = option(
         None,
-        "Decisions of all robots together; 2,000,000 if not given, 1,000,000 with --from, 1,500,000 "
-        "from nothing with --guide 0.",
+        "Decisions of all robots together; 2,000,000 if not given, 1,000,000 with --from, "
+        "1,500,000 from nothing with --guide 0.",
         panel=_WHAT,
         min=1,
     )
