@@ -29,9 +29,9 @@ from mbot_workstation.identification.prediction import (
     OWN,
     SETTING,
     Noise,
+    Whitener,
     predicted,
     slopes,
-    whiteners,
 )
 from mbot_workstation.identification.scatter import learn_noise
 from mbot_workstation.identification.solver import Problem, Scatter, Solution, Solver, State, begun
@@ -463,7 +463,7 @@ def test_whitened_noise_is_white(recording: Recording) -> None:
         )
         heading = rng.normal(0, noise.heading_rad, still.size) + noise.heading_walk * walk
         seen = run.bins.increments(place * np.exp(1j * 0), heading)
-        rows.append(np.einsum("cij,cj->ci", whiteners(run, noise), seen)[2])
+        rows.append(Whitener(run, noise).whiten(seen)[2])
     covariance = np.cov(np.array(rows).T)
     assert np.diag(covariance).mean() == pytest.approx(1, abs=0.15)
     assert abs(np.diag(covariance, 1).mean()) < 0.1

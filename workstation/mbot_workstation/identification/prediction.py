@@ -8,7 +8,7 @@ Its clock is ahead of the robot's.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.linalg import cholesky_banded, solve_banded
 
 from mbot_workstation.identification.floor import Plane
 from mbot_workstation.identification.increments import STARTING_S, Observed
@@ -172,23 +172,39 @@ class Noise:
     heading_walk: float
 
 
-def whiteners(run: Observed, noise: Noise) -> NDArray[np.float64]:
-    """What makes increments' errors independent, of unit size. Shape (3, n, n), lower triangles.
+class Whitener:
+    """Makes the errors of a run's increments independent, of unit size.
 
     Neighbouring increments share a bin, so their errors are correlated; what the robot does by
-    chance is not.
+    chance is not. Such a covariance has two bands, and so has its root.
     """
-    count, time_s = run.bins.count, run.bins.time_s
-    size = len(count) - 1
-    elapsed_s = np.diff(time_s)
-    result = np.empty((3, size, size))
-    for rows, single, walk in (
-        ((0, 1), noise.place_m, noise.place_walk),
-        ((2,), noise.heading_rad, noise.heading_walk),
-    ):
-        of_bins = single**2 / count
-        covariance = np.diag(of_bins[1:] + of_bins[:-1] + walk**2 * elapsed_s)
-        beside = np.arange(size - 1)
-        covariance[beside, beside + 1] = covariance[beside + 1, beside] = -of_bins[1:-1]
-        result[list(rows)] = np.linalg.inv(np.linalg.cholesky(covariance))
-    return result
+
+    def __init__(self, run: Observed, noise: Noise) -> None:
+        of_place = _root(run, noise.place_m, noise.place_walk)
+        of_heading = _root(run, noise.heading_rad, noise.heading_walk)
+        self._roots = of_place, of_place, of_heading
+
+    def whiten(self, increments: Array) -> Array:
+        """Shape (..., 3, n), as is what comes back."""
+        result = np.empty(increments.shape)
+        for row, root in enumerate(self._roots):
+            flat = increments[..., row, :].reshape(-1, increments.shape[-1])
+            white = solve_banded((1, 0), root, flat.T, check_finite=False)
+            result[..., row, :] = white.T.reshape(increments[..., row, :].shape)
+        return result
+
+    def undo(self, white: Array) -> Array:
+        """The increments again. Shape (3, n)."""
+        roots = np.stack(self._roots)
+        result = roots[:, 0] * white
+        result[:, 1:] += roots[:, 1, :-1] * white[:, :-1]
+        return np.asarray(result, np.float64)
+
+
+def _root(run: Observed, single: float, walk: float) -> Array:
+    """Of the covariance of n increments: its diagonal and the one below. Shape (2, n)."""
+    of_bins = single**2 / run.bins.count
+    bands = np.zeros((2, of_bins.size - 1))
+    bands[0] = of_bins[1:] + of_bins[:-1] + walk**2 * np.diff(run.bins.time_s)
+    bands[1, :-1] = -of_bins[1:-1]
+    return np.asarray(cholesky_banded(bands, lower=True, check_finite=False), np.float64)

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
 
 from mbot_workstation.identification.increments import BIN_S, Observed, maneuvers
 from mbot_workstation.identification.prediction import OWN, Noise
@@ -34,18 +36,12 @@ def learn_scatter(runs: Sequence[Observed], solution: Solution) -> Scatter:
             off[members] = own[members] - own[members].mean(axis=0)
             freedom[members] = 1 - 1 / len(members)
     driven = np.array([_driven(run) for run in runs])
-    both = driven.all(axis=1)
-    alike = _mean(off[both, 0] * off[both, 1], freedom[both], ASSUMED.battery**2)
-    each = _mean(
-        (off[:, :2] ** 2)[driven],
-        np.repeat(freedom[:, None], 2, axis=1)[driven],
-        ASSUMED.battery**2 + ASSUMED.motor**2,
-    )
+    battery, motor = _shared_and_each(off[:, :2], freedom, driven)
     shared = np.array([not run.own_clock for run in runs])
     later = OWN.index("later")
     return Scatter(
-        battery=float(np.sqrt(max(alike, 1e-7))),
-        motor=float(np.sqrt(max(each - max(alike, 0.0), 1e-7))),
+        battery=battery,
+        motor=motor,
         sideways=float(np.sqrt(_mean(off[:, 2] ** 2, freedom, ASSUMED.sideways**2))),
         moment_s=float(
             np.sqrt(_mean(off[shared, later] ** 2, freedom[shared], ASSUMED.moment_s**2))
@@ -112,6 +108,38 @@ def _parts(rows: Sequence[Array], count: float) -> tuple[float, float]:
 
 def _variance(values: Array) -> float:
     return (ROBUST * float(np.median(np.abs(values)))) ** 2 if values.size else 0.0
+
+
+def _shared_and_each(off: Array, freedom: Array, driven: NDArray[np.bool_]) -> tuple[float, float]:
+    """Scatter that both motors have in common, and of each by itself: the likeliest two.
+
+    Where both are driven, their sum scatters by twice what is common more than their difference;
+    one alone scatters by both. What is estimated decides how the next fit shares a deviation among
+    the wheels, so a difference of two means will not do: it comes out negative by chance, and is
+    then taken for certain.
+
+    Args:
+        off: of both wheels' speeds in each run from the mean of its manoeuvre, shape (runs, 2).
+        freedom: of each run, shape (runs,).
+        driven: which wheels, shape (runs, 2).
+
+    """
+    both, alone = driven.all(axis=1), driven.any(axis=1) & ~driven.all(axis=1)
+    together = off[both] @ np.array([[1, 1], [1, -1]]) / np.sqrt(2)
+    one = np.where(driven, off, 0).sum(axis=1)[alone]
+    common, each = np.array([2, 0, 1]), ASSUMED.battery**2 * np.array([2, 0, 1])
+    count = np.array([freedom[both].sum(), freedom[both].sum(), freedom[alone].sum()])
+    squares = np.array([*(together**2).sum(axis=0), (one**2).sum()])
+    count, squares = count + ASSUMED_COUNT, squares + ASSUMED_COUNT * (each + ASSUMED.motor**2)
+
+    def unlikeliness(logs: Array) -> float:
+        variance = common * np.exp(2 * logs[0]) + np.exp(2 * logs[1])
+        return float((count * np.log(variance) + squares / variance).sum())
+
+    start = np.log([ASSUMED.battery, ASSUMED.motor])
+    found = minimize(unlikeliness, start, bounds=[(np.log(1e-4), np.log(0.3))] * 2)
+    battery, motor = np.exp(found.x).tolist()
+    return battery, motor
 
 
 def _mean(squares: Array, freedom: Array, assumed: float) -> float:

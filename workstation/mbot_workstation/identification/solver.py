@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from mbot_workstation.identification.arrow import Arrow
 from mbot_workstation.identification.increments import Observed, maneuvers
 from mbot_workstation.identification.model import Plan, drive_plans
 from mbot_workstation.identification.prediction import (
@@ -22,9 +23,9 @@ from mbot_workstation.identification.prediction import (
     SETTING,
     SETTING_SPREAD,
     Noise,
+    Whitener,
     predicted,
     slopes,
-    whiteners,
 )
 from mbot_workstation.recordings.track import Array
 from mbot_workstation.simulation.parameter_table import BY_NAME, usual, value, with_values
@@ -44,6 +45,9 @@ SLOW_CLOCK_S = 0.5
 
 STEPS_A_ROUND = 3
 """Of the solver, before what was linearised is looked at anew."""
+
+
+_NO_MISFIT = np.zeros((len(OWN), len(MISFIT)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,14 +186,11 @@ class _Unknowns:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Group:
-    """The runs of one manoeuvre, with a basis of all that is theirs alone."""
+    """The runs of one manoeuvre, and all that is theirs alone. In its rows each run's increments
+    are followed by the priors of its own, and what the manoeuvre's share is last."""
 
     runs: tuple[int, ...]
-    columns: Array
-    basis: Array
-
-    def without_own(self, rows: Array) -> Array:
-        return rows - self.basis @ (self.basis.T @ rows)
+    theirs: Arrow
 
 
 class Solver:
@@ -198,7 +199,7 @@ class Solver:
     def __init__(self, problem: Problem, scatter: Scatter, noise: Sequence[Noise]) -> None:
         self.problem, self._scatter = problem, scatter
         self._unknowns = _Unknowns(problem)
-        self._white = [whiteners(run, noise[run.flat.recording]) for run in problem.runs]
+        self._white = [Whitener(run, noise[run.flat.recording]) for run in problem.runs]
 
     def solve(self, state: State, rounds: int) -> Solution:
         """Descend; each round linearises anew what runs have to themselves."""
@@ -230,11 +231,8 @@ class Solver:
         (paths,) = drive_plans([state.robot], self.problem.plans)
         groups: list[_Group] = []
         for members in maneuvers(self.problem.runs).values():
-            sizes = [self._white[index][0].shape[0] * 3 for index in members]
-            width = len(MISFIT) + len(OWN) * len(members)
-            columns = np.zeros((sum(sizes) + width, width))
-            row = 0
-            for place, index in enumerate(members):
+            columns: list[tuple[Array, Array]] = []
+            for index in members:
                 run = self.problem.runs[index]
                 found = slopes(
                     run,
@@ -243,45 +241,38 @@ class Solver:
                     float(state.own[index, -1]),
                     state.robot.track_m,
                 )
-                mine = slice(row, row + sizes[place])
-                first = len(MISFIT) + len(OWN) * place
-                columns[mine, : len(MISFIT)] = self._whiten(index, found.misfit).T
-                columns[mine, first : first + len(OWN)] = self._whiten(index, found.own).T
-                root = self._scatter.own_root(run)
-                at = sum(sizes) + first
-                columns[at : at + len(OWN), first : first + len(OWN)] = root
-                row += sizes[place]
-            prior = slice(sum(sizes), sum(sizes) + len(MISFIT))
-            columns[prior, : len(MISFIT)] = np.diag(1 / self._scatter.of_misfit())
-            groups.append(_Group(tuple(members), columns, np.linalg.qr(columns)[0]))
+                own = self._whiten(index, found.own).T
+                shared = self._whiten(index, found.misfit).T
+                prior = self._scatter.own_root(run)
+                columns.append((np.vstack([own, prior]), np.vstack([shared, _NO_MISFIT])))
+            shared_prior = np.diag(1 / self._scatter.of_misfit())
+            groups.append(_Group(tuple(members), Arrow.of(columns, shared_prior)))
         return groups
 
     def _whiten(self, index: int, increments: Array) -> Array:
         """Of shape (..., 3, n) to (..., 3 n)."""
-        white = np.einsum("cij,...cj->...ci", self._white[index], increments)
+        white = self._white[index].whiten(increments)
         return white.reshape(*white.shape[:-2], white.shape[-2] * white.shape[-1])
 
     def _rows(self, unknowns: Array, groups: Sequence[_Group], later: Array) -> Array:
         whole = self._aims(unknowns, groups, later)
-        parts = [group.without_own(aim) for group, aim in zip(groups, whole, strict=True)]
+        parts = [group.theirs.without(aim) for group, aim in zip(groups, whole, strict=True)]
         return np.concatenate([unknowns, *parts])
 
     def _aims(self, unknowns: Array, groups: Sequence[_Group], later: Array) -> list[Array]:
-        """Of each group what is left of the measurements, then of the priors of its own."""
+        """Of each group what is left of its rows before anything is explained."""
         (paths,) = drive_plans([self._unknowns.robot(unknowns)], self.problem.plans)
         settings = self._unknowns.settings(unknowns)
         aims: list[Array] = []
         for group in groups:
             parts: list[Array] = []
-            priors: list[Array] = [np.zeros(len(MISFIT))]
             for index in group.runs:
                 run = self.problem.runs[index]
                 path, setting = paths[self.problem.which[index]], settings[run.flat.recording]
                 off = run.seen - predicted(run, path, setting, float(later[index]))
-                parts.append(self._whiten(index, off))
                 now = np.array([0, 0, 0, later[index]])
-                priors.append(-self._scatter.own_root(run) @ now)
-            aims.append(np.concatenate([*parts, *priors]))
+                parts += [self._whiten(index, off), -self._scatter.own_root(run) @ now]
+            aims.append(np.concatenate([*parts, np.zeros(len(MISFIT))]))
         return aims
 
     def _slopes(self, unknowns: Array, groups: Sequence[_Group], later: Array) -> Array:
@@ -313,9 +304,9 @@ class Solver:
                 mine[: len(names)] = self._whiten(index, by_name)
                 scaled = by_setting[chosen] * SETTING_SPREAD[chosen][:, None, None]
                 mine[places] = self._whiten(index, scaled)
-                rows.append(-mine.T)
-            padding = np.zeros((len(MISFIT) + len(OWN) * len(group.runs), unknowns.size))
-            parts.append(group.without_own(np.concatenate([*rows, padding])))
+                rows += [-mine.T, np.zeros((len(OWN), unknowns.size))]
+            rows.append(np.zeros((len(MISFIT), unknowns.size)))
+            parts.append(group.theirs.without(np.concatenate(rows)))
         return np.concatenate(parts)
 
     def _state(
@@ -326,18 +317,13 @@ class Solver:
         residuals: list[Array] = [np.zeros(0)] * len(own)
         aims = self._aims(unknowns, groups, later)
         for group, aim in zip(groups, aims, strict=True):
-            solved: Array = np.linalg.lstsq(group.columns, aim, rcond=None)[0].astype(np.float64)
-            left = aim - group.columns @ solved
-            misfit[self.problem.runs[group.runs[0]].maneuver] = solved[: len(MISFIT)]
-            row = 0
-            for place, index in enumerate(group.runs):
-                own[index] = solved[len(MISFIT) + len(OWN) * place :][: len(OWN)]
-                own[index, -1] += later[index]
-                white = self._white[index]
-                rows = left[row : row + white[0].shape[0] * 3].reshape(3, -1)
-                left_over = np.linalg.solve(white, rows[..., None])[..., 0]
-                residuals[index] = np.asarray(left_over, np.float64)
-                row += rows.size
+            shared, solved = group.theirs.solve(aim)
+            misfit[self.problem.runs[group.runs[0]].maneuver] = shared
+            left = group.theirs.without(aim)
+            for block, index, mine in zip(group.theirs.blocks, group.runs, solved, strict=True):
+                own[index] = mine + np.array([0, 0, 0, later[index]])
+                of_run = left[block.rows][: -len(OWN)].reshape(3, -1)
+                residuals[index] = self._white[index].undo(of_run)
         robot, settings = self._unknowns.robot(unknowns), self._unknowns.settings(unknowns)
         return State(robot, settings, own, misfit), tuple(residuals)
 
