@@ -21,6 +21,7 @@ from mbot_workstation.identification.solver import (
     Solver,
     State,
     begun,
+    spreads,
 )
 from mbot_workstation.identification.stray import stray_runs
 from mbot_workstation.recordings.run import Recording
@@ -28,12 +29,18 @@ from mbot_workstation.recordings.track import Array
 from mbot_workstation.simulation.parameter_table import TOLD_BY_DRIVING, usual, with_values
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 
-STARTS: tuple[dict[str, float], ...] = ({}, {"wheel_friction": 0.35})
-"""From what is usual, and from tyres that slide whenever the robot starts: between the two the
-cost is not smooth."""
+STARTS: tuple[dict[str, float], ...] = ({}, {"wheel_friction": 0.45}, {"wheel_friction": 0.225})
+"""From what is usual, and from half and a quarter of the usual grip: where tyres begin to slide when
+the robot starts, and how long they do, the cost is not smooth."""
 
-ROUNDS, LAST_ROUNDS = 2, 2
-"""Of fitting, learning the scatter, and fitting again: from each start, and near the end."""
+ROUNDS = 2
+"""Of fitting, learning the scatter, and fitting again, from each start: enough to choose one."""
+
+MOST_ROUNDS = 8
+"""From there on; a fit that still moves then says so by its residuals."""
+
+SETTLED = 0.1
+"""Of a parameter's standard deviation: a round that moves none by more is the last."""
 
 FADE_OF_SCATTER = 6**0.5
 """A battery that fades evenly over the runs makes them scatter by its fade over the root of 12.
@@ -115,7 +122,7 @@ class _Fit:
         # Costs compare under the same weights only.
         weights = tried[0].scatter, tried[0].noise
         costs = [Solver(problem, *weights).judge(one.solution.state).cost for one in tried]
-        return tried[int(np.argmin(costs))]
+        return tried[int(np.argmin(costs))]._settled(MOST_ROUNDS, bar)
 
     @classmethod
     def go_on(
@@ -126,16 +133,19 @@ class _Fit:
         problem = data.problem(everything, TOLD_BY_DRIVING)
         came = before.solution.state
         state = replace(begun(problem, came.robot), settings=came.settings)
-        return cls(problem, state, before.scatter, before.noise)._settled(LAST_ROUNDS, bar)
+        return cls(problem, state, before.scatter, before.noise)._settled(MOST_ROUNDS, bar)
 
     def _settled(self, rounds: int, bar: "_Bar") -> "_Fit":
-        state, scatter, noise = self._state, self.scatter, self.noise
-        solution = None
-        for _ in range(rounds):
+        state, scatter, noise, solution = self._state, self.scatter, self.noise, self._solution
+        for done in range(rounds):
             solution = Solver(self.problem, scatter, noise).solve(state, 1)
+            moved = spreads(self.problem, solution.state.robot) - spreads(self.problem, state.robot)
             state = solution.state
             scatter = learn_scatter(self.problem.runs, solution)
             noise = learn_noise(self.problem.runs, solution, noise)
+            if (np.abs(moved) < SETTLED * np.sqrt(np.diag(solution.covariance))).all():
+                bar.count(rounds - done)
+                break
             bar.count()
         return _Fit(self.problem, state, scatter, noise, solution)
 
@@ -145,10 +155,10 @@ class _Bar:
 
     def __init__(self, advance: Advance | None) -> None:
         self._advance, self._done = advance, 0
-        self._all = len(STARTS) * ROUNDS + LAST_ROUNDS
+        self._all = len(STARTS) * ROUNDS + 2 * MOST_ROUNDS
 
-    def count(self) -> None:
-        self._done += 1
+    def count(self, rounds: int = 1) -> None:
+        self._done += rounds
         if self._advance is not None:
             self._advance(min(self._done / self._all, 1.0))
 

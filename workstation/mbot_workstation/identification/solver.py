@@ -147,6 +147,16 @@ class Solution:
     residuals: tuple[Array, ...]
 
 
+def spreads(problem: Problem, robot: RobotParameters) -> Array:
+    """A robot's parameters, in units of their spread from what is usual. Shape (names,)."""
+    return np.array(
+        [
+            (value(robot, name) - usual(problem.robot, name)) / BY_NAME[name].spread
+            for name in problem.names
+        ]
+    )
+
+
 class _Unknowns:
     """Parameters in units of their spread from usual, then free settings in theirs from a guess."""
 
@@ -163,9 +173,8 @@ class _Unknowns:
         self.high = np.append((high - self._usual) / self._spread, unlimited)
 
     def of(self, state: State) -> Array:
-        values = np.array([value(state.robot, name) for name in self.names])
         settings = (state.settings - self._problem.guess) / SETTING_SPREAD
-        return np.append((values - self._usual) / self._spread, settings.ravel()[self._free])
+        return np.append(spreads(self._problem, state.robot), settings.ravel()[self._free])
 
     def robot(self, unknowns: Array) -> RobotParameters:
         values = self._usual + self._spread * unknowns[: len(self.names)]
