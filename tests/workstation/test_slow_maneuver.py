@@ -9,16 +9,23 @@ import pytest
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.identification.fit import identify
 from mbot_workstation.identification.handicap import handicap
+from mbot_workstation.identification.model import simulate_paths
 from mbot_workstation.maneuvers.plan import Order, plan, room_needed_m
 from mbot_workstation.recordings.commands_csv import CommandedRun, read_commands, write_commands
 from mbot_workstation.recordings.maneuver import BEAT_S, MANEUVERS, SLOW, maneuver_named
 from mbot_workstation.recordings.run import CommandSeries
+from mbot_workstation.simulation.motor import wheel_voltages
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 
 from .planar_robot import PlanarRobot, Schedule, Session, record
 
 pytestmark = pytest.mark.timeout(600)
 """A fit with slow runs takes 20 s of two quiet cores, and minutes of busy ones."""
+
+DUTIES = np.linspace(0.1, 0.35, 101)
+
+BEGUN_RAD = 0.08
+"""Turned in 1.5 s by a wheel that has begun to turn: 6 mm/s."""
 
 BEATS = round(SLOW.duration_s(10.0) / BEAT_S)
 
@@ -63,7 +70,7 @@ def test_its_commands_are_kept_and_others_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_slow_runs_tell_dead_bands_between_creeping_and_turning() -> None:
+def test_slow_runs_tell_dead_bands_to_5_of_255() -> None:
     truth = PlanarRobot()
     held = Session().shortened(3.0, 2)
     chosen = ("forward-forward", "backward-forward", "neutral-forward", "backward-neutral")
@@ -77,18 +84,30 @@ def test_slow_runs_tell_dead_bands_between_creeping_and_turning() -> None:
         low, high = estimates[name].low, estimates[name].high
         assert low is not None
         assert high is not None
+        for sign in (1, -1):
+            begins = _starting_duty(truth, side, BEGUN_RAD, sign)
+            assert _simulated_starting_duty(found.robot, side, sign) == pytest.approx(
+                begins, abs=5 / 255
+            )
     maps = handicap(found, recording.wheel_maps).straight
     assert maps.left.dead_band == int(255 * estimates["left_dead_band"].value)
     assert maps.right.dead_band == int(255 * estimates["right_dead_band"].value)
 
 
-def _starting_duty(truth: PlanarRobot, side: int, angle_rad: float) -> float:
+def _starting_duty(truth: PlanarRobot, side: int, angle_rad: float, sign: int = 1) -> float:
     """The least duty at which one wheel, driven alone, turns the robot so far in 1.5 s.
 
     Its friction is like honey below 5 mm/s, so it creeps before it turns.
     """
-    duties = np.linspace(0.1, 0.35, 101)
-    told = np.zeros((len(duties), 3000, 2))
-    told[:, :, side] = duties[:, None]
+    told = np.zeros((len(DUTIES), 3000, 2))
+    told[:, :, side] = sign * DUTIES[:, None]
     turned = np.abs(truth.drive(told, np.ones_like(told))[0][:, -1, 2])
-    return float(duties[int(np.argmax(turned > angle_rad))])
+    return float(DUTIES[int(np.argmax(turned > angle_rad))])
+
+
+def _simulated_starting_duty(robot: RobotParameters, side: int, sign: int) -> float:
+    told = np.zeros((len(DUTIES), 2))
+    told[:, side] = sign * DUTIES
+    volts = np.array([[wheel_voltages(left, right, robot)] * 300 for left, right in told.tolist()])
+    turned = np.abs(simulate_paths([robot] * len(DUTIES), volts)[:, -1, 2])
+    return float(DUTIES[int(np.argmax(turned > BEGUN_RAD))])
