@@ -143,7 +143,8 @@ def handicap_lines(uneven: Handicap) -> list[str]:
 
 
 def backward_lines(found: Identification) -> list[str]:
-    """Motors that drive one way better than the other."""
+    """Motors that drive one way better than the other, where the recordings tell that."""
+    told = {one.name for one in found.estimates if one.low is not None}
     return [
         f"backward the {side} motor is {100 * abs(share - 1):.1f} % "
         f"{'stronger' if share > 1 else 'weaker'} than forward; its trim is for driving forward"
@@ -151,7 +152,7 @@ def backward_lines(found: Identification) -> list[str]:
             ("left", found.robot.left_motor.backward_share),
             ("right", found.robot.right_motor.backward_share),
         )
-        if abs(share - 1) > TELLING_SHARE
+        if abs(share - 1) > TELLING_SHARE and f"{side}_backward_share" in told
     ]
 
 
