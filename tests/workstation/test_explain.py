@@ -12,7 +12,7 @@ import torch
 import typer
 from typer.testing import CliRunner
 
-from mbot_protocol.errors import ConfigurationError, ContractError
+from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.policy_contract import FULL_VIEW, PolicyMetadata
 from mbot_workstation.commands.explain import explain
 from mbot_workstation.commands.training_curve import training_curve
@@ -30,6 +30,8 @@ from mbot_workstation.training.worlds.example_frames import (
 )
 
 from .samples import picture
+
+SHIPPED = Path(__file__).parents[2] / "models" / "red-cube.onnx"
 
 NAMES = {
     "features_extractor.first": (16, 3, 8, 8),
@@ -71,17 +73,44 @@ def test_the_microscope_shows_what_torch_computes(model: bytes) -> None:
     scaled = torch.from_numpy(frame).permute(2, 0, 1)[None] / 255 - 0.5
     first = weights()["features_extractor.first.weight"], weights()["features_extractor.first.bias"]
     expected = torch.nn.functional.conv2d(scaled, *first, stride=4)[0].numpy()
+    assert seen.convolution is not None
     assert seen.convolution.shape == (16, 15, 15)
     np.testing.assert_allclose(seen.convolution, expected, atol=1e-5)
+    assert seen.activation is not None
     leaky = np.where(expected > 0, expected, 0.01 * expected)
     np.testing.assert_allclose(seen.activation, leaky, atol=1e-5)
     assert all(-1 <= wheel <= 1 for wheel in seen.action)
 
 
-def test_a_model_without_such_a_layer_is_named() -> None:
+def test_any_policy_shows_where_it_looks(tmp_path: Path) -> None:
     servo = servo_model(ServoGains(), PolicyMetadata("servo")).SerializeToString()
-    with pytest.raises(ContractError, match="nothing to explain"):
-        Microscope(servo)
+    microscope = Microscope(servo)
+    frame = np.full((64, 64, 3), 120, np.uint8)
+    nothing = microscope.look(frame)
+    frame[36:44, 8:16] = (200, 20, 20)
+    seen = microscope.look(frame)
+    assert seen.convolution is None
+    assert nothing.saliency.max() < 1e-3
+    row, column = np.unravel_index(int(seen.saliency.argmax()), seen.saliency.shape)
+    # Places of 8 x 8 pixels begin 4 apart; half a blob hidden moves its middle most.
+    assert abs(row - 9) <= 1
+    assert abs(column - 2) <= 1
+    assert seen.saliency.max() > 0.05
+    assert seen.saliency[:6].max() < 1e-3
+    path = tmp_path / "servo.onnx"
+    path.write_bytes(servo)
+    assert "wrote" in invoke(explain, str(path), "-o", str(tmp_path / "servo.png"))
+
+
+def test_what_a_policy_remembers_is_told_from_what_it_sees() -> None:
+    microscope = Microscope(SHIPPED.read_bytes())
+    frames = list(example_frames().values())
+    drive = [frames[1]] * 12 + [frames[0]]
+    (first, last) = microscope.look_back(drive, [0, 12])
+    assert first.first_action == pytest.approx(first.action)
+    assert last.first_action == pytest.approx(microscope.look(frames[0]).action)
+    assert last.first_action is not None
+    assert np.abs(np.subtract(last.action, last.first_action)).max() > 0.05
 
 
 def test_the_example_frames_show_what_they_say() -> None:

@@ -12,7 +12,7 @@ from mbot_workstation.commands.output_paths import PICTURES
 class ExplainOptions:
     """What `explain` takes."""
 
-    model: Path = argument("A learned policy.", metavar="MODEL.onnx")
+    model: Path = argument("A policy.", metavar="MODEL.onnx")
     more_frames: list[Path] | None = argument("More pictures.", default=None, metavar="[FILE]...")
     frames: list[Path] | None = option(
         None,
@@ -35,7 +35,11 @@ class ExplainOptions:
 
 @with_options
 def explain(options: ExplainOptions) -> None:
-    """Show what the first layer of a policy makes of pictures, and what the policy then does.
+    """Show where a policy looks in pictures, what its first layer makes of them, and what it does.
+
+    Each place of a picture is blurred away in turn; what changes the wheels matters to the policy.
+    In a recording a policy with a memory has all in mind that came before, and the picture shows
+    what it would have done without.
 
     Without --frames and --recording: three pictures as in the paper, with no object, with the
     object on the left, and with the object straight ahead.
@@ -47,6 +51,8 @@ def explain(options: ExplainOptions) -> None:
     - `workstation explain policy.onnx --recording drive.mcap --count 6`
     """
     import json
+
+    import numpy as np
 
     from mbot_protocol.errors import ConfigurationError
     from mbot_workstation.models.check import check_model
@@ -60,20 +66,28 @@ def explain(options: ExplainOptions) -> None:
     microscope = Microscope(checked.data)
     view = checked.metadata.view
     if options.recording is not None:
-        pictures = recorded_frames(options.recording, options.count, view)
-    elif files:
-        pictures = {path.stem: load_frame(path, view) for path in files}
+        seconds, frames = recorded_frames(options.recording, view)
+        spread = np.linspace(0, len(frames) - 1, options.count).round().astype(int)
+        chosen = sorted(set(spread.tolist()))
+        looks = microscope.look_back(frames, chosen)
+        seen = {f"{seconds[i]:.1f} s": one for i, one in zip(chosen, looks, strict=True)}
     else:
-        from mbot_workstation.training.worlds.example_frames import example_frames
+        if files:
+            pictures = {path.stem: load_frame(path, view) for path in files}
+        else:
+            from mbot_workstation.training.worlds.example_frames import example_frames
 
-        pictures = example_frames()
-    seen = {title: microscope.look(picture) for title, picture in pictures.items()}
+            pictures = example_frames()
+        seen = {title: microscope.look(picture) for title, picture in pictures.items()}
     draw(seen, options.output)
     if options.as_json:
         actions = {title: [round(v, 4) for v in one.action] for title, one in seen.items()}
-        print(json.dumps({"path": str(options.output), "actions": actions}))
+        without = {t: one.first_action for t, one in seen.items() if one.first_action is not None}
+        told = {"path": str(options.output), "actions": actions, "actions_without_memory": without}
+        print(json.dumps(told))
     else:
         for title, one in seen.items():
-            left, right = one.action
-            print(f"{title}: left {left:+.2f}, right {right:+.2f}")
+            first = one.first_action
+            without = f"; without memory {first[0]:+.2f}, {first[1]:+.2f}" if first else ""
+            print(f"{title}: left {one.action[0]:+.2f}, right {one.action[1]:+.2f}{without}")
         print(f"wrote {options.output}")

@@ -30,7 +30,7 @@ from mbot_workstation.simulation.parameter_table import TOLD_BY_DRIVING, usual, 
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 
 STARTS: tuple[dict[str, float], ...] = ({}, {"wheel_friction": 0.45}, {"wheel_friction": 0.225})
-"""From what is usual, and from half and a quarter of the usual grip: where tyres begin to slide when
+"""From what is usual, and from half and a quarter of the usual grip: where tyres begin to slide as
 the robot starts, and how long they do, the cost is not smooth."""
 
 ROUNDS = 2

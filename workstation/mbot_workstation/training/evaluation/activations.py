@@ -1,48 +1,63 @@
-"""What the first layer of a policy makes of a picture, from the ONNX file alone."""
+"""What a policy makes of a picture, from the ONNX file alone: where it looks, what its first layer
+shows, what it remembers.
+"""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 import onnx
 import onnxruntime
 from numpy.typing import NDArray
 from onnx import TensorProto, helper
 
-from mbot_protocol.errors import ContractError
 from mbot_protocol.picture import Picture
-from mbot_protocol.policy_contract import INPUT_NAME, OUTPUT_NAME
+from mbot_protocol.policy_contract import (
+    INPUT_NAME,
+    OBSERVATION_SIDE_PX,
+    OUTPUT_NAME,
+    PREVIOUS_ACTION_NAME,
+    STATE_IN_NAME,
+    STATE_OUT_NAME,
+)
 
 ACTIVATIONS = ("LeakyRelu", "Relu")
+
+HIDDEN_PX, APART_PX = 8, 4
+"""Side of what is hidden at a time, a cube's width at half a metre, and how far apart."""
+
+Feeds = dict[str, NDArray[np.float32] | Picture]
 
 
 @dataclass(frozen=True, slots=True)
 class Activations:
-    """One picture on its way through the first layer.
+    """One picture on its way through a policy.
 
     Attributes:
         frame: shape (64, 64, 3).
-        convolution: outputs of the first convolution, shape (filters, h, w).
-        activation: the same after the LeakyReLU.
         action: left and right wheel.
+        first_action: the same if nothing had been before this picture; None where nothing had.
+        saliency: how much the wheels change when what is here is blurred away, the larger of both,
+            shape (n, n) over the picture.
+        convolution: outputs of the first convolution, shape (filters, h, w); None if the policy has
+            none that a LeakyReLU or ReLU follows.
+        activation: the same after that.
 
     """
 
     frame: Picture
-    convolution: NDArray[np.float32]
-    activation: NDArray[np.float32]
     action: tuple[float, float]
+    first_action: tuple[float, float] | None
+    saliency: NDArray[np.float32]
+    convolution: NDArray[np.float32] | None
+    activation: NDArray[np.float32] | None
 
 
 class Microscope:
-    """A policy whose inner values can be seen."""
+    """A policy whose inner values can be seen. Any that keeps the contract."""
 
     def __init__(self, model: bytes) -> None:
-        """Open a model up.
-
-        Raises:
-            ContractError: it has no convolution that a LeakyReLU or ReLU follows.
-
-        """
         opened = onnx.load_from_string(model)
         self._inner = _first_layer(opened.graph)
         opened.graph.output.extend(
@@ -53,7 +68,7 @@ class Microscope:
         self._session = onnxruntime.InferenceSession(
             opened.SerializeToString(), options, providers=["CPUExecutionProvider"]
         )
-        self._nothing_before = {
+        self._nothing_before: Feeds = {
             tensor.name: np.zeros(
                 [n if isinstance(n, int) else 1 for n in tensor.shape], np.float32
             )
@@ -61,20 +76,72 @@ class Microscope:
             if tensor.name != INPUT_NAME
         }
 
+    @property
+    def remembers(self) -> bool:
+        """Whether what was before makes a difference to it."""
+        return STATE_IN_NAME in self._nothing_before
+
     def look(self, frame: Picture) -> Activations:
         """Run one observation, shape (64, 64, 3), through the policy, as if nothing had been before
         it.
         """
-        names = [OUTPUT_NAME, *self._inner]
-        feeds = {INPUT_NAME: frame[None], **self._nothing_before}
-        action, convolution, activation = (
-            np.asarray(value)[0] for value in self._session.run(names, feeds)
+        return self._look(frame, self._nothing_before)
+
+    def look_back(self, frames: Sequence[Picture], chosen: Sequence[int]) -> list[Activations]:
+        """Look at some pictures of a drive, with all that came before in mind.
+
+        Args:
+            frames: of the drive, one a decision, each of shape (64, 64, 3).
+            chosen: indices of those to look at, rising.
+
+        """
+        if not self.remembers:
+            return [self.look(frames[index]) for index in chosen]
+        found: list[Activations] = []
+        before = self._nothing_before
+        for index, frame in enumerate(frames[: chosen[-1] + 1]):
+            if index in chosen:
+                fresh = self._action(frame, self._nothing_before)
+                first = float(fresh[0]), float(fresh[1])
+                found.append(replace(self._look(frame, before), first_action=first))
+            action, state = self._session.run(
+                [OUTPUT_NAME, STATE_OUT_NAME], {INPUT_NAME: frame[None], **before}
+            )
+            before = {PREVIOUS_ACTION_NAME: np.asarray(action), STATE_IN_NAME: np.asarray(state)}
+        return found
+
+    def _look(self, frame: Picture, before: Feeds) -> Activations:
+        feeds = {INPUT_NAME: frame[None], **before}
+        action, *inner = (
+            np.asarray(value)[0] for value in self._session.run([OUTPUT_NAME, *self._inner], feeds)
         )
-        return Activations(frame, convolution, activation, (float(action[0]), float(action[1])))
+        convolution, activation = inner or (None, None)
+        told = float(action[0]), float(action[1])
+        saliency = self._saliency(frame, before, action)
+        return Activations(frame, told, None, saliency, convolution, activation)
+
+    def _saliency(
+        self, frame: Picture, before: Feeds, action: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """Occlusion (Zeiler and Fergus 2014), with a blur: a gray patch would be a thing itself."""
+        blurred = cv2.GaussianBlur(frame, (0, 0), HIDDEN_PX)
+        corners = range(0, OBSERVATION_SIDE_PX - HIDDEN_PX + 1, APART_PX)
+        found = np.zeros((len(corners), len(corners)), np.float32)
+        for row, top in enumerate(corners):
+            for column, left in enumerate(corners):
+                hidden = frame.copy()
+                patch = np.s_[top : top + HIDDEN_PX, left : left + HIDDEN_PX]
+                hidden[patch] = blurred[patch]
+                found[row, column] = np.abs(self._action(hidden, before) - action).max()
+        return found
+
+    def _action(self, frame: Picture, before: Feeds) -> NDArray[np.float32]:
+        (action,) = self._session.run([OUTPUT_NAME], {INPUT_NAME: frame[None], **before})
+        return np.asarray(action, np.float32)[0]
 
 
-def _first_layer(graph: onnx.GraphProto) -> tuple[str, str]:
-    """Names of the first convolution's output, and of what follows it."""
+def _first_layer(graph: onnx.GraphProto) -> tuple[str, ...]:
+    """Names of the first convolution's output, and of what follows it; () if it has none."""
     for node in graph.node:
         if node.op_type != "Conv":
             continue
@@ -83,7 +150,4 @@ def _first_layer(graph: onnx.GraphProto) -> tuple[str, str]:
             if follower.op_type in ACTIVATIONS and output in follower.input:
                 return output, follower.output[0]
         break
-    raise ContractError(
-        "the model's first convolution is not followed by a LeakyReLU or ReLU, so there is nothing "
-        "to explain; expected a model from `workstation export`"
-    )
+    return ()

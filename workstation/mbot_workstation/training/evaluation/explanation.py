@@ -1,4 +1,6 @@
-"""The paper's Fig. 5 of a policy: what it sees, what its first layer makes of it, what it does."""
+"""The paper's Fig. 5 of a policy, and where it looks: what it sees, what its first layer makes of
+it, what it does, and what it would do without its memory.
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,7 +15,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Observer, Picture
 from mbot_protocol.policy_contract import OBSERVATION_SIDE_PX, FieldOfView
 from mbot_workstation.pictures.picture_file import decode_picture, save_figure
-from mbot_workstation.training.evaluation.activations import Activations
+from mbot_workstation.training.evaluation.activations import APART_PX, HIDDEN_PX, Activations
 
 _GAP = np.nan
 _BLUE, _ORANGE = "#3b6ea5", "#d9772b"
@@ -46,8 +48,8 @@ def as_observation(picture: Picture, view: FieldOfView) -> Picture:
     return Observer(nominal_pi_camera(width_px, height_px), view).observe(picture)
 
 
-def recorded_frames(path: Path, count: int, view: FieldOfView) -> dict[str, Picture]:
-    """Frames evenly spread over a recording, by the second they were seen in.
+def recorded_frames(path: Path, view: FieldOfView) -> tuple[list[float], list[Picture]]:
+    """All pictures of a recording: when they were seen, since the first [s], and what was seen.
 
     Raises:
         ConfigurationError: it is no recording, or has no pictures.
@@ -58,16 +60,12 @@ def recorded_frames(path: Path, count: int, view: FieldOfView) -> dict[str, Pict
     from mbot_workstation.recordings.drive_mcap import read_recording
 
     messages = [m for _, m in read_recording(path) if isinstance(m, CompressedImage)]
-    if not messages:
+    pictures = [(m.timestamp.ToNanoseconds(), decode_picture(m.data)) for m in messages]
+    whole = [(at_ns, picture) for at_ns, picture in pictures if picture is not None]
+    if not whole:
         raise ConfigurationError(f"{path} holds no pictures; was the camera running?")
-    start_ns = messages[0].timestamp.ToNanoseconds()
-    frames: dict[str, Picture] = {}
-    for index in np.unique(np.linspace(0, len(messages) - 1, count).round().astype(int)):
-        picture = decode_picture(messages[index].data)
-        if picture is not None:
-            seconds = (messages[index].timestamp.ToNanoseconds() - start_ns) / 1e9
-            frames[f"{seconds:.1f} s"] = as_observation(picture, view)
-    return frames
+    seconds = [(at_ns - whole[0][0]) / 1e9 for at_ns, _ in whole]
+    return seconds, [as_observation(picture, view) for _, picture in whole]
 
 
 def draw(seen: Mapping[str, Activations], path: Path) -> None:
@@ -81,27 +79,55 @@ def draw(seen: Mapping[str, Activations], path: Path) -> None:
         ConfigurationError: it can't be written.
 
     """
-    figure = Figure(figsize=(11, 2.75 * len(seen)), layout="constrained")
+    has_layers = all(one.convolution is not None for one in seen.values())
+    widths = [1, 1.2, 1.35, 1.35, 0.9] if has_layers else [1, 1.2, 0.9]
+    figure = Figure(figsize=(2.5 * sum(widths), 2.75 * len(seen)), layout="constrained")
     rows: Any = figure.subplots(
-        len(seen), 4, squeeze=False, gridspec_kw={"width_ratios": [1, 1.35, 1.35, 0.8]}
+        len(seen), len(widths), squeeze=False, gridspec_kw={"width_ratios": widths}
     )
-    reach = max(float(np.abs(one.convolution).max()) for one in seen.values())
+    most = max(float(one.saliency.max()) for one in seen.values())
     for axes, (title, one) in zip(rows, seen.items(), strict=True):
         axes[0].imshow(one.frame)
         axes[0].set_ylabel(title, fontsize=11)
-        for place, maps in ((axes[1], one.convolution), (axes[2], one.activation)):
-            place.imshow(mosaic(maps), cmap="RdBu_r", vmin=-reach, vmax=reach)
-        for place in axes[:3]:
+        shown = _draw_saliency(axes[1], one, most)
+        for place in axes[:-1]:
             place.set_xticks([])
             place.set_yticks([])
-        for place in axes[1:3]:
-            place.set_frame_on(False)
-        _draw_action(axes[3], one.action)
-    filters = len(next(iter(seen.values())).convolution)
-    titles = ("input", f"first convolution, {filters} filters", "after LeakyReLU", "wheels")
+        _draw_action(axes[-1], one)
+        figure.colorbar(shown, ax=axes[1], shrink=0.8, label="change of a wheel, of full speed")
+    titles = ["input", "what matters to it", "wheels"]
+    if has_layers:
+        titles[2:2] = _draw_layers(rows, list(seen.values()))
     for axes, title in zip(rows[0], titles, strict=True):
         axes.set_title(title, fontsize=11)
     save_figure(figure, path)
+
+
+def _draw_saliency(axes: Any, one: Activations, most: float) -> Any:
+    """Over the picture in gray: where hiding something changes what the wheels are told."""
+    axes.imshow(one.frame.mean(axis=-1), cmap="gray", vmin=0, vmax=255)
+    side, rim = OBSERVATION_SIDE_PX, (HIDDEN_PX - APART_PX) / 2
+    extent = (rim - 0.5, side - rim - 0.5, side - rim - 0.5, rim - 0.5)
+    share = one.saliency / max(most, 1e-6)
+    shown = axes.imshow(
+        one.saliency, cmap="inferno", vmin=0, vmax=most, extent=extent, alpha=0.9 * share
+    )
+    axes.set_xlim(-0.5, side - 0.5)
+    axes.set_ylim(side - 0.5, -0.5)
+    return shown
+
+
+def _draw_layers(rows: Any, seen: Sequence[Activations]) -> list[str]:
+    """The first layer's maps in the third and fourth column; gives their titles."""
+    reach = max(float(np.abs(one.convolution).max()) for one in seen if one.convolution is not None)
+    filters = 0
+    for axes, one in zip(rows, seen, strict=True):
+        for place, maps in ((axes[2], one.convolution), (axes[3], one.activation)):
+            if maps is not None:
+                place.imshow(mosaic(maps), cmap="RdBu_r", vmin=-reach, vmax=reach)
+                place.set_frame_on(False)
+                filters = len(maps)
+    return [f"first convolution, {filters} filters", "after its activation"]
 
 
 def mosaic(maps: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -123,9 +149,9 @@ def mosaic(maps: NDArray[np.float32]) -> NDArray[np.float32]:
     return wall.reshape(rows * (height + 1), columns * (width + 1))[:-1, :-1]
 
 
-def _draw_action(axes: Any, action: Sequence[float]) -> None:
-    axes.bar(["left", "right"], action, color=[_BLUE, _ORANGE], width=0.6)
-    for place, value in enumerate(action):
+def _draw_action(axes: Any, one: Activations) -> None:
+    axes.bar(["left", "right"], one.action, color=[_BLUE, _ORANGE], width=0.6)
+    for place, value in enumerate(one.action):
         axes.text(
             place,
             value + (0.06 if value >= 0 else -0.06),
@@ -134,7 +160,12 @@ def _draw_action(axes: Any, action: Sequence[float]) -> None:
             va="bottom" if value >= 0 else "top",
             fontsize=10,
         )
+    if one.first_action is not None:
+        label = "without memory"
+        axes.plot([0, 1], one.first_action, "D", color="black", markersize=5, label=label)
+        axes.legend(fontsize=8, loc="lower center", frameon=False)
     axes.axhline(0, color="black", linewidth=0.8)
-    axes.set_ylim(-1.35, 1.35)
+    axes.set_ylim(-1.45, 1.35)
     axes.set_yticks([-1, 0, 1])
+    axes.set_ylabel("share of full speed", fontsize=9)
     axes.spines[["top", "right"]].set_visible(False)
