@@ -36,17 +36,17 @@ from tests.workstation.planar_robot import PlanarRobot, Session, record
 
 ABOUT = """\
 Eight manoeuvres of 10 s. *aspen*, *birch* and *cedar* are recordings of six repetitions from a
-simulator that is not MuJoCo and shares no code with the project: motors with sag and dry friction,
-tyres that slip, a caster, a battery that fades, runs that begin 0.15 to 0.45 s before the robot
-moves. The other robots are made by the planar simulator of the tests (planar_robot.py), ten
-repetitions: curved dead bands, Coulomb friction in motors and caster, tyres that creep and slide,
-motors that scatter from run to run and wander within each. *Brush* and *carpet* are two more
-simulators (unseen_robots.py; six repetitions): circuits, gears with play, one battery that runs down
-and tyres with a peak; and servos that warm up, on a sloping carpet with a pile, with a swivel caster
-that kicks. They were written without looking at the identification, and their parameters were chosen
-before any of their robots was identified. The tracker has 4 mm and 0.3 degrees of
-noise, loses poses, sits off-centre and tilted, on a clock of its own. "mujoco" is a truth from our
-own model. All of it is simulated; nothing was measured on a real robot yet.
+simulator that is not MuJoCo and shares no code with the project: motors with sag and dry
+friction, tyres that slip, a caster, a battery that fades, runs that begin 0.15 to 0.45 s before
+the robot moves. The other robots are made by the planar simulator of the tests (planar_robot.py),
+ten repetitions: curved dead bands, Coulomb friction in motors and caster, tyres that creep and
+slide, motors that scatter from run to run and wander within each. *Brush* and *carpet* are two
+more simulators (unseen_robots.py; six repetitions): circuits, gears with play, one battery that
+runs down and tyres with a peak; and servos that warm up, on a sloping carpet with a pile, with a
+swivel caster that kicks. They were written without looking at the identification, and their
+parameters were chosen before any of their robots was identified. The tracker has 4 mm and 0.3
+degrees of noise, loses poses, sits off-centre and tilted, on a clock of its own. "mujoco" is a
+truth from our own model. All of it is simulated; nothing was measured on a real robot yet.
 """
 
 PLANAR = {
