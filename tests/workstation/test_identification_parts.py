@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from mbot_protocol.actions import WheelMaps
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.identification.arrow import Arrow
 from mbot_workstation.identification.conclusions import steady_rate
 from mbot_workstation.identification.data import prepare
 from mbot_workstation.identification.floor import flatten
@@ -33,7 +34,7 @@ from mbot_workstation.identification.prediction import (
     predicted,
     slopes,
 )
-from mbot_workstation.identification.scatter import learn_noise
+from mbot_workstation.identification.scatter import learn_noise, shared_and_each
 from mbot_workstation.identification.solver import Problem, Scatter, Solution, Solver, State, begun
 from mbot_workstation.identification.stray import stray_runs
 from mbot_workstation.recordings.run import CommandSeries, Recording, Run
@@ -514,6 +515,36 @@ def test_more_scatter_makes_less_certain(solved: tuple[Problem, State, Solution]
         for misfit in (0.002, 0.03)
     )
     assert (np.diag(wild.covariance) > 2 * np.diag(calm.covariance))[:2].all()
+
+
+def test_an_arrow_explains_what_all_its_columns_would() -> None:
+    rng = np.random.default_rng(2)
+    runs = [(rng.normal(size=(n, 3)), rng.normal(size=(n, 2))) for n in (12, 9, 20)]
+    prior = np.diag([3.0, 5.0])
+    arrow = Arrow.of(runs, prior)
+    rows = sum(len(own) for own, _ in runs)
+    columns = np.zeros((rows + 2, 2 + 3 * len(runs)))
+    columns[:, :2] = np.vstack([*[shared for _, shared in runs], prior])
+    for place, (block, (own, _)) in enumerate(zip(arrow.blocks, runs, strict=True)):
+        columns[block.rows, 2 + 3 * place : 5 + 3 * place] = own
+    aim = rng.normal(size=rows + 2)
+    expected, *_ = np.linalg.lstsq(columns, aim, rcond=None)
+    shared, own = arrow.solve(aim)
+    np.testing.assert_allclose(np.append(shared, own), expected, atol=1e-10)
+    np.testing.assert_allclose(arrow.without(aim), aim - columns @ expected, atol=1e-10)
+    np.testing.assert_allclose(arrow.without(columns), 0, atol=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_motors_have_in_common_never_takes_all_of_the_scatter(seed: int) -> None:
+    """Once it does, the next fit makes both wheels of each run deviate alike, however they turned,
+    and finds that confirmed."""
+    rng = np.random.default_rng(seed)
+    driven = np.repeat(np.array([[True, True], [True, False], [False, True]]), (24, 12, 12), axis=0)
+    off = (rng.normal(0, 0.01, (48, 1)) + rng.normal(0, 0.01, (48, 2))) * driven
+    battery, motor = shared_and_each(off, np.ones(48), driven)
+    assert 0.005 < motor < 0.016
+    assert 0.002 < battery < 0.017
 
 
 # Conclusions

@@ -36,7 +36,7 @@ def learn_scatter(runs: Sequence[Observed], solution: Solution) -> Scatter:
             off[members] = own[members] - own[members].mean(axis=0)
             freedom[members] = 1 - 1 / len(members)
     driven = np.array([_driven(run) for run in runs])
-    battery, motor = _shared_and_each(off[:, :2], freedom, driven)
+    battery, motor = shared_and_each(off[:, :2], freedom, driven)
     shared = np.array([not run.own_clock for run in runs])
     later = OWN.index("later")
     return Scatter(
@@ -110,7 +110,7 @@ def _variance(values: Array) -> float:
     return (ROBUST * float(np.median(np.abs(values)))) ** 2 if values.size else 0.0
 
 
-def _shared_and_each(off: Array, freedom: Array, driven: NDArray[np.bool_]) -> tuple[float, float]:
+def shared_and_each(off: Array, freedom: Array, driven: NDArray[np.bool_]) -> tuple[float, float]:
     """Scatter that both motors have in common, and of each by itself: the likeliest two.
 
     Where both are driven, their sum scatters by twice what is common more than their difference;
