@@ -25,7 +25,6 @@ def test_there_are_the_papers_ten() -> None:
     last = LESSONS[-1].rules
     assert (last.spawn_farthest_m, last.border_m) == (2.5, 2.9)
     assert last.time_limit_s == pytest.approx(167 * 0.4)
-    assert LESSONS[-1].longest_decisions == 1670
 
 
 def test_the_first_object_is_close_and_in_view() -> None:

@@ -13,7 +13,6 @@ from mbot_workstation.recordings.track_cleaning import (
     frozen_poses,
     noise,
     outlying_poses,
-    resample,
 )
 
 from .driven_robot import Robot, Tracker, commands, track_of
@@ -99,8 +98,6 @@ def test_the_sign_of_a_quaternion_means_nothing() -> None:
     flipped = Track(track.time_s, track.position_m, track.quaternion_wxyz * signs)
     assert np.array_equal(outlying_poses(flipped), outlying_poses(track))
     assert noise(flipped) == pytest.approx(noise(track))
-    grid_s = np.arange(track.time_s[0], track.time_s[-1], 0.01)
-    assert np.allclose(resample(flipped, grid_s)[0].yaw_rad, resample(track, grid_s)[0].yaw_rad)
 
 
 def test_a_tracker_that_repeats_itself_while_lost_is_found() -> None:
@@ -120,32 +117,6 @@ def test_a_robot_that_stands_is_not_a_tracker_that_is_lost() -> None:
     track = driven(PERFECT, 0)  # a perfect tracker repeats itself to the last digit
     assert (track.position_m[1:80] == track.position_m[0]).all()
     assert not frozen_poses(track).any()
-
-
-def test_resampling_follows_the_truth_and_says_where_it_can_not() -> None:
-    track = driven(PERFECT, 2)
-    grid_s = np.arange(track.time_s[0] - 0.05, track.time_s[-1], 1 / 200)
-    hole = (track.time_s > 13 - 7000.0) & (track.time_s < 13.3 - 7000.0)
-    resampled, known = resample(track.where(~hole), grid_s)
-    fine = driven(Tracker(**{**PERFECT.__dict__, "rate_hz": 1000.0}), 2)
-    for axis in range(3):
-        truth = np.interp(grid_s, fine.time_s, fine.position_m[:, axis])
-        assert np.abs(resampled.position_m[known, axis] - truth[known]).max() < 0.0005
-    yaw = resampled.yaw_rad - resampled.yaw_rad[60]
-    truth = np.interp(grid_s, fine.time_s, fine.yaw_rad)
-    early = known & (grid_s < 12.9 - 7000.0)
-    assert np.abs(yaw - (truth - truth[60]))[early].max() < 0.005
-    assert not known[(grid_s > 13.01 - 7000) & (grid_s < 13.29 - 7000)].any()
-    assert not known[grid_s < track.time_s[0]].any()
-    assert np.count_nonzero(~known) < 90
-
-
-def test_resampling_at_its_own_times_changes_nothing() -> None:
-    track = driven(Tracker(), 5)
-    same, known = resample(track, track.time_s)
-    assert known.all()
-    assert np.allclose(same.position_m, track.position_m)
-    assert (np.abs(np.sum(same.quaternion_wxyz * track.quaternion_wxyz, axis=1)) > 1 - 1e-12).all()
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """What trackers do wrong, found and left out: spikes, reflections, frozen and lost poses.
 
-Nothing is smoothed or filled in here: poses are kept as they are or left out, and `resample` says
-which of its poses lie in a gap.
+Nothing is smoothed or filled in: poses are kept as they are or left out.
 """
 
 from dataclasses import dataclass
@@ -34,9 +33,6 @@ robot's centre stays within 5 cm of the median over half a second of spinning.""
 
 FROZEN_POSES = 3
 """So many equal poses in a row, and then a jump: the tracker was lost and repeated itself."""
-
-LONGEST_GAP_S = 0.1
-"""Nine poses of 90 Hz; across more than this, interpolating would invent the path."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,34 +156,6 @@ def frozen_poses(track: Track) -> Mask:
     return frozen
 
 
-def resample(
-    track: Track, time_s: Array, longest_gap_s: float = LONGEST_GAP_S
-) -> tuple[Track, Mask]:
-    """The track at other moments, and which of these are known.
-
-    Positions are taken from the line between the poses before and after, attitudes from the
-    shortest turn between them. Moments in a gap longer than `longest_gap_s`, or outside the
-    track, are interpolated (or held) as well, but not known.
-
-    Args:
-        track: cleaned.
-        time_s: rising, shape (m,), at least 2.
-        longest_gap_s: see above.
-
-    """
-    after = np.clip(np.searchsorted(track.time_s, time_s), 1, len(track) - 1)
-    before = after - 1
-    step_s = track.time_s[after] - track.time_s[before]
-    share = np.clip((time_s - track.time_s[before]) / step_s, 0, 1)
-    attitude = without_sign_flips(track.quaternion_wxyz)
-    position = _between(track.position_m[before], track.position_m[after], share)
-    turned = _slerp(attitude[before], attitude[after], share)
-    inside = (time_s >= track.time_s[0]) & (time_s <= track.time_s[-1])
-    on_a_pose = (share == 0) | (share == 1)
-    known = inside & ((step_s <= longest_gap_s) | on_a_pose)
-    return Track(np.asarray(time_s, dtype=np.float64), position, turned), known
-
-
 def _neighbours(time_s: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
     """Rows before and after each inner row, and where between them it is, 0 to 1."""
     rows = np.arange(1, len(time_s) - 1)
@@ -197,18 +165,6 @@ def _neighbours(time_s: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], Arra
 
 def _between(first: Array, second: Array, share: Array) -> Array:
     return first + share[:, None] * (second - first)
-
-
-def _slerp(first: Array, second: Array, share: Array) -> Array:
-    cosine = np.clip(np.sum(first * second, axis=1), -1, 1)
-    angle = np.arccos(np.abs(cosine))
-    second = np.where(cosine[:, None] < 0, -second, second)
-    sine = np.sin(angle)
-    close = sine < 1e-6
-    safe = np.where(close, 1.0, sine)
-    weight_first = np.where(close, 1 - share, np.sin((1 - share) * angle) / safe)
-    weight_second = np.where(close, share, np.sin(share * angle) / safe)
-    return _unit(weight_first[:, None] * first + weight_second[:, None] * second)
 
 
 def _unit(quaternions: Array) -> Array:

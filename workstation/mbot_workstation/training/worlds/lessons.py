@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 
 from mbot_protocol.did_you_mean import did_you_mean
-from mbot_workstation.simulation.fetch_rules import TIME_LIMIT_DECISIONS, FetchRules
+from mbot_workstation.simulation.fetch_rules import FetchRules
 from mbot_workstation.variation.effects import EffectRanges, RealWorldEffects
 
 PASS_EPISODES = 420
@@ -92,11 +92,6 @@ class Lesson:
     def largest_reward(self) -> float:
         """Of an episode: 2 for every object touched at once, 1 for the complete run."""
         return 2.0 * self.objects + 1.0
-
-    @property
-    def longest_decisions(self) -> int:
-        """Of an episode."""
-        return TIME_LIMIT_DECISIONS * self.objects
 
 
 def _moved(kind: Kind, origin: RealWorldEffects, to: RealWorldEffects) -> Kind:
