@@ -143,8 +143,13 @@ def handicap_lines(uneven: Handicap) -> list[str]:
 
 
 def backward_lines(found: Identification) -> list[str]:
-    """Motors that drive one way better than the other, where the recordings tell that."""
+    """Motors that drive one way better than the other; where the recordings hardly tell, only such as
+    differ by more than motors usually do."""
     told = {one.name for one in found.estimates if one.low is not None}
+    least = {
+        name: TELLING_SHARE if name in told else BY_NAME[name].spread
+        for name in ("left_backward_share", "right_backward_share")
+    }
     return [
         f"backward the {side} motor is {100 * abs(share - 1):.1f} % "
         f"{'stronger' if share > 1 else 'weaker'} than forward; its trim is for driving forward"
@@ -152,7 +157,7 @@ def backward_lines(found: Identification) -> list[str]:
             ("left", found.robot.left_motor.backward_share),
             ("right", found.robot.right_motor.backward_share),
         )
-        if abs(share - 1) > TELLING_SHARE and f"{side}_backward_share" in told
+        if abs(share - 1) > least[f"{side}_backward_share"]
     ]
 
 

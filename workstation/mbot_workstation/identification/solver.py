@@ -43,7 +43,7 @@ OWN_CLOCK_S = 0.1
 SLOW_CLOCK_S = 0.5
 """Likewise of a slow run, which moves from a command on that nobody knows yet."""
 
-STEPS_A_ROUND = 3
+STEPS_A_ROUND = 8
 """Of the solver, before what was linearised is looked at anew."""
 
 
