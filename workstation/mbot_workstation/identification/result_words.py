@@ -143,8 +143,8 @@ def handicap_lines(uneven: Handicap) -> list[str]:
 
 
 def backward_lines(found: Identification) -> list[str]:
-    """Motors that drive one way better than the other; where the recordings hardly tell, only such as
-    differ by more than motors usually do."""
+    """Motors that drive one way better than the other; where the recordings hardly tell, only such
+    as differ by more than motors usually do."""
     told = {one.name for one in found.estimates if one.low is not None}
     least = {
         name: TELLING_SHARE if name in told else BY_NAME[name].spread
