@@ -37,7 +37,7 @@ ROUNDS = 2
 """Of fitting, learning the scatter, and fitting again, from each start: enough to choose one."""
 
 MOST_ROUNDS = 8
-"""From there on; a fit that still moves then says so by its residuals."""
+"""From there on, so that a fit ends that goes to and fro; those tried took 2 to 6."""
 
 SETTLED = 0.1
 """Of a parameter's standard deviation: a round that moves none by more is the last."""

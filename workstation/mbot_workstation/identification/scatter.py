@@ -20,6 +20,9 @@ ASSUMED = Scatter()
 ASSUMED_COUNT = 2.0
 """The usual scatter counts as much as so many runs: two repetitions alone say little."""
 
+POSSIBLE_SCATTER = (1e-4, 0.3)
+"""Of a motor's speed from run to run: less no tracker shows, more no robot drives with."""
+
 SUMMED = 10
 """Increments in a sum: over a second, what the robot does by chance outweighs the tracker."""
 
@@ -123,6 +126,9 @@ def shared_and_each(off: Array, freedom: Array, driven: NDArray[np.bool_]) -> tu
         freedom: of each run, shape (runs,).
         driven: which wheels, shape (runs, 2).
 
+    Returns:
+        Standard deviations, as shares of a wheel's speed.
+
     """
     both, alone = driven.all(axis=1), driven.any(axis=1) & ~driven.all(axis=1)
     together = off[both] @ np.array([[1, 1], [1, -1]]) / np.sqrt(2)
@@ -137,7 +143,7 @@ def shared_and_each(off: Array, freedom: Array, driven: NDArray[np.bool_]) -> tu
         return float((count * np.log(variance) + squares / variance).sum())
 
     start = np.log([ASSUMED.battery, ASSUMED.motor])
-    found = minimize(unlikeliness, start, bounds=[(np.log(1e-4), np.log(0.3))] * 2)
+    found = minimize(unlikeliness, start, bounds=[np.log(POSSIBLE_SCATTER)] * 2)
     battery, motor = np.exp(found.x).tolist()
     return battery, motor
 
