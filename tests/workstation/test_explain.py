@@ -18,8 +18,13 @@ from mbot_workstation.commands.explain import explain
 from mbot_workstation.commands.training_curve import training_curve
 from mbot_workstation.models.servo_policy import ServoGains, servo_model
 from mbot_workstation.recordings.drive_mcap import Recording
-from mbot_workstation.training.evaluation.activations import Microscope
-from mbot_workstation.training.evaluation.explanation import as_observation, mosaic
+from mbot_workstation.recordings.recorded_drive import read_drive
+from mbot_workstation.training.evaluation.activations import Glance, Microscope
+from mbot_workstation.training.evaluation.explanation import (
+    as_observation,
+    mosaic,
+    recorded_glances,
+)
 from mbot_workstation.training.learning.policy_graph import policy_graph
 from mbot_workstation.training.learning.training_config import TrainingConfig
 from mbot_workstation.training.worlds.example_frames import (
@@ -29,9 +34,10 @@ from mbot_workstation.training.worlds.example_frames import (
     example_frames,
 )
 
-from .samples import picture
+from .samples import decision, picture
 
 SHIPPED = Path(__file__).parents[2] / "models" / "red-cube.onnx"
+RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"
 
 NAMES = {
     "features_extractor.first": (16, 3, 8, 8),
@@ -105,12 +111,43 @@ def test_any_policy_shows_where_it_looks(tmp_path: Path) -> None:
 def test_what_a_policy_remembers_is_told_from_what_it_sees() -> None:
     microscope = Microscope(SHIPPED.read_bytes())
     frames = list(example_frames().values())
-    drive = [frames[1]] * 12 + [frames[0]]
+    straight = (0.2, 0.2)
+    drive = [Glance(frames[1]), *[Glance(frames[1], straight)] * 11, Glance(frames[0], straight)]
     (first, last) = microscope.look_back(drive, [0, 12])
     assert first.first_action == pytest.approx(first.action)
     assert last.first_action == pytest.approx(microscope.look(frames[0]).action)
     assert last.first_action is not None
     assert np.abs(np.subtract(last.action, last.first_action)).max() > 0.05
+
+
+def test_a_recorded_policy_does_what_it_did_on_the_robot() -> None:
+    """Its memory goes on and is zeroed where the robot did that, and it hears what wheels did."""
+    model = (RECORDED / "seeing.onnx").read_bytes()
+    decided = [beat for beat in read_drive(RECORDED).beats if beat.decided]
+    _, glances = recorded_glances(RECORDED, FULL_VIEW)
+    assert len(glances) == len(decided) + 1  # in one beat it was not asked
+    looks = Microscope(model).look_back(glances, range(len(glances)))
+    actions = [one.action for one in looks]
+    del actions[8]
+    then = [(beat.decision.action.left, beat.decision.action.right) for beat in decided]
+    np.testing.assert_allclose(actions, then, atol=1e-5)
+    never_anew = [Glance(one.frame, one.told or (0.0, 0.0)) for one in glances]
+    other = Microscope(model).look_back(never_anew, [9])[0].action
+    assert np.abs(np.subtract(other, then[8])).max() > 1e-3
+
+
+def test_telemetry_tells_where_a_policy_began_anew(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    with Recording(path, "mbot-1") as recording:
+        for number in (0, 1, 2, 4, 5, 6):  # 3 was lost
+            made = decision(number)
+            if number == 5:
+                made.ClearField("action")  # held: the policy was not asked
+            recording.write(made)
+            recording.write(picture(made.unix_time_ns))
+    _, glances = recorded_glances(path, FULL_VIEW)
+    on = (125 / 250, -62 / 250)
+    assert [glance.told for glance in glances] == [None, on, on, None, None, None]
 
 
 def test_the_example_frames_show_what_they_say() -> None:
@@ -151,13 +188,15 @@ def test_a_recording_is_explained(model_file: Path, tmp_path: Path) -> None:
     path = tmp_path / "drive.mcap"
     with Recording(path, "mbot-1") as recording:
         for number in range(11):
-            recording.write(picture(1_700_000_000_000_000_000 + number * 400_000_000))
+            made = decision(number)
+            recording.write(made)
+            recording.write(picture(made.unix_time_ns))
     told = invoke(
         explain,
         *(str(model_file), "--recording", str(path), "--count", "3"),
         *("-o", str(tmp_path / "o.png")),
     )
-    assert [line.split(":")[0] for line in told.splitlines()[:3]] == ["0.0 s", "2.0 s", "4.0 s"]
+    assert [line.split(":")[0] for line in told.splitlines()[:3]] == ["0.0 s", "0.5 s", "1.0 s"]
 
 
 def test_what_cannot_be_explained_is_named(model_file: Path, tmp_path: Path) -> None:

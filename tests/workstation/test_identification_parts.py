@@ -535,14 +535,32 @@ def test_an_arrow_explains_what_all_its_columns_would() -> None:
     np.testing.assert_allclose(arrow.without(columns), 0, atol=1e-10)
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_what_motors_have_in_common_never_takes_all_of_the_scatter(seed: int) -> None:
-    """Once it does, the next fit makes both wheels of each run deviate alike, however they turned,
-    and finds that confirmed."""
+BOTH_OR_ONE = np.repeat(
+    np.array([[True, True], [True, False], [False, True]]), (24, 12, 12), axis=0
+)
+
+
+def test_what_motors_have_in_common_never_takes_all_of_the_scatter() -> None:
+    """Runs of both motors scatter by more than those of one, as a slippery floor makes them.
+
+    The mean product of both motors' deviations is then beyond their mean square. Who subtracts
+    them finds no scatter of single motors; the next fit makes both wheels of each run deviate
+    alike, however they turned, and finds that confirmed.
+    """
+    alike, unlike = np.tile([0.03, -0.03], 12), np.tile([0.008, 0.008, -0.008, -0.008], 6)
+    off = np.where(BOTH_OR_ONE, np.tile([[0.012], [-0.012]], (24, 1)), 0)
+    off[:24] = np.stack([alike + unlike, alike - unlike], axis=1) / np.sqrt(2)
+    assert (off[:24, 0] * off[:24, 1]).mean() > (off[BOTH_OR_ONE] ** 2).mean()
+    battery, motor = shared_and_each(off, np.ones(48), BOTH_OR_ONE)
+    assert motor == pytest.approx(0.008, abs=0.0015)
+    assert battery == pytest.approx(0.018, abs=0.003)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_scatter_in_common_is_told_from_that_of_each_motor(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    driven = np.repeat(np.array([[True, True], [True, False], [False, True]]), (24, 12, 12), axis=0)
-    off = (rng.normal(0, 0.01, (48, 1)) + rng.normal(0, 0.01, (48, 2))) * driven
-    battery, motor = shared_and_each(off, np.ones(48), driven)
+    off = (rng.normal(0, 0.01, (48, 1)) + rng.normal(0, 0.01, (48, 2))) * BOTH_OR_ONE
+    battery, motor = shared_and_each(off, np.ones(48), BOTH_OR_ONE)
     assert 0.005 < motor < 0.016
     assert 0.002 < battery < 0.017
 

@@ -20,7 +20,7 @@ class ExplainOptions:
         "--frames",
         metavar="FILE",
     )
-    recording: Path | None = option(None, "Take pictures from this recording.", metavar="FILE.mcap")
+    recording: Path | None = option(None, "Take pictures from this recording.", metavar="REC")
     count: int = option(4, "How many, evenly spread over the recording.", min=1, max=12)
     output: Path = output_file(
         Path("explanation.png"),
@@ -38,8 +38,8 @@ def explain(options: ExplainOptions) -> None:
     """Show where a policy looks in pictures, what its first layer makes of them, and what it does.
 
     Each place of a picture is blurred away in turn; what changes the wheels matters to the policy.
-    In a recording a policy with a memory has all in mind that came before, and the picture shows
-    what it would have done without.
+    In a recording a policy with a memory has in mind what came before, from where the robot began
+    anew last (after a stop, a hold, a gap), and the picture shows what it would do without.
 
     Without --frames and --recording: three pictures as in the paper, with no object, with the
     object on the left, and with the object straight ahead.
@@ -57,7 +57,7 @@ def explain(options: ExplainOptions) -> None:
     from mbot_protocol.errors import ConfigurationError
     from mbot_workstation.models.check import check_model
     from mbot_workstation.training.evaluation.activations import Microscope
-    from mbot_workstation.training.evaluation.explanation import draw, load_frame, recorded_frames
+    from mbot_workstation.training.evaluation.explanation import draw, load_frame, recorded_glances
 
     files = [*(options.frames or ()), *(options.more_frames or ())]
     if files and options.recording:
@@ -66,10 +66,10 @@ def explain(options: ExplainOptions) -> None:
     microscope = Microscope(checked.data)
     view = checked.metadata.view
     if options.recording is not None:
-        seconds, frames = recorded_frames(options.recording, view)
-        spread = np.linspace(0, len(frames) - 1, options.count).round().astype(int)
+        seconds, drive = recorded_glances(options.recording, view)
+        spread = np.linspace(0, len(drive) - 1, options.count).round().astype(int)
         chosen = sorted(set(spread.tolist()))
-        looks = microscope.look_back(frames, chosen)
+        looks = microscope.look_back(drive, chosen)
         seen = {f"{seconds[i]:.1f} s": one for i, one in zip(chosen, looks, strict=True)}
     else:
         if files:

@@ -54,6 +54,21 @@ class Activations:
     activation: NDArray[np.float32] | None
 
 
+@dataclass(frozen=True, slots=True)
+class Glance:
+    """One picture of a drive.
+
+    Attributes:
+        frame: shape (64, 64, 3).
+        told: what the wheels were really told after the picture before, left and right in [-1, 1];
+            None: the policy begins anew here.
+
+    """
+
+    frame: Picture
+    told: tuple[float, float] | None = None
+
+
 class Microscope:
     """A policy whose inner values can be seen. Any that keeps the contract."""
 
@@ -87,27 +102,31 @@ class Microscope:
         """
         return self._look(frame, self._nothing_before)
 
-    def look_back(self, frames: Sequence[Picture], chosen: Sequence[int]) -> list[Activations]:
-        """Look at some pictures of a drive, with all that came before in mind.
+    def look_back(self, drive: Sequence[Glance], chosen: Sequence[int]) -> list[Activations]:
+        """Look at some pictures of a drive, with what the policy would have in mind by then.
 
         Args:
-            frames: of the drive, one a decision, each of shape (64, 64, 3).
+            drive: its pictures, one a decision.
             chosen: indices of those to look at, rising.
 
         """
         if not self.remembers:
-            return [self.look(frames[index]) for index in chosen]
+            return [self.look(drive[index].frame) for index in chosen]
         found: list[Activations] = []
-        before = self._nothing_before
-        for index, frame in enumerate(frames[: chosen[-1] + 1]):
+        state = self._nothing_before[STATE_IN_NAME]
+        for index, glance in enumerate(drive[: chosen[-1] + 1]):
+            before = self._nothing_before
+            if glance.told is not None:
+                told = np.array([glance.told], np.float32)
+                before = {PREVIOUS_ACTION_NAME: told, STATE_IN_NAME: state}
             if index in chosen:
-                fresh = self._action(frame, self._nothing_before)
+                fresh = self._action(glance.frame, self._nothing_before)
                 first = float(fresh[0]), float(fresh[1])
-                found.append(replace(self._look(frame, before), first_action=first))
-            action, state = self._session.run(
-                [OUTPUT_NAME, STATE_OUT_NAME], {INPUT_NAME: frame[None], **before}
+                found.append(replace(self._look(glance.frame, before), first_action=first))
+            (after,) = self._session.run(
+                [STATE_OUT_NAME], {INPUT_NAME: glance.frame[None], **before}
             )
-            before = {PREVIOUS_ACTION_NAME: np.asarray(action), STATE_IN_NAME: np.asarray(state)}
+            state = np.asarray(after, np.float32)
         return found
 
     def _look(self, frame: Picture, before: Feeds) -> Activations:

@@ -10,12 +10,19 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from mbot_protocol.actions import Steps
 from mbot_protocol.camera_model import nominal_pi_camera
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Observer, Picture
 from mbot_protocol.policy_contract import OBSERVATION_SIDE_PX, FieldOfView
 from mbot_workstation.pictures.picture_file import decode_picture, save_figure
-from mbot_workstation.training.evaluation.activations import APART_PX, HIDDEN_PX, Activations
+from mbot_workstation.recordings.recorded_drive import Beat, read_drive
+from mbot_workstation.training.evaluation.activations import (
+    APART_PX,
+    HIDDEN_PX,
+    Activations,
+    Glance,
+)
 
 _GAP = np.nan
 _BLUE, _ORANGE = "#3b6ea5", "#d9772b"
@@ -48,24 +55,48 @@ def as_observation(picture: Picture, view: FieldOfView) -> Picture:
     return Observer(nominal_pi_camera(width_px, height_px), view).observe(picture)
 
 
-def recorded_frames(path: Path, view: FieldOfView) -> tuple[list[float], list[Picture]]:
+def recorded_glances(path: Path, view: FieldOfView) -> tuple[list[float], list[Glance]]:
     """All pictures of a recording: when they were seen, since the first [s], and what was seen.
+
+    Where the policy was not asked, or a beat is missing, the next picture begins anew: nobody knows
+    what a policy would have had in mind.
 
     Raises:
         ConfigurationError: it is no recording, or has no pictures.
 
     """
-    from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
-
-    from mbot_workstation.recordings.drive_mcap import read_recording
-
-    messages = [m for _, m in read_recording(path) if isinstance(m, CompressedImage)]
-    pictures = [(m.timestamp.ToNanoseconds(), decode_picture(m.data)) for m in messages]
-    whole = [(at_ns, picture) for at_ns, picture in pictures if picture is not None]
-    if not whole:
+    times_ns: list[int] = []
+    glances: list[Glance] = []
+    before: Beat | None = None
+    for beat in read_drive(path).beats:
+        picture = beat.observation
+        if picture is None:
+            before = None
+            continue
+        told = None if before is None else _told(before, beat)
+        times_ns.append(beat.decision.unix_time_ns)
+        glances.append(Glance(as_observation(picture, view), told))
+        before = beat
+    if not glances:
         raise ConfigurationError(f"{path} holds no pictures; was the camera running?")
-    seconds = [(at_ns - whole[0][0]) / 1e9 for at_ns, _ in whole]
-    return seconds, [as_observation(picture, view) for _, picture in whole]
+    return [(at_ns - times_ns[0]) / 1e9 for at_ns in times_ns], glances
+
+
+def _told(before: Beat, beat: Beat) -> tuple[float, float] | None:
+    """What a policy that goes on is told of the wheels; None: it begins anew, as on the robot."""
+    last, now = before.decision, beat.decision
+    goes_on = (
+        before.decided
+        and beat.decided
+        and now.sequence == last.sequence + 1
+        and (now.session_id, now.model_sha256) == (last.session_id, last.model_sha256)
+    )
+    if not goes_on:
+        return None
+    if beat.record is not None:
+        told = beat.record.told_left, beat.record.told_right
+        return None if beat.record.began_anew else told
+    return Steps(last.steps.left, last.steps.right).action
 
 
 def draw(seen: Mapping[str, Activations], path: Path) -> None:
