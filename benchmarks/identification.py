@@ -19,6 +19,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))  # for the truths in tests/
 
 from identification_page import page
+from steady_rates import Rates, steady_rates
 from unseen_robots import UNSEEN
 
 from mbot_protocol.actions import WheelMaps
@@ -77,13 +78,6 @@ MUJOCO = with_values(
     },
 )
 
-SLOWEST_M_S = 0.05
-"""Below, a speed has no time constant worth telling."""
-
-Rates = dict[str, tuple[float, float, float | None, float]]
-"""Of each manoeuvre: forward speed [m/s], turn rate [rad/s], and the times [s] in which both come
-to 63 % of that; None where they hardly move."""
-
 
 def random_truth(seed: int) -> PlanarRobot:
     """A robot as it may come along."""
@@ -111,7 +105,7 @@ def planar_rates(robot: PlanarRobot) -> Rates:
     duty = np.array([np.tile([m.left, m.right], (8000, 1)) for m in MANEUVERS])
     _, speeds = robot.drive(duty, np.ones_like(duty))
     return {
-        m.name: _rates(one[:, 0], one[:, 1], 0.0005)
+        m.name: steady_rates(one[:, 0], one[:, 1], 0.0005)
         for m, one in zip(MANEUVERS, speeds, strict=True)
     }
 
@@ -127,7 +121,7 @@ def simulated_rates(robot: RobotParameters) -> Rates:
         yaw = path.yaw_rad[:801]
         step = np.diff(path.position_m[:801, 0] + 1j * path.position_m[:801, 1])
         forward = (step * np.exp(-0.5j * (yaw[1:] + yaw[:-1]))).real / 0.005
-        result[one.name] = _rates(forward, np.diff(yaw) / 0.005, 0.005)
+        result[one.name] = steady_rates(forward, np.diff(yaw) / 0.005, 0.005)
     return result
 
 
@@ -140,18 +134,6 @@ def recorded_rates(folder: Path) -> Rates:
         times = row["tau_speed_s"], row["tau_turn_s"]
         result[one.name] = (row["speed_m_s"], row["turn_rad_s"], *times)
     return result
-
-
-def _rates(forward: Any, turn: Any, step_s: float) -> tuple[float, float, float | None, float]:
-    late = len(forward) // 2
-    speed, rate = float(forward[late:].mean()), float(turn[late:].mean())
-    tau_s = _tau_s(forward, speed, step_s) if abs(speed) > SLOWEST_M_S else None
-    return speed, rate, tau_s, _tau_s(turn, rate, step_s)
-
-
-def _tau_s(values: Any, steady: float, step_s: float) -> float:
-    share = values / steady if steady else values
-    return (int(np.argmax(share >= 1 - np.exp(-1))) + 0.5) * step_s
 
 
 def compare(truth: Rates, found: Identification) -> dict[str, float]:
