@@ -160,7 +160,8 @@ class UnseenRobot(ABC):
         speeds = fresh.drive(duty, np.ones_like(duty), starts, past)[1]
         calm = speeds.reshape(len(MANEUVERS), len(start), -1, 2).mean(axis=1)
         return {
-            m.name: steady_rates(*one.T, TOLD_S) for m, one in zip(MANEUVERS, calm, strict=True)
+            m.name: steady_rates(one[:, 0], one[:, 1], TOLD_S)
+            for m, one in zip(MANEUVERS, calm, strict=True)
         }
 
     def record(self, seed: int, repetitions: int = 6) -> Recording:

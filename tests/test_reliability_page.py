@@ -13,7 +13,7 @@ BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 @pytest.fixture
 def reliability(monkeypatch: pytest.MonkeyPatch) -> Iterator[ModuleType]:
     monkeypatch.syspath_prepend(str(BENCHMARKS))
-    import reliability  # pyright: ignore[reportMissingImports]
+    import reliability
 
     yield reliability
     for name in ("reliability", "fault_table", "machine"):

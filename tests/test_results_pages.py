@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from mbot_workstation.training.studies.tolerance_file import read_tolerances
+
 CHECKOUT = Path(__file__).parents[1]
 PAGES = sorted((CHECKOUT / "docs" / "results").glob("*.md"))
 LINE = re.compile(r"^Policy: (none|.+); commit (`[0-9a-f]{7,40}`(, with changes)?)\.$", re.M)
@@ -22,6 +24,12 @@ def test_a_page_names_its_policy_and_commit(page: Path) -> None:
         return
     digest = hashlib.sha256((CHECKOUT / "models" / "red-cube.onnx").read_bytes()).hexdigest()
     assert SHIPPED.findall(said[1]) == [digest[:12]], "made with another policy: make it anew"
+
+
+def test_what_the_shipped_policy_tolerates_is_of_this_policy() -> None:
+    how = read_tolerances(CHECKOUT / "models" / "tolerance.json").how
+    digest = hashlib.sha256((CHECKOUT / "models" / "red-cube.onnx").read_bytes()).hexdigest()
+    assert SHIPPED.findall(how) == [digest[:12]], "`workstation study tolerance` makes it anew"
 
 
 def test_there_are_pages() -> None:

@@ -1,15 +1,19 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner, Result
 
-from mbot_protocol.calibration import read_motion
+from mbot_protocol.calibration import MotionCalibration, MotorCalibration, read_motion
 from mbot_protocol.errors import ConfigurationError, MbotError
-from mbot_workstation.calibration_files.calibration_folder import read_calibration
+from mbot_workstation.calibration_files.calibration_folder import (
+    CalibrationFiles,
+    read_calibration,
+)
 from mbot_workstation.commands.identify import identify
 from mbot_workstation.identification.fit import identify as real_identify
 from mbot_workstation.identification.result import Identification
@@ -17,6 +21,8 @@ from mbot_workstation.recordings.recording_folder import read_recording, write_r
 from mbot_workstation.recordings.run import Recording
 from mbot_workstation.recordings.track import Track
 from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_workstation.training.evaluation import trim_trial
+from mbot_workstation.training.evaluation.episodes import Estimate, Trial
 
 from .mujoco_truth import record_simulated
 from .planar_robot import PlanarRobot, Session, Tracker, record
@@ -124,6 +130,69 @@ def test_uneven_motors_can_be_left_to_the_policy(
     motion = read_motion(tmp_path)
     assert motion is not None
     assert motion.left_motor.trim == motion.right_motor.trim == 1
+
+
+def estimate(mean: float) -> Estimate:
+    return Estimate(mean, mean - 0.1, mean + 0.1)
+
+
+@pytest.mark.parametrize(("trimmed", "alone"), [(19.0, 15.0), (15.0, 19.0), (17.0, 17.0)])
+def test_where_a_trim_costs_speed_a_policy_may_judge_it(
+    folder: Path,
+    found: Identification,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    trimmed: float,
+    alone: float,
+) -> None:
+    weak = replace(found.robot.right_motor, gain=found.robot.right_motor.gain / 2)
+    answering(monkeypatch, replace(found, robot=replace(found.robot, right_motor=weak)))
+    seen: list[float] = []
+
+    def rewards(_policy: str, trial: Trial) -> float:
+        seen.append(trial.robot.wheel_maps.left.trim)
+        assert trial.robot.right_motor.gain == pytest.approx(weak.gain, rel=1e-4)
+        return trimmed if seen[-1] < 1 else alone
+
+    monkeypatch.setattr(trim_trial, "evaluate", rewards)
+    monkeypatch.setattr(
+        trim_trial, "score", lambda reward: SimpleNamespace(reward=estimate(reward))
+    )
+    told = invoke(folder, "--calibration", tmp_path, "--policy", "servo").output
+    assert seen[0] < seen[1] == 1
+    motion = read_motion(tmp_path)
+    assert motion is not None
+    assert (motion.left_motor.trim < 1) == (trimmed > alone)
+    assert f"trimmed {trimmed:.2f}" in told
+    assert ("trimmed is written" in told) == (trimmed > alone)
+
+
+def test_a_trim_that_costs_little_is_not_tried(
+    folder: Path, found: Identification, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answering(monkeypatch, found)
+    monkeypatch.setattr(trim_trial, "evaluate", lambda *_: pytest.fail("it was tried"))
+    invoke(folder, "--calibration", tmp_path, "--policy", "servo")
+    with pytest.raises(ConfigurationError, match="one of the two"):
+        invoke(folder, "--no-trim", "--policy", "servo")
+    with pytest.raises(MbotError, match="no-such"):
+        invoke(folder, "--policy", "no-such.onnx")
+
+
+@pytest.mark.slow
+def test_a_policy_drives_the_robot_both_ways() -> None:
+    """The servo never saw a weak motor: trimmed it gets there, alone it drives in circles."""
+    weak = MotorCalibration(0.5, 50, 90)
+
+    def motion(trim: float) -> MotionCalibration:
+        strong = MotorCalibration(1.0, 50, 90, trim=trim)
+        return MotionCalibration(strong, weak, 120, 0.0325, 0.115, 0.9, 0.02, 15, "2026-11-22")
+
+    trimmed, alone = motion(0.55), motion(1.0)
+    tried = trim_trial.try_trim("servo", CalibrationFiles(), trimmed, alone, episodes=8)
+    assert tried.trimmed.mean > tried.alone.mean + 1
+    assert tried.is_better_trimmed
+    assert tried.fields()["chosen"] == "straight"
 
 
 def test_recordings_of_two_robots_are_not_mixed(folder: Path, tmp_path: Path) -> None:

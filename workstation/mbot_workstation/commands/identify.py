@@ -12,10 +12,13 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbot_protocol.actions import WheelMaps
+    from mbot_protocol.calibration import MotionCalibration
+    from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
     from mbot_workstation.identification.handicap import Handicap
     from mbot_workstation.identification.result import Identification
     from mbot_workstation.recordings.run import Recording
     from mbot_workstation.simulation.robot_parameters import RobotParameters
+    from mbot_workstation.training.evaluation.trim_trial import TrimTrial
 
 TABLE_WIDTH = 120
 """Characters, where the output is no terminal."""
@@ -50,6 +53,13 @@ class IdentifyOptions:
         "the weaker motor's speed.",
         "--no-trim",
     )
+    policy: str | None = option(
+        None,
+        "Where a trim would cost much speed, try on the simulated robot whether this policy does "
+        "better with it, and write what it does better with.",
+        "--policy",
+        metavar="POLICY.onnx",
+    )
     as_json: bool = json_option()
 
 
@@ -64,6 +74,7 @@ def identify(options: IdentifyOptions) -> None:
 
     - `workstation identify recordings/mbot-1-2026-11-21`
     - `workstation identify monday tuesday --calibration calibration/mbot-1 --json`
+    - `workstation identify recordings/weak --policy policy.onnx`
     """
     import json
     import os
@@ -77,20 +88,32 @@ def identify(options: IdentifyOptions) -> None:
     from mbot_workstation.identification.result_words import as_fields
     from mbot_workstation.recordings.recording_folder import read_recording
 
+    if options.no_trim and options.policy is not None:
+        raise ConfigurationError("--no-trim and --policy: give one of the two")
+    if options.policy is not None:
+        from mbot_workstation.training.drivers.contestants import read_policy
+
+        read_policy(options.policy)  # now, not after the fit
     read = [read_recording(folder) for folder in options.recordings]
     robot_id = options.robot or _robot_id(read)
     folder = options.calibration or Path("calibration") / robot_id
     maps = _maps(read)
-    found = _identified(read, _known(folder), robot_id, same_clock=options.same_clock)
+    files = _known(folder)
+    found = _identified(read, files.robot, robot_id, same_clock=options.same_clock)
     uneven = handicap(found, maps)
+    tried: TrimTrial | None = None
     written: list[str] = []
     if not found.is_worse:
-        chosen = uneven.left_alone if options.no_trim else uneven.straight
-        written = [str(write_motion(folder, motion_calibration(found, chosen)))]
+        ways = [motion_calibration(found, way) for way in (uneven.straight, uneven.left_alone)]
+        if options.policy is not None and uneven.is_a_choice:
+            tried = _tried(options.policy, files, *ways)
+        trims = tried.is_better_trimmed if tried else not options.no_trim
+        written = [str(write_motion(folder, ways[0] if trims else ways[1]))]
     if options.as_json:
-        print(json.dumps(as_fields(found, uneven, written)))
+        told = as_fields(found, uneven, written)
+        print(json.dumps(told | ({"trim_trial": tried.fields()} if tried else {})))
     else:
-        _show(found, uneven, written)
+        _show(found, uneven, tried, written)
     if found.is_worse:
         raise MbotError(
             "on the held-out runs the identified robot is further off than before, so nothing was "
@@ -122,14 +145,25 @@ def _maps(recordings: "Sequence[Recording]") -> "WheelMaps":
     return maps[-1]
 
 
-def _known(folder: Path) -> "RobotParameters":
+def _known(folder: Path) -> "CalibrationFiles":
     """The robot without its motion: that is what shall be found."""
     import msgspec
 
     from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles, read_files
 
     files = read_files(folder) if folder.is_dir() else CalibrationFiles()
-    return msgspec.structs.replace(files, motion=None).robot
+    return msgspec.structs.replace(files, motion=None)
+
+
+def _tried(
+    policy: str, files: "CalibrationFiles", trimmed: "MotionCalibration", alone: "MotionCalibration"
+) -> "TrimTrial":
+    from rich.console import Console
+
+    from mbot_workstation.training.evaluation.trim_trial import try_trim
+
+    with Console(stderr=True).status(f"{policy} drives the identified robot, trimmed and not"):
+        return try_trim(policy, files, trimmed, alone)
 
 
 def _identified(
@@ -157,7 +191,12 @@ def _identified(
         )
 
 
-def _show(found: "Identification", uneven: "Handicap", written: "Sequence[str]") -> None:
+def _show(
+    found: "Identification",
+    uneven: "Handicap",
+    tried: "TrimTrial | None",
+    written: "Sequence[str]",
+) -> None:
     from rich.console import Console
 
     from mbot_workstation.identification.left_out import grouped
@@ -190,5 +229,7 @@ def _show(found: "Identification", uneven: "Handicap", written: "Sequence[str]")
     print()
     for line in (*handicap_lines(uneven), *backward_lines(found)):
         print(line)
+    if tried is not None:
+        print(tried.line())
     for path in written:
         print(f"wrote {path}")

@@ -29,15 +29,9 @@ from mbot_workstation.recordings.track import Array
 from mbot_workstation.simulation.parameter_table import TOLD_BY_DRIVING, usual, with_values
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 
-STARTS: tuple[dict[str, float], ...] = ({}, {"wheel_friction": 0.45}, {"wheel_friction": 0.225})
-"""From what is usual, and from half and a quarter of the usual grip: where tyres begin to slide as
-the robot starts, and how long they do, the cost is not smooth."""
-
-ROUNDS = 2
-"""Of fitting, learning the scatter, and fitting again, from each start: enough to choose one."""
-
 MOST_ROUNDS = 8
-"""From there on, so that a fit ends that goes to and fro; those tried took 2 to 6."""
+"""Of fitting, learning the scatter, and fitting again; those tried settled in 2 to 6. So that a fit
+ends that goes to and fro."""
 
 SETTLED = 0.1
 """Of a parameter's standard deviation: a round that moves none by more is the last."""
@@ -111,18 +105,11 @@ class _Fit:
 
     @classmethod
     def begin(cls, data: Data, chosen: Sequence[int], bar: "_Bar") -> "_Fit":
-        """Fit some runs from each of the starts; the best posterior goes on."""
+        """Fit some runs from what is usual."""
         problem = data.problem(chosen, TOLD_BY_DRIVING)
         middle = {name: usual(data.robot, name) for name in TOLD_BY_DRIVING}
-        tried: list[_Fit] = []
-        for start in STARTS:
-            robot = with_values(data.robot, middle | dict(data.guessed) | start)
-            state = begun(problem, robot)
-            tried.append(cls(problem, state, Scatter(), data.noise())._settled(ROUNDS, bar))
-        # Costs compare under the same weights only.
-        weights = tried[0].scatter, tried[0].noise
-        costs = [Solver(problem, *weights).judge(one.solution.state).cost for one in tried]
-        return tried[int(np.argmin(costs))]._settled(MOST_ROUNDS, bar)
+        state = begun(problem, with_values(data.robot, middle | dict(data.guessed)))
+        return cls(problem, state, Scatter(), data.noise())._settled(bar)
 
     @classmethod
     def go_on(
@@ -133,18 +120,18 @@ class _Fit:
         problem = data.problem(everything, TOLD_BY_DRIVING)
         came = before.solution.state
         state = replace(begun(problem, came.robot), settings=came.settings)
-        return cls(problem, state, before.scatter, before.noise)._settled(MOST_ROUNDS, bar)
+        return cls(problem, state, before.scatter, before.noise)._settled(bar)
 
-    def _settled(self, rounds: int, bar: "_Bar") -> "_Fit":
+    def _settled(self, bar: "_Bar") -> "_Fit":
         state, scatter, noise, solution = self._state, self.scatter, self.noise, self._solution
-        for done in range(rounds):
+        for done in range(MOST_ROUNDS):
             solution = Solver(self.problem, scatter, noise).solve(state, 1)
             moved = spreads(self.problem, solution.state.robot) - spreads(self.problem, state.robot)
             state = solution.state
             scatter = learn_scatter(self.problem.runs, solution)
             noise = learn_noise(self.problem.runs, solution, noise)
             if (np.abs(moved) < SETTLED * np.sqrt(np.diag(solution.covariance))).all():
-                bar.count(rounds - done)
+                bar.count(MOST_ROUNDS - done)
                 break
             bar.count()
         return _Fit(self.problem, state, scatter, noise, solution)
@@ -155,7 +142,7 @@ class _Bar:
 
     def __init__(self, advance: Advance | None) -> None:
         self._advance, self._done = advance, 0
-        self._all = len(STARTS) * ROUNDS + 2 * MOST_ROUNDS
+        self._all = 2 * MOST_ROUNDS
 
     def count(self, rounds: int = 1) -> None:
         self._done += rounds
@@ -240,7 +227,7 @@ def aligned(data: Data, robot: RobotParameters, fitted: Sequence[int]) -> tuple[
     """
     problem = data.problem(fitted, ())
     scatter, noise = Scatter(), data.noise()
-    settled = Solver(problem, scatter, noise).solve(begun(problem, robot), ROUNDS)
+    settled = Solver(problem, scatter, noise).solve(begun(problem, robot), 2)
     return _begun_all(data, range(len(data.runs)), settled.state, scatter, noise)
 
 

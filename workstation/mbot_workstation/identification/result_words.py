@@ -136,8 +136,8 @@ def handicap_lines(uneven: Handicap) -> list[str]:
         lines.append(
             f"that takes {100 * uneven.cost:.0f} % of the speed: with --no-trim it drives "
             f"{1000 * uneven.alone_m_s:.0f} mm/s, turning at {uneven.alone_turn_rad_s:+.2f} rad/s, "
-            "and the policy has to steer against it; `workstation evaluate --calibration` with "
-            "each says which your policy does better with"
+            "and the policy has to steer against it; --policy POLICY.onnx tries which of the two "
+            "it does better with"
         )
     return lines
 

@@ -96,29 +96,36 @@ class Deviation:
     """Something simulation and reality may disagree on.
 
     Attributes:
-        unit: of its values, for the axis.
+        words: what it is, for people.
+        unit: of its values.
         low, nominal, high: the range to look at.
 
     """
 
+    words: str
     unit: str
     low: float
     nominal: float
     high: float
+
+    @property
+    def title(self) -> str:
+        """For an axis."""
+        return f"{self.words} ({self.unit})"
 
 
 GAIN_ASYMMETRY = "gain asymmetry"
 """One motor stronger by this share, the other weaker by the same."""
 
 DEVIATIONS = {
-    GAIN_ASYMMETRY: Deviation("left stronger by", -0.4, 0.0, 0.4),
-    "track_scale": Deviation("of nominal", 0.7, 1.0, 1.3),
-    "wheel_radius_scale": Deviation("of nominal", 0.7, 1.0, 1.3),
-    "fov_scale": Deviation("of nominal", 0.7, 1.0, 1.3),
-    "camera_pitch_deg": Deviation("degrees further down", -6.0, 0.0, 6.0),
-    "camera_latency_ms": Deviation("ms", 0.0, 60.0, 600.0),
-    "exposure_ms": Deviation("ms", 0.0, 20.0, 60.0),
-    "exposure_gain": Deviation("of nominal", 0.4, 1.0, 1.8),
+    GAIN_ASYMMETRY: Deviation("motors", "left stronger by", -0.4, 0.0, 0.4),
+    "track_scale": Deviation("track", "of nominal", 0.7, 1.0, 1.3),
+    "wheel_radius_scale": Deviation("wheel radius", "of nominal", 0.7, 1.0, 1.3),
+    "fov_scale": Deviation("field of view", "of nominal", 0.7, 1.0, 1.3),
+    "camera_pitch_deg": Deviation("camera pitch", "degrees further down", -6.0, 0.0, 6.0),
+    "camera_latency_ms": Deviation("camera latency", "ms", 0.0, 60.0, 600.0),
+    "exposure_ms": Deviation("exposure time", "ms", 0.0, 20.0, 60.0),
+    "exposure_gain": Deviation("brightness", "of nominal", 0.4, 1.0, 1.8),
 }
 
 PAIRS = (

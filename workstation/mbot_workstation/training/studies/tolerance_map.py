@@ -141,8 +141,8 @@ def draw_maps(
         axes.plot(DEVIATIONS[one.across].nominal, DEVIATIONS[one.up].nominal, "k+", markersize=12)
         axes.set_xlim(one.across_values[0], one.across_values[-1])
         axes.set_ylim(one.up_values[0], one.up_values[-1])
-        axes.set_xlabel(f"{one.across} ({DEVIATIONS[one.across].unit})")
-        axes.set_ylabel(f"{one.up} ({DEVIATIONS[one.up].unit})")
+        axes.set_xlabel(DEVIATIONS[one.across].title)
+        axes.set_ylabel(DEVIATIONS[one.up].title)
     figure.colorbar(picture, ax=grid, label="mean reward", shrink=0.8)
     figure.suptitle(
         f"+ nominal; black line: {100 * BEARABLE:.0f} % of the nominal reward {nominal_reward:.1f}"
@@ -172,10 +172,10 @@ def map_page(
             f"| **{up:g}** | " + " | ".join(f"{reward:.1f}" for reward in row) + " |"
             for up, row in zip(reversed(one.up_values), rewards[::-1], strict=True)
         ]
-        units = DEVIATIONS[one.across].unit, DEVIATIONS[one.up].unit
+        across, up = DEVIATIONS[one.across], DEVIATIONS[one.up]
         parts.append(
-            f"## {one.across} and {one.up}\n\nMean reward; across {one.across} ({units[0]}), "
-            f"up {one.up} ({units[1]}).\n\n"
+            f"## {across.words.capitalize()} and {up.words}\n\n"
+            f"Mean reward; across {across.title}, `{one.across}`; up {up.title}, `{one.up}`.\n\n"
             + "\n".join([header, "|---" * (len(one.across_values) + 1) + "|", *rows])
         )
     return "\n\n".join(parts) + "\n"
