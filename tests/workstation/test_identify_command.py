@@ -88,7 +88,10 @@ def test_a_recording_becomes_motion_toml(
     assert "planar-1: fitted 8 runs, 4 held out" in told.output
     assert "left motor gain" in told.output
     assert "left dead band [of 255] stays 50: it changes nothing in these runs" in told.output
-    assert "model misses" in told.output
+    assert "misses" in told.output
+    tables = [line for line in told.output.splitlines() if line.startswith(NAMES)]
+    assert len(tables) == 2 * len(NAMES)
+    assert max(map(len, tables)) <= 80
     assert "the left motor is the stronger one: trim 0.9" in told.output
     assert f"wrote {Path('calibration/planar-1/motion.toml')}" in told.output
     motion = read_motion(Path("calibration/planar-1"))

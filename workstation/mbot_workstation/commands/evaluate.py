@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from mbot_workstation.training.evaluation.episodes import EpisodeResult, Trial
     from mbot_workstation.variation.effects import EffectRanges
 
-TABLE_WIDTH = 140
 """Characters."""
 
 
@@ -178,10 +177,7 @@ def _drive(options: EvaluateOptions) -> None:
 def _print_table(made: "Table") -> None:
     from rich.console import Console
 
-    console = Console()
-    if not console.is_terminal:  # a file has room for all columns
-        console = Console(width=TABLE_WIDTH)
-    console.print(made)
+    Console().print(made)
 
 
 def _with_bar(contestant: str, words: str, trial: "Trial") -> "list[EpisodeResult]":

@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from mbot_workstation.simulation.robot_parameters import RobotParameters
     from mbot_workstation.training.evaluation.trim_trial import TrimTrial
 
-TABLE_WIDTH = 120
-"""Characters, where the output is no terminal."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdentifyOptions:
@@ -211,8 +208,6 @@ def _show(
     )
 
     console = Console()
-    if not console.is_terminal:
-        console = Console(width=TABLE_WIDTH)
     for line in grouped(found.left_out):
         print(f"left out: {line}")
     print(f"{found.robot_id}: fitted {found.fitted} runs, {len(found.errors)} held out\n")

@@ -22,10 +22,11 @@ TELLING_SHARE = 0.01
 def error_table(found: Identification) -> Table:
     """Held-out runs before and after, a line a manoeuvre: medians."""
     table = Table(box=None, padding=(0, 2, 0, 0))
-    table.add_column("held-out runs, medians")
-    for heading in ("place, cm", "identified", "repeats to", "heading, °", "identified"):
-        table.add_column(heading, justify="right")
-    table.add_column("repeats to", justify="right")
+    table.add_column("held-out runs,\nmedians", no_wrap=True)
+    for heading in ("place, cm", "heading, °"):
+        table.add_column(f"{heading}\nbefore", justify="right")
+        table.add_column("\nidentified", justify="right")
+        table.add_column("\nrepeats to", justify="right")
     repeats = {one.maneuver: one for one in found.repeatability}
     for maneuver, errors in _by_maneuver(found.errors).items():
         own = repeats.get(maneuver)
@@ -62,7 +63,7 @@ def parameter_table(found: Identification) -> Table:
     table = Table(box=None, padding=(0, 2, 0, 0))
     table.add_column("parameter")
     for heading in ("before", "identified", "95 % interval"):
-        table.add_column(heading, justify="right")
+        table.add_column(heading, justify="right", no_wrap=True)
     for one in found.estimates:
         if one.low is not None and one.high is not None:
             known = BY_NAME[one.name]
@@ -106,8 +107,8 @@ def steady_table(found: Identification) -> Table:
     """How the robot drives at full speed, how sure that is, and what the model misses."""
     misfits = {one.maneuver: one for one in found.misfits}
     table = Table(box=None, padding=(0, 2, 0, 0))
-    table.add_column("at speed, fresh battery")
-    for heading in ("speed, mm/s", "±", "turn rate, rad/s", "±", "model misses"):
+    table.add_column("at speed,\nfresh battery", no_wrap=True)
+    for heading in ("speed,\nmm/s", "\n±", "turn rate,\nrad/s", "\n±", "model\nmisses"):
         table.add_column(heading, justify="right")
     for one in found.steady:
         missed = misfits.get(one.maneuver)

@@ -46,31 +46,33 @@ def share_of_oracle(line: Line, lines: Sequence[Line]) -> float | None:
 
 
 def table(lines: Sequence[Line], title: str) -> Table:
-    """All lines, means with their 95 % intervals."""
-    grid = Table(title=title, title_justify="left")
-    for name in ("preset", "contestant"):
-        grid.add_column(name, no_wrap=True)
-    for name in ("reward", "touches", "all touched", "decisions/object", "length", "of oracle"):
+    """All lines, within 80 columns; intervals of the others are in `fields`."""
+    has_oracle = any(share_of_oracle(line, lines) is not None for line in lines)
+    grid = Table(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0))
+    grid.add_column("preset", no_wrap=True)
+    grid.add_column("contestant", overflow="fold")
+    for name in ("reward, 95 %", "touches", "all\ntouched", "decisions\nan object"):
         grid.add_column(name, justify="right", no_wrap=True)
+    if has_oracle:
+        grid.add_column("of the\noracle", justify="right", no_wrap=True)
     for line in lines:
         one, share = line.score, share_of_oracle(line, lines)
-        grid.add_row(
+        decisions = one.decisions_per_object
+        cells = (
             line.preset,
             line.contestant,
-            _words(one.reward, 2),
-            _words(one.touches, 2),
+            _words(one.reward),
+            f"{one.touches.mean:.2f}",
             f"{100 * one.success.mean:.0f} %",
-            "none" if one.decisions_per_object is None else _words(one.decisions_per_object, 1),
-            f"{one.length.mean:.0f}",
+            "none" if decisions is None else f"{decisions.mean:.1f}",
             "" if share is None else f"{100 * share:.1f} %",
         )
+        grid.add_row(*cells[: 7 if has_oracle else 6])
     return grid
 
 
-def _words(estimate: Estimate, digits: int) -> str:
-    mean, low, high = (
-        f"{value:.{digits}f}" for value in (estimate.mean, estimate.low, estimate.high)
-    )
+def _words(estimate: Estimate) -> str:
+    mean, low, high = (f"{value:.2f}" for value in (estimate.mean, estimate.low, estimate.high))
     return f"{mean} ({low}-{high})" if estimate.low >= 0 else f"{mean} ({low} to {high})"
 
 
