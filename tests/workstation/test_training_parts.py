@@ -13,7 +13,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.simulation.frame_edges import FrameEdges
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.training.learning.git_state import git_state
-from mbot_workstation.training.learning.learning_curve import draw_curve
+from mbot_workstation.training.learning.learning_curve import draw_curve, mark_note
 from mbot_workstation.training.learning.policy_source import find_source
 from mbot_workstation.training.learning.progress_log import ProgressRow
 from mbot_workstation.training.learning.run_directory import RunDirectory
@@ -158,6 +158,8 @@ def test_a_curve_is_drawn(tmp_path: Path) -> None:
     ]
     draw_curve(rows, tmp_path / "curve.png", "a run")
     assert (tmp_path / "curve.png").stat().st_size > 5_000
+    assert mark_note("10") == ""
+    assert "rough, is harder than the paper's" in mark_note("rough")
 
 
 def test_a_report_without_lines_is_a_table_without_rows(tmp_path: Path) -> None:
