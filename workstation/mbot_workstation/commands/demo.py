@@ -25,6 +25,10 @@ class DemoOptions:
         None, "360-degree photo of a room; a made-up one otherwise.", metavar="FILE"
     )
     calibration: Path | None = calibration_option()
+    left_gain: float | None = option(
+        None, "Left motor's strength; 0.5 is the paper's handicap.", min=0.05, max=2
+    )
+    right_gain: float | None = option(None, "Right motor's, likewise.", min=0.05, max=2)
     firmware: str | None = option(
         None,
         "Emulate the board's processor with this firmware on it (.elf, .hex); `deadman` "
@@ -56,6 +60,7 @@ def demo(options: DemoOptions) -> None:
 
     - `workstation demo`
     - `workstation demo --calibration calibration/mbot-1 --model policy.onnx`
+    - `workstation demo --left-gain 0.5 --model policy.onnx`: a weak motor
     - `workstation demo --panorama my-room.jpg --radius 2.5 --model policy.onnx`
     - `workstation demo --firmware deadman` has the real firmware in the loop
     """
@@ -81,6 +86,8 @@ def demo(options: DemoOptions) -> None:
     if options.calibration is not None:
         read_files(options.calibration)  # a mistake in it is better said before anything starts
         robot += ["--calibration", str(options.calibration.absolute())]
+    for name, gain in (("--left-gain", options.left_gain), ("--right-gain", options.right_gain)):
+        robot += [] if gain is None else [name, str(gain)]
     if options.firmware is not None:
         simulator_program()  # a missing compiler, likewise
         robot += ["--firmware", str(find_firmware(options.firmware))]
