@@ -86,5 +86,5 @@ $(VENV)/.demo: $(VENV)/bin/python pyproject.toml constraints.txt
 
 $(VENV)/.all: $(VENV)/bin/python pyproject.toml constraints.txt
 	@PYTHON=$(PYTHON) sh deploy/workstation-libraries.sh test
-	$(PIP) install -c constraints.txt -e '.[robot,workstation,train,dev]'
+	$(PIP) install -c constraints.txt -e '.[robot,workstation,console,train,dev]'
 	@touch $@ $(VENV)/.demo

@@ -20,6 +20,7 @@ from mbot_agent.process.watchdog import Watchdog
 from mbot_agent.tick import Tick
 
 if TYPE_CHECKING:
+    from mbot_agent.camera.capture import CaptureThread
     from mbot_agent.command_service import CommandService
     from mbot_agent.control_loop import ControlLoop
     from mbot_agent.helm import Helm
@@ -102,7 +103,7 @@ def _drive(
         presence.heard,
     )
     watchdog = _serve(link, configuration.access, commands, models, motors, parts)
-    loop.subscribe(_telemetry(configuration, session_id, link, notices, parts))
+    loop.subscribe(_telemetry(configuration, session_id, link, notices, camera, parts))
     if recorder is not None:
         loop.subscribe(recorder.offer)
     loop.subscribe(_feeder(watchdog))
@@ -192,6 +193,7 @@ def _telemetry(
     session_id: int,
     link: "Link",
     notices: Callable[[], tuple[Notice, ...]],
+    camera: "CaptureThread",
     parts: ExitStack,
 ) -> Callable[[Tick], None]:
     from mbot_agent.network.telemetry_publisher import Telemetry
@@ -203,6 +205,7 @@ def _telemetry(
             link,
             lambda tick: wire_decision(tick, robot_id, session_id, notices()),
             configuration.telemetry,
+            camera.glance,
         )
     )
     return telemetry.offer

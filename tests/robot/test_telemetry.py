@@ -13,7 +13,7 @@ from mbot_agent.faults import Notice
 from mbot_agent.network.telemetry_publisher import BACKLOG, Telemetry
 from mbot_agent.network.wire_messages import wire_decision
 from mbot_agent.tick import Tick
-from mbot_protocol.keys import DECISION, OBSERVATION, Topic
+from mbot_protocol.keys import CAMERA, DECISION, OBSERVATION, Topic
 from mbot_protocol.v1.messages_pb2 import Decision
 
 
@@ -25,15 +25,17 @@ class Wire:
         self.open = threading.Event()
         self.open.set()
         self.watched = True
+        self.looked_at: Topic = OBSERVATION
 
     def is_watched(self, topic: Topic) -> bool:
-        return self.watched and topic is OBSERVATION
+        return self.watched and topic is self.looked_at
 
     def publish(self, topic: Topic, payload: bytes) -> None:
         self.open.wait(10)
         self.sent.append((topic, payload))
 
 
+FRAME = np.full((480, 640, 3), 90, np.uint8)
 NOTICE = Notice("model-rolled-back", "new was rolled back to old: nonsense")
 
 
@@ -47,7 +49,7 @@ def to_message(tick: Tick) -> Decision:
 
 
 def telemetry_to(wire: Wire, **settings: Any) -> Telemetry:
-    return Telemetry(wire, to_message, configuration.Telemetry(**settings))
+    return Telemetry(wire, to_message, configuration.Telemetry(**settings), lambda: FRAME)
 
 
 @pytest.mark.parametrize("watched", [True, False])
@@ -65,6 +67,21 @@ def test_pictures_are_made_for_whom_they_are_for(
     wanted = pictures is True or (pictures == "while-watched" and watched)
     assert len(encoded) == wanted
     assert [topic for topic, _ in wire.sent] == ([DECISION, OBSERVATION] if wanted else [DECISION])
+
+
+@pytest.mark.parametrize("pictures", [True, False, "while-watched"])
+def test_the_camera_is_shown_to_who_looks_smaller_and_unless_nobody_may(pictures: Any) -> None:
+    wire = Wire()
+    wire.looked_at = CAMERA
+    with telemetry_to(wire, pictures=pictures) as telemetry:
+        telemetry.offer(tick(1))
+    seen = [data for topic, data in wire.sent if topic is CAMERA]
+    assert len(seen) == (pictures is not False)
+    for data in seen:
+        jpeg = np.frombuffer(CompressedImage.FromString(data).data, np.uint8)
+        picture = cv2.imdecode(jpeg, cv2.IMREAD_COLOR)
+        assert picture is not None
+        assert picture.shape == (240, 320, 3)
 
 
 def test_a_record_and_its_picture_are_published() -> None:

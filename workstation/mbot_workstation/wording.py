@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from mbot_protocol.v1.messages_pb2 import Fault, Notice, State
+from mbot_protocol.v1.messages_pb2 import Fault, Notice, State, Status
 
 LONGEST_TEXT = 400
 """Longer texts from the wire are cut: an error is one line a person reads."""
@@ -63,3 +63,21 @@ def size_words(size_bytes: int) -> str:
 def fault_lines(faults: Iterable[Fault | Notice]) -> list[str]:
     """Each fault or notice in one line: kind, what was found, what to do."""
     return [f"{one_line(fault.kind)}: {one_line(fault.detail)}" for fault in faults]
+
+
+def stop_words(status: Status) -> str:
+    """Who or what has stopped a robot last, and how long before it said so."""
+    stop = status.last_stop
+    if not stop.monotonic_ns:
+        return "not stopped since its start"
+    ago_s = max(0.0, (status.now_monotonic_ns - stop.monotonic_ns) / 1e9)
+    if stop.why:
+        return f"stopped {duration(ago_s)} ago ({one_line(stop.why)})"
+    return f"stopped by {one_line(stop.by) or 'somebody'} {duration(ago_s)} ago"
+
+
+def duration(value_s: float) -> str:
+    """Such as 0.4 s, 12 s, 3 min or 5 h."""
+    if value_s < 100:
+        return f"{value_s:.{1 if value_s < 10 else 0}f} s"
+    return f"{value_s / 60:.0f} min" if value_s < 6000 else f"{value_s / 3600:.0f} h"

@@ -14,6 +14,7 @@ from mbot_agent.configuration import Camera, shown_source
 from mbot_agent.faults import Fault
 from mbot_agent.hardware import Frame
 from mbot_protocol.back_off import BackOff
+from mbot_protocol.picture import Picture
 
 log = logging.getLogger(__name__)
 
@@ -65,6 +66,14 @@ class CaptureThread:
             self._in_doubt = True  # the capture thread shall look at the next one and say so
             return None
         return Frame(picture, newest.captured_ns)
+
+    def glance(self) -> Picture | None:
+        """The newest good frame for people to look at; any thread may ask."""
+        newest = self._newest
+        try:
+            return None if newest is None else newest.picture()
+        except JpegError:
+            return None
 
     @property
     def interval_ns(self) -> int:

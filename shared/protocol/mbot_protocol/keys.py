@@ -82,6 +82,7 @@ waits 60 to 160 ms instead of 5 s (measured)."""
 ALIVE = Topic("alive", Flow.LIVELINESS, rate="while the daemon runs")
 DECISION = Topic("telemetry/decision", Flow.PUBLISH, "mbot.v1.Decision", rate="every tick")
 OBSERVATION = Topic("telemetry/observation", Flow.PUBLISH, FOXGLOVE_PICTURE, rate="every tick")
+CAMERA = Topic("telemetry/camera", Flow.PUBLISH, FOXGLOVE_PICTURE, rate="every tick, if watched")
 STATUS = Topic("status", Flow.QUERY, "", "mbot.v1.Status")
 STOP = Topic("stop", Flow.QUERY, "mbot.v1.Command", "mbot.v1.CommandReply")
 COMMAND = Topic("command", Flow.QUERY, "mbot.v1.Command", "mbot.v1.CommandReply", right=Right.DRIVE)
@@ -147,6 +148,7 @@ TOPICS = (
     ALIVE,
     DECISION,
     OBSERVATION,
+    CAMERA,
     STATUS,
     STOP,
     COMMAND,

@@ -4,6 +4,7 @@ import typer
 
 from mbot_workstation.commands.calibrate import app as calibrate
 from mbot_workstation.commands.check_model import check_model_file
+from mbot_workstation.commands.console import console
 from mbot_workstation.commands.demo import demo
 from mbot_workstation.commands.drive import drive, run, stop
 from mbot_workstation.commands.drive_report import film, report
@@ -67,6 +68,7 @@ app.command("virtual-robot", rich_help_panel=_TRY)(virtual_robot)
 app.command("make-servo-policy", rich_help_panel=_TRY)(make_servo_policy)
 
 app.command("robots", rich_help_panel=_DRIVE)(robots)
+app.command("console", rich_help_panel=_DRIVE)(console)
 app.command("telemetry", rich_help_panel=_DRIVE)(telemetry)
 app.command("run", rich_help_panel=_DRIVE)(run)
 app.command("stop", rich_help_panel=_DRIVE)(stop)

@@ -25,7 +25,7 @@ from mbot_protocol.v1.messages_pb2 import (
     Wheels,
 )
 from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.wording import one_line, state_word
+from mbot_workstation.wording import one_line, state_word, stop_words
 
 TIME_TO_LIVE_S = 1.0
 """A command that takes longer than this to arrive is not obeyed any more."""
@@ -84,6 +84,22 @@ class RemoteControl:
         self._clock = RobotClock(status.now_monotonic_ns, self._monotonic_ns())
         self._session_id = status.session_id
         self._stop_count = status.last_stop.count
+        return status
+
+    def catch_up(self, seen_stops: int) -> Status:
+        """As `synchronise`, on behalf of somebody who has seen so many stops on a display.
+
+        Raises:
+            RefusedError: there has been another one: a look at it comes before what follows.
+            UnreachableError, NewerSchemaError, MalformedMessageError: as `RobotLink.query`.
+
+        """
+        status = self.synchronise()
+        if status.last_stop.count != seen_stops:
+            self._clock = None
+            raise RefusedError(
+                f"robot {self._link.robot_id}: {stop_words(status)}; look, then do it again"
+            )
         return status
 
     def run(self, *, when_ready: bool = False) -> str:

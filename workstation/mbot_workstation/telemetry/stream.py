@@ -11,7 +11,7 @@ import zenoh
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from google.protobuf.message import DecodeError
 
-from mbot_protocol.keys import DECISION, OBSERVATION
+from mbot_protocol.keys import CAMERA, DECISION, OBSERVATION
 from mbot_protocol.policy_contract import DECISION_RATE_HZ
 from mbot_protocol.schema import MalformedMessageError, decode
 from mbot_protocol.v1.messages_pb2 import Decision
@@ -31,11 +31,13 @@ class Sample:
     Attributes:
         message: a decision, or the observation's picture that led to one.
         arrived_s: this machine's monotonic clock.
+        of_camera: whether a picture is what the camera sees, and not what the policy saw.
 
     """
 
     message: Decision | CompressedImage
     arrived_s: float
+    of_camera: bool = False
 
 
 class LinkState(Enum):
@@ -61,6 +63,8 @@ class TelemetryStream:
         link: RobotLink,
         decision_rate_hz: float = DECISION_RATE_HZ,
         monotonic_s: Callable[[], float] = time.monotonic,
+        *,
+        camera: bool = False,
     ) -> None:
         """Prepare a stream over an open link.
 
@@ -68,8 +72,11 @@ class TelemetryStream:
             link: to the robot.
             decision_rate_hz: as the robot's Status has it; 0 where it says nothing.
             monotonic_s: this machine's monotonic clock.
+            camera: also ask for the camera's pictures; a robot sends them to who asks only.
 
         """
+        self._with_camera = camera
+        self._camera: zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]] | None = None
         self.malformed = 0
         self._link = link
         self._silent_after_s = SILENT_AFTER_PERIODS / (decision_rate_hz or DECISION_RATE_HZ)
@@ -82,6 +89,8 @@ class TelemetryStream:
         with ExitStack() as stack:
             self._decisions = stack.enter_context(self._link.subscribe(DECISION, DEPTH))
             self._pictures = stack.enter_context(self._link.subscribe(OBSERVATION, DEPTH))
+            if self._with_camera:
+                self._camera = stack.enter_context(self._link.subscribe(CAMERA, 1))
             self._presence = stack.enter_context(self._link.watch_alive())
             self._stack = stack.pop_all()
         self._last_s = self._monotonic_s()
@@ -120,11 +129,17 @@ class TelemetryStream:
         # A picture before its decision: whoever shows a decision then has its picture.
         while (picture := self._pictures.try_recv()) is not None:
             yield from self._sample(picture, _to_picture)
+        while self._camera is not None and (seen := self._camera.try_recv()) is not None:
+            yield from self._sample(seen, _to_picture, of_camera=True)
         while (decision := self._decisions.try_recv()) is not None:
             yield from self._sample(decision, self._to_decision)
 
     def _sample(
-        self, raw: zenoh.Sample, read: Callable[[bytes], Decision | CompressedImage]
+        self,
+        raw: zenoh.Sample,
+        read: Callable[[bytes], Decision | CompressedImage],
+        *,
+        of_camera: bool = False,
     ) -> Iterator[Sample]:
         try:
             message = read(raw.payload.to_bytes())
@@ -132,7 +147,7 @@ class TelemetryStream:
             self.malformed += 1
             return
         self._last_s = self._monotonic_s()
-        yield Sample(message, self._last_s)
+        yield Sample(message, self._last_s, of_camera)
 
     def _to_decision(self, data: bytes) -> Decision:
         return decode(Decision, data, f"robot {self._link.robot_id}")

@@ -29,6 +29,7 @@ class TelemetryWindow:
     Attributes:
         newest: the latest decision, None before the first one.
         picture: the latest observation, None before the first one.
+        camera: the latest picture of the camera, None before the first one.
         lost: records of this session that never arrived, by gaps in their numbers.
         restarts: how often the robot's daemon has begun a new session meanwhile.
 
@@ -37,6 +38,7 @@ class TelemetryWindow:
     def __init__(self) -> None:
         self.newest: Decision | None = None
         self.picture: CompressedImage | None = None
+        self.camera: CompressedImage | None = None
         self.lost = 0
         self.restarts = 0
         self._samples: deque[tuple[float, dict[str, float]]] = deque(maxlen=WINDOW)
@@ -45,7 +47,10 @@ class TelemetryWindow:
         """Take in one sample; a new session of the robot begins the window anew."""
         message = sample.message
         if isinstance(message, CompressedImage):
-            self.picture = message
+            if sample.of_camera:
+                self.camera = message
+            else:
+                self.picture = message
             return
         if self.newest is not None:
             if message.session_id != self.newest.session_id:

@@ -1,0 +1,163 @@
+"""The console's page in a real browser, between the real daemon and a person."""
+
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from mbot_workstation.link.remote_control import RemoteControl
+
+from ..robot.fake_board import FakeBoard
+from ..robot.tiny_models import constant_model
+from .browser import CHROMIUM, browser, console
+from .processes import Daemon, Process, until
+
+FORWARD = constant_model(0.6, 0.6)
+FORWARD_BOARD = (-169, 169)
+BY_HAND_BOARD = (-130, 130)
+"""40 % of both wheels, as the page begins."""
+
+CONFIRMED_WITHIN_MS = 150
+LET_GO_WITHIN_S = 1.0
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not CHROMIUM, reason="there is no Chromium: apt install chromium"),
+]
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Browser]:
+    with browser() as found:
+        yield found
+
+
+@pytest.fixture
+def daemon(tmp_path: Path, board: FakeBoard) -> Iterator[Daemon]:
+    made = Daemon(tmp_path, board.path)
+    with made.camera(), made.start():
+        assert made.is_up()
+        made.push(FORWARD)
+        assert until(made.is_ready)
+        yield made
+
+
+@pytest.fixture
+def served(daemon: Daemon, tmp_path: Path) -> Iterator[tuple[Process, str]]:
+    with console(daemon.address, tmp_path / "console.log") as found:
+        yield found
+
+
+@pytest.fixture
+def page(chromium: Browser, served: tuple[Process, str]) -> Iterator[Page]:
+    opened = chromium.new_page()
+    errors: list[str] = []
+    opened.on("pageerror", lambda error: errors.append(str(error)))
+    opened.goto(served[1])
+    expect(opened.locator("#robot")).to_have_text("mbot-test")
+    yield opened
+    assert not errors
+    if not opened.is_closed():
+        opened.close()
+
+
+def by_hand(board: FakeBoard) -> bool:
+    """Whether it drives ahead, and not as the policy would."""
+    left, right = board.speeds
+    return left < 0 < right and board.speeds != FORWARD_BOARD
+
+
+def stands(board: FakeBoard) -> bool:
+    return board.speeds == (0, 0)
+
+
+def test_run_and_stop_from_the_page(page: Page, board: FakeBoard, daemon: Daemon) -> None:
+    took_ms: list[int] = []
+    for way in ("button", "space", "button"):
+        expect(page.locator("#run")).to_be_enabled()
+        page.click("#run")
+        assert board.wait_for(*FORWARD_BOARD, timeout_s=10)
+        page.locator("#stop").click() if way == "button" else page.keyboard.press("Space")
+        expect(page.locator("#said")).to_contain_text("STOP: stopped, confirmed")
+        assert stands(board)
+        took_ms.append(int(page.locator("body").get_attribute("data-stop-ms") or -1))
+    assert 0 < min(took_ms) < CONFIRMED_WITHIN_MS, took_ms
+    expect(page.locator("#headline")).to_contain_text("Standing, stopped by")
+    assert daemon.status().last_stop.count == 4
+
+
+def test_run_is_shut_while_something_is_wrong_and_says_what(
+    page: Page, board: FakeBoard, daemon: Daemon
+) -> None:
+    board.mute = True
+    expect(page.locator("#faults")).to_contain_text("board", timeout=10_000)
+    expect(page.locator("#run")).to_be_disabled()
+    expect(page.locator("#run-refused")).to_contain_text("acknowledge")
+    expect(page.locator("#stop")).to_be_enabled()
+
+
+def test_a_key_drives_while_it_is_held(page: Page, board: FakeBoard, daemon: Daemon) -> None:
+    page.keyboard.down("KeyW")
+    assert until(lambda: by_hand(board), 5)
+    expect(page.locator("#state")).to_have_text("manual")
+    page.keyboard.up("KeyW")
+    assert until(lambda: stands(board), LET_GO_WITHIN_S)
+    assert until(lambda: not daemon.status().last_stop.by)
+    assert daemon.status().last_stop.count == 1, "to let go is no STOP"
+
+
+def test_a_hand_takes_over_from_the_policy_and_does_not_give_back(
+    page: Page, board: FakeBoard, daemon: Daemon
+) -> None:
+    page.click("#run")
+    assert board.wait_for(*FORWARD_BOARD, timeout_s=10)
+    page.locator("[data-way=ahead]").hover()
+    page.mouse.down()
+    assert until(lambda: by_hand(board), 5)
+    page.mouse.up()
+    assert until(lambda: stands(board), LET_GO_WITHIN_S)
+    decisions = daemon.status().decisions
+    assert until(lambda: daemon.status().decisions > decisions + 4)
+    assert stands(board)
+
+
+@pytest.mark.parametrize("end", ["closed", "killed", "blurred", "stopped"])
+def test_however_the_page_is_lost_the_hands_drive_ends(
+    page: Page, board: FakeBoard, daemon: Daemon, served: tuple[Process, str], end: str
+) -> None:
+    page.keyboard.down("ArrowUp")
+    assert until(lambda: by_hand(board), 5)
+    if end == "closed":
+        page.close()
+    elif end == "killed":
+        served[0].signal(signal.SIGKILL)
+    elif end == "blurred":
+        page.locator("body").dispatch_event("blur")
+        page.evaluate("() => dispatchEvent(new Event('blur'))")
+    else:
+        with daemon.link() as link:
+            RemoteControl(link).stop()
+    assert until(lambda: stands(board), LET_GO_WITHIN_S)
+    decisions = daemon.status().decisions
+    assert until(lambda: daemon.status().decisions > decisions + 3)
+    assert stands(board), "although the key is held"
+
+
+def test_pictures_of_both_eyes_are_drawn(page: Page) -> None:
+    for canvas, width in (("#camera", "320"), ("#policy", "64")):
+        expect(page.locator(canvas)).to_have_attribute("width", width)
+    drawn = "(c) => c.getContext('2d').getImageData(0, 0, 8, 8).data.some((v, i) => i % 4 < 3 && v)"
+    for canvas in ("#camera", "#policy"):
+        assert until(lambda c=canvas: bool(page.locator(c).evaluate(drawn)), 10)
+
+
+def test_the_consoles_own_end_is_seen_on_the_page(page: Page, served: tuple[Process, str]) -> None:
+    served[0].signal(signal.SIGINT)
+    assert served[0].wait() == 130
+    assert "Traceback" not in served[0].output
+    expect(page.locator("#link")).to_contain_text("no connection")
+    expect(page.locator("#run")).to_be_disabled()
+    page.keyboard.press("Space")
+    expect(page.locator("#said")).to_contain_text("switch the robot off by hand")
