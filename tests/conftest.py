@@ -3,6 +3,11 @@
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("any machine", deadline=None)
+settings.load_profile("any machine")
+"""How long an example takes says how busy the machine is."""
 
 SLOW_FOLDERS = ("end_to_end", "reliability", "firmware")
 """Real programs, real time, real faults."""

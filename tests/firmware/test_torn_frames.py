@@ -85,7 +85,7 @@ GARBAGE = st.lists(PIECES, min_size=1, max_size=7).map(b"".join)  # 84 bytes, 7.
 CASES = st.lists(GARBAGE, min_size=40, max_size=40)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(cases=CASES)
 def test_garbage_and_then_a_stop_burst_ends_stopped(
     simulator: Simulator, cases: list[bytes]
@@ -101,7 +101,7 @@ def test_garbage_and_then_a_stop_burst_ends_stopped(
         assert ACKNOWLEDGED in trace.replies(burst_ms, end_ms), garbage.hex()
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(cases=CASES)
 def test_after_garbage_and_a_pause_one_plain_stop_is_enough(
     simulator: Simulator, cases: list[bytes]

@@ -18,7 +18,7 @@ def gradient(width_px: int, height_px: int) -> np.ndarray:
     return frame
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(64, 700), st.integers(64, 600))
 def test_the_full_view_is_the_frames_area_average(width_px: int, height_px: int) -> None:
     observer = Observer(nominal_pi_camera(width_px, height_px), FULL_VIEW)

@@ -202,6 +202,5 @@ TestModelLife = ModelLife.TestCase
 TestModelLife.settings = settings(
     max_examples=25,
     stateful_step_count=20,
-    deadline=None,
     suppress_health_check=[HealthCheck.too_slow],
 )

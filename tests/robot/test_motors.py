@@ -245,7 +245,7 @@ def test_a_silent_device_never_gets_a_drive_frame(
     assert FORWARD.to_bytes() not in bytes(board.received)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.binary(min_size=1, max_size=80))
 def test_garbage_from_the_board_ends_stopped(garbage: bytes) -> None:
     with FakeBoard() as board, Motors(Board(port=board.path, accept_no_deadman=True)) as motors:

@@ -132,7 +132,7 @@ bodies = st.integers(1, 5).flatmap(
 )
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(bodies, st.floats(0.01, 0.1), st.floats(0.02, 0.04))
 def test_sums_agree_with_mujocos(
     parts: tuple[Component, ...], wheel_kg: float, radius_m: float

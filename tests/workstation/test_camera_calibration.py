@@ -242,7 +242,7 @@ def test_too_few_pictures_are_refused() -> None:
         fit_camera(seen(CHECKERBOARD, HALF, 16)[:2])
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     focal=st.floats(0.5, 2.0),
     squeeze=st.floats(0.9, 1.1),

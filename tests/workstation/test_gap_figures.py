@@ -59,7 +59,7 @@ def test_a_line_through_noise_bridges_gaps() -> None:
     start=st.floats(-3, 3),
     seed=st.integers(0, 99),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_steady_rates_are_found_through_the_trackers_noise(
     speed: float, turn: float, start: float, seed: int
 ) -> None:

@@ -37,7 +37,7 @@ ALL = CalibrationFiles(
     right=st.floats(0.3, 0.5),
     track=st.floats(0.10, 0.13),
 )
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_deviations_are_read_from_straight_runs_and_spins(
     left: float, right: float, track: float
 ) -> None:
@@ -118,7 +118,6 @@ def test_without_map_or_value_there_is_no_verdict() -> None:
 
 
 @given(value=st.floats(-0.3, 0.3))
-@settings(deadline=None)
 def test_a_bearable_deviation_leaves_enough_reward(value: float) -> None:
     verdict = judge(quantity(value), tolerances()).uncalibrated
     assert verdict.reward_share is not None

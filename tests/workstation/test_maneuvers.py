@@ -14,7 +14,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mbot_protocol.actions import MotorMap, WheelMaps
@@ -54,7 +54,6 @@ def link(robot: FakeRobot) -> Iterator[RobotLink]:
 # Plan
 
 
-@settings(deadline=None)
 @given(
     st.sets(st.sampled_from(MANEUVERS)), st.integers(1, 5), st.sampled_from(Order), st.integers()
 )

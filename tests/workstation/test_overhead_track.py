@@ -67,7 +67,7 @@ def check(track: Track, times_s: Array, poses: Array, largest_m: float = 0.003) 
 # Geometry, without pictures
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(
     st.floats(0, 50),
     st.floats(50, 80),
@@ -455,7 +455,6 @@ def test_steamvr_is_recorded_and_lost_poses_are_left_out(tmp_path: Path) -> None
     assert np.diff(track.time_s).max() > 10 / 90 - 0.005
 
 
-@settings(deadline=None)
 @given(st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: np.linalg.norm(q) > 0.1))
 def test_every_rotation_has_its_quaternion(values: tuple[float, float, float, float]) -> None:
     w, x, y, z = np.array(values) / np.linalg.norm(values)

@@ -107,7 +107,7 @@ def test_a_room_without_upright_edges_is_left_as_it_is(tmp_path: Path) -> None:
     assert "--pitch 3.5 --roll -1" in prepared.notes[1]
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(
     pitch=st.floats(-40, 40),
     roll=st.floats(-40, 40),

@@ -57,7 +57,7 @@ def test_rate_jitter_and_losses_are_reported() -> None:
     assert (quality.lost_share, quality.jitter_s) == (pytest.approx(0, abs=1e-9), 0)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 7), st.integers(0, 1000))
 def test_spikes_are_found_and_little_else(maneuver: int, seed: int) -> None:
     track = driven(Tracker(), maneuver, seed)

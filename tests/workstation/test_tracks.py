@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
@@ -137,7 +137,6 @@ def test_euler_angles_serve_where_there_is_no_quaternion(tmp_path: Path, unit: s
     assert same(read_track(path, form), track)
 
 
-@settings(deadline=None)
 @given(st.tuples(*[st.floats(-3, 3)] * 3))
 def test_euler_angles_are_intrinsic(angles: tuple[float, float, float]) -> None:
     yaw, pitch, roll = angles
@@ -242,7 +241,6 @@ def test_a_cut_mcap_gives_what_is_whole(tmp_path: Path, caplog: pytest.LogCaptur
 # Frames
 
 
-@settings(deadline=None)
 @given(st.sampled_from(UPS), st.sampled_from(["right", "left"]), st.integers(0, 2**32 - 1))
 def test_every_frame_can_be_undone(up: str, handedness: str, seed: int) -> None:
     random = np.random.default_rng(seed)
@@ -255,7 +253,6 @@ def test_every_frame_can_be_undone(up: str, handedness: str, seed: int) -> None:
     assert np.allclose(np.linalg.norm(there[0], axis=1), np.linalg.norm(position, axis=1))
 
 
-@settings(deadline=None)
 @given(st.sampled_from(UPS), st.sampled_from(["right", "left"]), st.integers(0, 2**32 - 1))
 def test_up_becomes_z_and_attitudes_turn_along(up: str, handedness: str, seed: int) -> None:
     """A point fixed to the tracker must be where it was, seen in the new frame."""
@@ -283,7 +280,6 @@ def test_only_a_left_handed_frame_turns_the_other_way() -> None:
         assert left.yaw_rad[-1] == pytest.approx(-3 * np.pi)
 
 
-@settings(deadline=None)
 @given(st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: np.linalg.norm(q) > 0.1))
 def test_yaw_is_the_same_for_any_mount(mount: tuple[float, float, float, float]) -> None:
     track = spiral()
@@ -402,7 +398,6 @@ def test_a_bad_declaration_is_named(tmp_path: Path, text: str, words: str) -> No
     assert "track.toml" in str(caught.value)
 
 
-@settings(deadline=None)
 @given(st.binary(max_size=400))
 def test_no_bytes_make_a_reader_fail_otherwise(tmp_path_factory, data: bytes) -> None:
     folder = tmp_path_factory.mktemp("bytes")
@@ -412,7 +407,6 @@ def test_no_bytes_make_a_reader_fail_otherwise(tmp_path_factory, data: bytes) ->
             read_track(folder / name, PRESETS["tum"])
 
 
-@settings(deadline=None)
 @given(
     st.lists(
         st.lists(st.sampled_from(["1", "0", "-2.5", "nan", "1e400", "", "x", "0.1"]), max_size=9),

@@ -123,7 +123,7 @@ def test_a_failing_part_stops_the_whole_and_is_told() -> None:
 def test_a_session_leaves_result_trajectory_and_film(tmp_path: Path) -> None:
     outputs = Outputs(tmp_path / "result.json", tmp_path / "path.jsonl", tmp_path / "film.mp4")
     lines = io.StringIO()
-    rules = FetchRules(time_limit_s=0.5, objects=0, ends_on_failure=True)
+    rules = FetchRules(time_limit_s=1.0, objects=0, ends_on_failure=True)
     board = tmp_path / "board"
     stop = threading.Event()
 

@@ -5,8 +5,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.picture import Picture
 from mbot_workstation.pacer import Pacer
 from mbot_workstation.virtual.overhead_view import OverheadView
 from mbot_workstation.virtual.stand_in import VirtualRobot
@@ -34,18 +36,27 @@ def record(robot: VirtualRobot, path: Path, stop: threading.Event) -> None:
     try:
         with OverheadView(robot.simulation, HEIGHT_PX) as overhead:
             pacer = Pacer(1 / RATE_HZ, RATE_HZ)
+            shown = 0
             while (frames := pacer.wait(stop)) > 0:
-                if robot.camera.newest is None:
-                    continue
-                status = robot.world.status()
-                seen = cv2.resize(robot.camera.newest, (width, HEIGHT_PX))
-                above = overhead.draw(robot.scene_state(), status.robot)
-                text = f"{status.time_s:6.1f} s   {status.result.touches} touched"
-                cv2.putText(
-                    above, text, (10, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, TEXT_RGB, 1, cv2.LINE_AA
-                )
-                picture = cv2.cvtColor(np.hstack([seen, above]), cv2.COLOR_RGB2BGR)
-                for _ in range(frames):  # a missed frame is shown twice: the film keeps time
-                    writer.write(picture)
+                if robot.camera.newest is not None:
+                    picture = _picture(robot, robot.camera.newest, overhead, width)
+                    for _ in range(frames):  # a missed frame is shown twice: the film keeps time
+                        writer.write(picture)
+                    shown += frames
+            # No player opens a film without a picture: a short session on a busy machine.
+            if shown == 0 and robot.camera.newest is not None:
+                writer.write(_picture(robot, robot.camera.newest, overhead, width))
     finally:
         writer.release()
+
+
+def _picture(
+    robot: VirtualRobot, seen: Picture, overhead: OverheadView, width: int
+) -> NDArray[np.uint8]:
+    """What the camera sees beside the robot from above, shape (height, width + height, 3), BGR."""
+    status = robot.world.status()
+    above = overhead.draw(robot.scene_state(), status.robot)
+    text = f"{status.time_s:6.1f} s   {status.result.touches} touched"
+    cv2.putText(above, text, (10, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, TEXT_RGB, 1, cv2.LINE_AA)
+    beside = np.hstack([cv2.resize(seen, (width, HEIGHT_PX)), above])
+    return np.asarray(cv2.cvtColor(beside, cv2.COLOR_RGB2BGR), np.uint8)
