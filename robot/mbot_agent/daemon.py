@@ -148,7 +148,6 @@ def _drive(
         loop.subscribe(recorder.offer)
     loop.subscribe(_feeder(watchdog))
     loop.subscribe(lambda _: models.service.expire_staging())
-    loop.subscribe(lambda _: releases.expire())
     # What exists now stays: the collector need not look at it between two decisions again.
     gc.collect()
     gc.freeze()

@@ -55,12 +55,13 @@ def _act(action: str, release: str, folders: ReleaseFolders) -> Outcome | None:
         return update_steps.put_back_by_itself(folders)
     if action == "rollback":
         return update_steps.put_back_by_hand(folders)
-    update_steps.recover(folders)
     if action == "adopt":
         # Checked out and built by root: nothing is signed, and no floor is raised.
         if not folders.is_whole(release):
             folders.finish(release)
+        update_steps.recover(folders, keep=release)
         return update_steps.change_over(folders, release)
+    update_steps.recover(folders)
     with Path(release).open("rb") as archive:
         return update_steps.update(folders, archive)
 

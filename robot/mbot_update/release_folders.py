@@ -101,10 +101,10 @@ class ReleaseFolders:
         atomic_file.remove(folder / WHOLE)
         shutil.rmtree(folder, ignore_errors=True)
 
-    def sweep(self) -> None:
-        """Delete all releases but the golden, the current and the previous one."""
+    def sweep(self, keep: str = "") -> None:
+        """Delete all releases but the golden, the current, the previous and this one."""
         ledger = self.ledger
-        needed = {ledger.golden, ledger.previous, ledger.came_from, self.current}
+        needed = {keep, ledger.golden, ledger.previous, ledger.came_from, self.current}
         folder = self.application / "releases"
         for path in folder.iterdir() if folder.is_dir() else ():
             if path.name not in needed or not self.is_whole(path.name):

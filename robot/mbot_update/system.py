@@ -140,8 +140,6 @@ def _text(path: Path) -> str:
 
 def _run(command: list[str], timeout_s: float) -> subprocess.CompletedProcess[str]:
     """Run a program; one that takes too long or is not there has failed, with its reason."""
-    environment = {"PATH": os.environ.get("PATH", os.defpath), "LC_ALL": "C.UTF-8"}
-    environment |= {name: os.environ[name] for name in ("FAKE", "TMPDIR") if name in os.environ}
     try:
         return subprocess.run(
             command,
@@ -150,7 +148,7 @@ def _run(command: list[str], timeout_s: float) -> subprocess.CompletedProcess[st
             errors="replace",
             stdin=subprocess.DEVNULL,
             timeout=timeout_s,
-            env=environment,
+            env=os.environ | {"LC_ALL": "C.UTF-8"},
             check=False,
         )
     except subprocess.TimeoutExpired:

@@ -62,6 +62,10 @@ def change_over(folders: ReleaseFolders, version: str, number: str = "", floor: 
 
     """
     old, before = folders.current, system.service()
+    if version == old:
+        outcome = Outcome(number, version, "installed", version)
+        folders.note(replace(folders.ledger.accepted(version, old, floor), outcome=outcome))
+        return outcome
     if before.is_armed:
         raise RefusedError("the robot has been set in motion: stop it and try again")
     if why := health_gate.would_not_run(folders, version, old):
@@ -79,8 +83,14 @@ def change_over(folders: ReleaseFolders, version: str, number: str = "", floor: 
     return outcome
 
 
-def recover(folders: ReleaseFolders) -> None:
-    """Put right what a power cut or a kill has left in the middle of an update."""
+def recover(folders: ReleaseFolders, keep: str = "") -> None:
+    """Put right what a power cut or a kill has left in the middle of an update.
+
+    Args:
+        folders: of this robot.
+        keep: a release that is about to be adopted.
+
+    """
     ledger = folders.ledger
     outcome = ledger.outcome
     went_back = False
@@ -96,7 +106,7 @@ def recover(folders: ReleaseFolders) -> None:
         system.reload_units()
         if system.service().state not in ("", "inactive"):
             system.start_without_waiting()
-    folders.sweep()
+    folders.sweep(keep)
 
 
 def put_back_by_itself(folders: ReleaseFolders) -> Outcome:

@@ -11,7 +11,6 @@ import platform
 import re
 import shutil
 import sys
-import threading
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -36,7 +35,11 @@ _ARCHITECTURES = {"aarch64": "arm64", "x86_64": "amd64"}
 
 
 class ReleaseService:
-    """The replies. Used by one thread but for `expire`."""
+    """The replies. Used by one thread.
+
+    What a sender who has fallen silent has left stays on the disk until the next push or start: the
+    control loop, which looks after such things elsewhere, touches no disk.
+    """
 
     def __init__(
         self,
@@ -67,7 +70,6 @@ class ReleaseService:
         self._pieces: Pieces | None = None
         self._file: int | None = None
         self._manifest = b""
-        self._lock = threading.Lock()
 
     @property
     def answers(self) -> dict[str, Callable[[bytes], bytes]]:
@@ -83,15 +85,6 @@ class ReleaseService:
         """Delete what an earlier start has left half received."""
         if not update_goes_on(self._inbox):
             atomic_file.remove(self._inbox / ARCHIVE)
-
-    def expire(self) -> None:
-        """Give up a push whose sender has fallen silent. Any thread may call it."""
-        pieces = self._pieces
-        if pieces is not None and pieces.has_expired and self._lock.acquire(blocking=False):
-            try:
-                self._give_up()
-            finally:
-                self._lock.release()
 
     def releases(self, _: bytes) -> bytes:
         """Reply to `releases/list`."""
@@ -119,9 +112,8 @@ class ReleaseService:
     def _reply(self, act: Callable[[bytes, messages.PushReply], None], payload: bytes) -> bytes:
         reply = messages.PushReply(schema_version=SCHEMA_VERSION)
         try:
-            with self._lock:
-                self._check_standing()
-                act(payload, reply)
+            self._check_standing()
+            act(payload, reply)
             reply.accepted = True
         except MbotError as error:
             log.warning("release refused: %s", error)

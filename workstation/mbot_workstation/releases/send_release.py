@@ -134,9 +134,10 @@ def wait_for_outcome(
         except UnreachableError:
             update = None
         if update is not None and update.request == push_id:
-            if update.phase not in BUSY:
+            if update.phase in BUSY:
+                on_phase(update.phase)
+            elif not update.goes_on:  # it tidies up; until then the robot takes no order to move
                 return update
-            on_phase(update.phase)
         elif update is not None and now_s - began_s > TAKEN_UP_WITHIN_S:
             raise UnreachableError(
                 f"robot {link.robot_id} has the release, but its updater does nothing: look at "
