@@ -68,7 +68,7 @@ def _act(action: str, release: str, folders: ReleaseFolders) -> Outcome | None:
 
 @contextmanager
 def _alone(folders: ReleaseFolders) -> Generator[None]:
-    """One updater at a time.
+    """One updater at a time, and the daemon sees that it is at work.
 
     Raises:
         RefusedError: another one is at work, or this is not root.
@@ -81,11 +81,26 @@ def _alone(folders: ReleaseFolders) -> Generator[None]:
         raise RefusedError(f"cannot use {path}: {error.strerror}; run it with sudo") from None
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        yield
+        with _seen(folders.root / "run/mbot-agent-update"):
+            yield
     except BlockingIOError:
         raise RefusedError("an update is under way, and looks after itself") from None
     finally:
         os.close(descriptor)
+
+
+@contextmanager
+def _seen(mark: Path) -> Generator[None]:
+    """While the mark is there a restarted daemon takes no order to move and begins none itself.
+    systemd makes it for the updater's unit; by hand nobody does."""
+    by_hand = not mark.exists()
+    if by_hand:
+        mark.mkdir(parents=True)
+    try:
+        yield
+    finally:
+        if by_hand:
+            mark.rmdir()
 
 
 def _show(folders: ReleaseFolders, *, as_json: bool) -> None:

@@ -105,7 +105,7 @@ def recover(folders: ReleaseFolders, keep: str = "") -> None:
     if went_back:
         system.reload_units()
         if system.service().state not in ("", "inactive"):
-            system.start_without_waiting()
+            system.restart()
     folders.sweep(keep)
 
 
