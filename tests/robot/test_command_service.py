@@ -87,15 +87,6 @@ def test_status_tells_the_camera_and_what_its_automatics_do(service: Service) ->
     assert service.status.camera == "picamera2"
 
 
-def test_run_and_drive_that_know_the_last_stop_are_obeyed(service: Service) -> None:
-    reply = service.run()
-    assert (reply.accepted, reply.state) == (True, messages.STATE_RUNNING)
-    reply = service.drive()
-    assert (reply.accepted, reply.state) == (True, messages.STATE_MANUAL)
-    assert service.heard == 2
-
-
-@pytest.mark.parametrize("what", ["run", "drive"])
 def test_an_update_takes_no_order_but_a_stop(service: Service) -> None:
     service.updating = True
     reply = service.run()
@@ -108,6 +99,15 @@ def test_an_update_takes_no_order_but_a_stop(service: Service) -> None:
     assert service.run().accepted
 
 
+def test_run_and_drive_that_know_the_last_stop_are_obeyed(service: Service) -> None:
+    reply = service.run()
+    assert (reply.accepted, reply.state) == (True, messages.STATE_RUNNING)
+    reply = service.drive()
+    assert (reply.accepted, reply.state) == (True, messages.STATE_MANUAL)
+    assert service.heard == 2
+
+
+@pytest.mark.parametrize("what", ["run", "drive"])
 def test_nothing_that_was_sent_before_a_stop_moves_the_robot_after_it(
     service: Service, what: str
 ) -> None:
