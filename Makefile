@@ -7,7 +7,7 @@ FIRMWARE := out/firmware
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 .DEFAULT_GOAL := help
-.PHONY: help demo calibrate-demo demo-firmware test test-all test-pi check protocol firmware benchmark reliability reliability-quick mutants fuzz lock clean
+.PHONY: help dist pins demo calibrate-demo demo-firmware test test-all test-pi check protocol firmware benchmark reliability reliability-quick mutants fuzz lock clean
 
 help: ## Show this help
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -53,6 +53,13 @@ $(FIRMWARE)/mbot-deadman.elf: deploy/firmware/mbot-deadman.c
 
 $(FIRMWARE)/mbot-deadman.hex: $(FIRMWARE)/mbot-deadman.elf
 	avr-objcopy -O ihex -R .eeprom $< $@
+
+dist: $(VENV)/.all ## Make wheel, sdist and signed releases for robots in out/dist; DIST='--sign-with KEY'
+	$(BIN)/python -m mbot_workstation.releases.make_release $(DIST)
+
+pins: $(VENV)/.all ## Resolve anew which wheels a release has; writes deploy/requirements
+	rm -rf deploy/requirements out/dist-cache
+	$(BIN)/python -m mbot_workstation.releases.make_release --version 0 --sequence 0 $(DIST)
 
 benchmark: $(VENV)/.all ## Measure the daemon; use a quiet machine
 	$(BIN)/python benchmarks/agent.py

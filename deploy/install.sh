@@ -1,10 +1,11 @@
 #!/bin/sh
-# Installs mbot-agent from this checkout on Raspberry Pi OS, 64-bit, Bookworm or Trixie.
+# Installs mbot-agent on Raspberry Pi OS, 64-bit, Bookworm or Trixie: from this checkout, or from a
+# release's archive. Each is built in a folder of its own; a link says which one runs.
 # docs/install-on-a-pi.md shows what it prints.
 set -eu
 umask 022
 
-# For tests of this script: a directory that stands for /, and the interpreter of the venv.
+# For tests of this script: a directory that stands for /, and the system's Python.
 # Everything else is called by name, so a test puts stand-ins first on PATH.
 root=${MBOT_INSTALL_ROOT:-}
 python=${MBOT_INSTALL_PYTHON:-/usr/bin/python3}
@@ -12,10 +13,15 @@ python=${MBOT_INSTALL_PYTHON:-/usr/bin/python3}
 user=mbot-agent
 service=mbot-agent.service
 application=$root/opt/mbot-agent
-venv=$application/venv
+updater=$application/updater
+current=$application/current
 configuration=$root/etc/mbot-agent
 state=$root/var/lib/mbot-agent
-unit=$root/etc/systemd/system/$service
+units=$root/etc/systemd/system
+unit=$units/$service
+# Root's part of updates. Files, where the daemon's own unit is a link into the release that runs.
+updater_units="mbot-agent-update.path mbot-agent-update.service mbot-agent-recover.service \
+mbot-agent-rollback.service"
 rules=$root/etc/udev/rules.d/60-mbot.rules
 brltty_rules=$root/etc/udev/rules.d/95-mbot-brltty.rules
 modules=$root/etc/modules-load.d/mbot-agent.conf
@@ -24,11 +30,13 @@ command_link=$root/usr/local/bin/mbot-agent
 
 usage() {
     cat <<'USAGE'
-usage: sudo deploy/install.sh [--dry-run] [--without-picamera2]
+usage: sudo deploy/install.sh [--dry-run] [--without-picamera2] [RELEASE.tar]
        sudo deploy/install.sh --uninstall [--purge] [--dry-run]
 
-Installs mbot-agent from this checkout, or updates it; running it again is safe. A configuration
-that exists is left alone, and nothing is started.
+Installs mbot-agent from this checkout, or from a release that `make dist` has made, or updates it;
+running it again is safe. A configuration that exists is left alone. A daemon that runs goes on
+until the new release is built, is restarted with it, and gets the old one back if it runs worse;
+one that does not run is not started.
 
   --dry-run            print what would be done, change nothing (needs no root)
   --without-picamera2  for a camera OpenCV opens (USB, URL); also accepts a PC (amd64)
@@ -64,6 +72,7 @@ checkout=$(cd "$(dirname "$0")/.." && pwd)
 dry_run=
 uninstall=
 purge=
+archive=
 picamera2=1
 
 while [ $# -gt 0 ]; do
@@ -73,7 +82,12 @@ while [ $# -gt 0 ]; do
         --uninstall) uninstall=1 ;;
         --purge) purge=1 ;;
         --help | -h) usage && exit 0 ;;
-        *) fail "unknown option '$1', see --help" 2 ;;
+        -*) fail "unknown option '$1', see --help" 2 ;;
+        *)
+            [ -z "$archive" ] || fail "one release at a time, see --help" 2
+            [ -f "$1" ] || fail "there is no release '$1'" 2
+            archive=$1
+            ;;
     esac
     shift
 done
@@ -133,13 +147,13 @@ install_packages() {
         fail "apt-get could not install$missing"
 }
 
-stop_service() {
+# Whatever runs goes on while this script works.
+look_at_service() {
     was_running=
-    if systemctl is-active --quiet "$service" 2>/dev/null; then
-        was_running=1
-        step "Stopping mbot-agent, its files are about to change"
-        run systemctl stop "$service"
-    fi
+    ! systemctl is-active --quiet "$service" 2>/dev/null || was_running=1
+    # Before there were releases.
+    [ ! -d "$application/venv" ] || fail "an older installation is in $application: first \
+--uninstall, which keeps configuration and models"
 }
 
 make_user() {
@@ -150,21 +164,77 @@ make_user() {
     run chown "$user:$user" "$state"
 }
 
-install_application() {
-    step "Program in $venv"
-    # --clear also after a release upgrade, whose new Python finds nothing in the old directory.
-    if ! "$venv/bin/python" -m pip --version >/dev/null 2>&1; then
-        run "$python" -m venv --clear --system-site-packages "$venv"
+update() {
+    run "$python" -I -B "$updater" --root "${root:-/}" "$@"
+}
+
+install_updater() {
+    step "Updater in $updater"
+    run rm -rf "$updater.new"
+    run install -d -m 0755 "$application" "$application/releases" "$updater.new"
+    if [ -d "$checkout/updater" ]; then # a release that was unpacked
+        run cp -R "$checkout/updater/." "$updater.new"
+    else
+        run install -d "$updater.new/mbot_update" "$updater.new/mbot_protocol"
+        for name in "$checkout"/robot/mbot_update/*.py; do
+            run install -m 0644 "$name" "$updater.new/mbot_update"
+        done
+        run mv "$updater.new/mbot_update/__main__.py" "$updater.new"
+        for name in __init__ atomic_file errors public_key release_archive release_ledger \
+            release_manifest; do
+            run install -m 0644 "$checkout/shared/protocol/mbot_protocol/$name.py" \
+                "$updater.new/mbot_protocol"
+        done
     fi
+    run rm -rf "$updater"
+    run mv "$updater.new" "$updater"
+    for name in $updater_units; do
+        run install -D -m 0644 "$checkout/deploy/systemd/$name" "$units/$name"
+    done
+}
+
+# The same content is the same release, and is not built twice.
+checkout_version() {
+    digest=$(cd "$checkout" && find pyproject.toml deploy robot shared workstation -type f \
+        ! -name '*.pyc' -exec sha256sum {} + | LC_ALL=C sort -k 2 | sha256sum | cut -c 1-8)
+    number=$(sed -n 's/^version = "\(.*\)"/\1/p' "$checkout/pyproject.toml" | head -n 1)
+    echo "$number+checkout.$digest.$release"
+}
+
+install_release() {
+    if [ -n "$archive" ]; then
+        step "Release $archive"
+        update install "$archive" || failed_update
+        return
+    fi
+    version=$(checkout_version)
+    folder=$application/releases/$version
+    step "Release $version in $folder"
+    if [ ! -f "$folder/whole" ]; then
+        build_checkout || failed_update
+    fi
+    update adopt "$version" || failed_update
+}
+
+failed_update() {
+    [ -z "$was_running" ] || fail "the update failed, see above; mbot-agent runs on as it was"
+    fail "the release could not be installed, see above"
+}
+
+build_checkout() {
+    run rm -rf "$folder"
+    run "$python" -m venv --system-site-packages "$folder/venv" || return 1
     constraints=$checkout/deploy/constraints-$release.txt
     set -- --no-cache-dir --only-binary=:all: --compile
     [ ! -f "$constraints" ] || set -- "$@" --constraint "$constraints"
     # --only-binary: a Pi Zero 2 W would compile numpy for hours and then run out of memory.
     # --compile: the service may not write .pyc files. TMPDIR: Trixie's /tmp lies in memory.
-    run env TMPDIR="$root/var/tmp" "$venv/bin/python" -m pip install "$@" "${checkout}[robot]" ||
-        fail "pip could not install mbot-agent, see above"
-    run install -d -m 0755 "$(dirname "$command_link")"
-    run ln -sfn "$venv/bin/mbot-agent" "$command_link"
+    if ! run env TMPDIR="$root/var/tmp" "$folder/venv/bin/python" -m pip install "$@" \
+        "${checkout}[robot]"; then
+        run rm -rf "$folder"
+        return 1
+    fi
+    run install -D -m 0644 "$checkout/deploy/systemd/$service" "$folder/deploy/systemd/$service"
 }
 
 # 1 to 32 of a-z, 0-9, '-' and '_', beginning with a letter or digit.
@@ -203,9 +273,13 @@ install_service() {
     try udevadm trigger --subsystem-match=usb --subsystem-match=tty
 
     step "Service $service, started at boot from now on"
-    run install -D -m 0644 "$checkout/deploy/systemd/$service" "$unit"
+    run install -d "$units"
+    run ln -sfn "$current/deploy/systemd/$service" "$unit"
+    run install -d -m 0755 "$(dirname "$command_link")"
+    run ln -sfn "$current/venv/bin/mbot-agent" "$command_link"
     run systemctl daemon-reload
-    run systemctl enable "$service"
+    run systemctl enable "$service" mbot-agent-recover.service
+    run systemctl enable --now mbot-agent-update.path
 }
 
 check_brltty() {
@@ -218,8 +292,9 @@ check_brltty() {
 }
 
 show_check() {
+    [ -z "$was_running" ] || return 0 # it has camera and board
     step "mbot-agent check, as $user"
-    run runuser -u "$user" -- env HOME="$state" "$venv/bin/mbot-agent" check ||
+    run runuser -u "$user" -- env HOME="$state" "$current/venv/bin/mbot-agent" check ||
         note "something is missing, see above: mend it before the start"
 }
 
@@ -241,14 +316,18 @@ NEXT
 It takes models only from keys in [trust] of its configuration. On the workstation:
   workstation keys new                     makes a key and prints the line to put there
 KEYS
-    [ -z "$was_running" ] || echo "mbot-agent was running and is stopped now: start it again as above."
+    [ -z "$was_running" ] || echo "mbot-agent was running and runs again, with what was installed."
 }
 
 remove_all() {
     step "Removing mbot-agent"
-    if [ -e "$unit" ]; then
-        try systemctl disable --now "$service"
+    if [ -L "$unit" ] || [ -e "$unit" ]; then
+        # shellcheck disable=SC2086  # a list of names
+        try systemctl disable --now "$service" $updater_units
     fi
+    for name in $updater_units; do
+        run rm -f "$units/$name"
+    done
     run rm -f "$unit" "$rules" "$brltty_rules" "$modules" "$sysusers" "$command_link"
     # Debian has no such folder before the first file of ours.
     [ ! -d "${sysusers%/*}" ] || run rmdir --ignore-fail-on-non-empty "${sysusers%/*}"
@@ -273,15 +352,17 @@ if [ -n "$uninstall" ]; then
     exit 0
 fi
 
-[ -f "$checkout/pyproject.toml" ] || fail "$checkout is no checkout of mbot-agent"
+[ -n "$archive" ] || [ -f "$checkout/pyproject.toml" ] ||
+    fail "$checkout is no checkout of mbot-agent: which release?"
 require_machine
 require_release
 require_root
 install_packages
-stop_service
+look_at_service
 make_user
-install_application
 install_configuration
+install_updater
+install_release
 install_service
 check_brltty
 show_check

@@ -21,6 +21,7 @@ from mbot_agent.network.wire_messages import (
     wire_stop,
 )
 from mbot_agent.network.zenoh_link import Link
+from mbot_agent.releases.own_release import own_release
 from mbot_protocol import keys
 from mbot_protocol.actions import to_steps
 from mbot_protocol.errors import MbotError, RefusedError
@@ -58,9 +59,11 @@ class CommandService:
         active_model: Callable[[], messages.Model | None],
         notices: Callable[[], tuple[Notice, ...]],
         heard: Callable[[], None],
+        updating: Callable[[], bool] = lambda: False,
     ) -> None:
-        """`heard` learns of every command that is obeyed."""
+        """`heard` learns of every command that is obeyed; while `updating`, none sets in motion."""
         self._version = installed_version()
+        self._release = own_release()
         self._robot_id = configuration.robot_id
         self._camera_source = shown_source(configuration.camera.source)
         self._trust = configuration.trust
@@ -73,6 +76,7 @@ class CommandService:
         self._active_model = active_model
         self._notices = notices
         self._heard = heard
+        self._updating = updating
         self._numbers = SenderNumbers()
 
     def serve(self, link: Link) -> None:
@@ -107,6 +111,7 @@ class CommandService:
             left_motor=wire_motor(self._wheels.left),
             right_motor=wire_motor(self._wheels.right),
             last_stop=wire_stop(orders.stop),
+            release=self._release,
         ).SerializeToString()
 
     def _camera_words(self) -> str:
@@ -161,6 +166,8 @@ class CommandService:
             self._helm.stop(_in_a_line(command.sender))  # however late: it is always right
             return
         self._check_current(command)
+        if self._updating():
+            raise RefusedError("an update of mbot-agent is under way: wait for its end")
         self._heard()
         if action == "run":
             self._run(command.stop_count, when_ready=command.run.when_ready)

@@ -166,13 +166,20 @@ class Models(Struct, frozen=True, forbid_unknown_fields=True):
         """The directory, resolved."""
         if self.directory:
             return Path(self.directory)
-        return Path(os.environ.get("STATE_DIRECTORY", DEFAULT_STATE_DIRECTORY)) / "models"
+        return state_directory() / "models"
+
+
+def state_directory() -> Path:
+    """What systemd gives the daemon to keep its files in."""
+    return Path(os.environ.get("STATE_DIRECTORY", DEFAULT_STATE_DIRECTORY))
 
 
 class Trust(Struct, frozen=True, forbid_unknown_fields=True):
-    """Whose models the robot takes: public keys as `workstation keys show` prints them."""
+    """Whose models and releases the robot takes: public keys as `workstation keys show` prints
+    them."""
 
     keys: tuple[str, ...] = ()
+    release_keys: tuple[str, ...] = ()
     allow_unsigned: bool = False
 
     @property
@@ -183,10 +190,19 @@ class Trust(Struct, frozen=True, forbid_unknown_fields=True):
             ConfigurationError: a line is no key, or two lines are the same one.
 
         """
-        keys = tuple(PublicKey.parse(line) for line in self.keys)
-        if len({key.raw for key in keys}) < len(keys):
-            raise ConfigurationError("a key is there twice: leave one of the lines out")
-        return keys
+        return _parsed(self.keys)
+
+    @property
+    def public_release_keys(self) -> tuple[PublicKey, ...]:
+        """Whose releases of the daemon are taken; raises as `public_keys`."""
+        return _parsed(self.release_keys)
+
+
+def _parsed(lines: tuple[str, ...]) -> tuple[PublicKey, ...]:
+    keys = tuple(PublicKey.parse(line) for line in lines)
+    if len({key.raw for key in keys}) < len(keys):
+        raise ConfigurationError("a key is there twice: leave one of the lines out")
+    return keys
 
 
 class Tls(Struct, frozen=True, forbid_unknown_fields=True):
@@ -266,7 +282,7 @@ class Configuration(Struct, frozen=True, forbid_unknown_fields=True):
             except ValueError as error:
                 raise ConfigurationError(f"motors.{side}: {error}") from None
         try:
-            _ = self.trust.public_keys
+            _ = self.trust.public_keys, self.trust.public_release_keys
         except ConfigurationError as error:
             raise ConfigurationError(f"trust.keys: {error}") from None
         if (self.camera.width_px is None) != (self.camera.height_px is None):

@@ -8,15 +8,17 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbot_agent.arming import Mode, Orders, State
 from mbot_agent.board.motors import Motors
-from mbot_agent.configuration import Access, Configuration
+from mbot_agent.configuration import Access, Configuration, state_directory
 from mbot_agent.faults import Notice
 from mbot_agent.process import service_manager, termination
 from mbot_agent.process.last_end import LastEnd
 from mbot_agent.process.watchdog import Watchdog
+from mbot_agent.releases.own_release import own_release, update_goes_on
 from mbot_agent.tick import Tick
 
 if TYPE_CHECKING:
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
     from mbot_agent.models.pilot import Pilot
     from mbot_agent.network.zenoh_link import Link
     from mbot_agent.recording.recorder import Recorder
+    from mbot_agent.releases.release_service import ReleaseService
 
 log = logging.getLogger(__name__)
 
@@ -62,6 +65,39 @@ def run(configuration: Configuration, last_words: Callable[[], None]) -> None:
     log.info("ended")
 
 
+def rehearse(configuration: Configuration) -> str:
+    """Everything but hardware and network: imports, and the active model on its golden frames.
+
+    The updater asks this of a release before it takes the place of the one that runs.
+
+    Returns:
+        What was done, in one line.
+
+    Raises:
+        MbotError: what would not work.
+
+    """
+    from mbot_agent import command_service, control_loop
+    from mbot_agent.models import model_service
+    from mbot_agent.models.model_directory import ModelDirectory
+    from mbot_agent.models.policy import Policy
+    from mbot_agent.network import zenoh_link
+    from mbot_protocol.golden_frames import check_deviation
+
+    parts = (command_service, control_loop, model_service, zenoh_link)
+    words = f"{len(parts)} parts are there"
+    store = ModelDirectory(configuration.models.path, configuration.models.keep)
+    active = store.activation.active
+    if not active:
+        return f"{words}, and no model"
+    policy = Policy(store.read(active))
+    for frame in policy.golden_frames()[:1]:
+        answer = policy.decide(frame.picture, policy.blank)
+        left, right = frame.action
+        check_deviation(max(abs(answer.left - left), abs(answer.right - right)))
+    return f"{words}; {policy.metadata.name} decides"
+
+
 def _drive(
     configuration: Configuration, motors: Motors, closing: threading.Event, parts: ExitStack
 ) -> None:
@@ -82,7 +118,9 @@ def _drive(
     last_end = parts.enter_context(LastEnd(configuration.models.path))
     link = parts.enter_context(Link(configuration))
     presence = parts.enter_context(Presence(configuration.control, link.sees_workstations))
-    helm = Helm(motors, _orders_at_start(configuration.control.start, last_end))
+    inbox = state_directory() / "releases"
+    starts = "idle" if update_goes_on(inbox) else configuration.control.start
+    helm = Helm(motors, _orders_at_start(starts, last_end))
     pilot = Pilot()
     loop = ControlLoop(configuration, camera, motors, helm, pilot, lambda: presence.fault)
     keeper = models.supply(pilot, _disarm_unless_driving(loop, helm), parts)
@@ -101,7 +139,10 @@ def _drive(
         lambda: models.service.active_model,
         notices,
         presence.heard,
+        lambda: update_goes_on(inbox),
     )
+    releases = _releases(configuration, inbox, helm)
+    link.serve("releases/**", releases.answers)
     watchdog = _serve(link, configuration.access, commands, models, motors, parts)
     loop.subscribe(_telemetry(configuration, session_id, link, notices, camera, parts))
     if recorder is not None:
@@ -188,6 +229,16 @@ def _serve(
     return Watchdog({"motors": lambda: motors.progress_ns, "serve stop": lambda: probe.answered_ns})
 
 
+def _releases(configuration: Configuration, inbox: Path, helm: "Helm") -> "ReleaseService":
+    """What takes releases of the daemon in; root's updater installs them."""
+    from mbot_agent.releases.release_service import ReleaseService
+
+    keys, robot_id = configuration.trust.public_release_keys, configuration.robot_id
+    service = ReleaseService(robot_id, keys, inbox, lambda: helm.orders.is_armed, own_release())
+    service.sweep()
+    return service
+
+
 def _telemetry(
     configuration: Configuration,
     session_id: int,
@@ -242,7 +293,9 @@ def _feeder(watchdog: Watchdog) -> Callable[[Tick], None]:
     def feed(tick: Tick) -> None:
         if tick.sequence == 0:
             service_manager.notify("READY=1")
-        watchdog.feed(tick.state.value)
+        # The updater reads this: what is wrong, behind a semicolon.
+        faults = " ".join(fault.kind for fault in tick.faults)
+        watchdog.feed(f"{tick.state.value}; {faults}" if faults else tick.state.value)
 
     return feed
 

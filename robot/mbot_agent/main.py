@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from mbot_agent.process.journal import Journal
 
 DEFAULT_PATH = "/etc/mbot-agent/config.toml"
+UPDATER = "/opt/mbot-agent/updater"
 
 INTERRUPTED = 130
 
@@ -20,6 +21,7 @@ EPILOG = """examples:
   mbot-agent check                       is everything there that driving needs?
   mbot-agent run --config robot.toml     run in the foreground; Ctrl-C stops the motors and ends
   systemctl start mbot-agent             run as a service
+  mbot-agent releases                    those installed here; `rollback` goes back, as root
 """
 
 
@@ -88,10 +90,11 @@ def _parser() -> "argparse.ArgumentParser":
     parser.add_argument(
         "action",
         nargs="?",
-        choices=("run", "check", "stop-motors", "decide"),
+        choices=("run", "check", "stop-motors", "decide", "try", "releases", "rollback"),
         default="run",
-        help="run the daemon (default), check the robot, just stop the motors, or decide again "
-        "what `workstation replay` hands over",
+        help="run the daemon (default), check the robot, just stop the motors, decide again "
+        "what `workstation replay` hands over, try configuration and model without hardware, list "
+        "the installed releases, or go back to the previous one",
     )
     parser.add_argument(
         "--config",
@@ -101,7 +104,7 @@ def _parser() -> "argparse.ArgumentParser":
         help="configuration (default: %(default)s)",
     )
     parser.add_argument("--model", type=Path, metavar="FILE", help="decide: by which model")
-    parser.add_argument("--json", action="store_true", help="check: findings for machines")
+    parser.add_argument("--json", action="store_true", help="check, releases: for machines")
     parser.add_argument("--verbose", "-v", action="store_true", help="log more")
     parser.add_argument("--version", action="store_true", help="print it and end")
     return parser
@@ -112,6 +115,8 @@ def _dispatch(arguments: "argparse.Namespace", journal: "Journal") -> int:
         return _stop_motors(arguments.config)
     if arguments.action == "decide":
         return _decide(arguments.model)
+    if arguments.action in ("releases", "rollback"):
+        return _ask_updater(arguments.action, as_json=arguments.json)
     from mbot_agent.configuration import load
     from mbot_agent.configuration_files import calibrated, enrolled
 
@@ -119,6 +124,11 @@ def _dispatch(arguments: "argparse.Namespace", journal: "Journal") -> int:
     configuration = enrolled(configuration, arguments.config)
     if arguments.action == "check":
         return _check(configuration, as_json=arguments.json)
+    if arguments.action == "try":
+        from mbot_agent.daemon import rehearse
+
+        print(rehearse(configuration))
+        return 0
     from mbot_agent import daemon
 
     daemon.run(configuration, journal.drain)
@@ -132,6 +142,18 @@ def _stop_motors(path: "Path") -> int:
 
     stop_motors(load_board(path))
     return 0
+
+
+def _ask_updater(action: str, *, as_json: bool) -> int:
+    """A program of its own, which works when nothing of the daemon does."""
+    from pathlib import Path
+
+    from mbot_protocol.errors import ConfigurationError
+
+    if not Path(UPDATER).is_dir():
+        raise ConfigurationError(f"there is no {UPDATER}: deploy/install.sh installs releases")
+    command = ["/usr/bin/python3", "-I", "-B", UPDATER, action, *(["--json"] if as_json else [])]
+    os.execv(command[0], command)
 
 
 def _decide(model: "Path | None") -> int:

@@ -30,11 +30,13 @@ class Robot:
 
     """
 
-    def __init__(self, machine: Machine, directory: Path) -> None:
+    def __init__(
+        self, machine: Machine, directory: Path, install: tuple[str, ...] = INSTALL
+    ) -> None:
         self.machine = machine
         self.files_before = machine.files()
         began_s = time.monotonic()
-        self.installed = machine.run(*INSTALL, timeout_s=INSTALL_S)
+        self.installed = machine.run(*install, timeout_s=INSTALL_S)
         self.install_s = time.monotonic() - began_s
         self.board = FakeBoard(devpts=machine.devpts, mode=0o666)
         self.daemon = Daemon(directory, self.board.path)

@@ -37,7 +37,7 @@ def test_an_id_that_could_reach_other_robots_is_refused(robot_id: str) -> None:
 def test_each_key_needs_the_right_that_its_harm_calls_for() -> None:
     for topic in TOPICS:
         if topic.flow is Flow.QUERY:
-            changes = topic.name.startswith("models/") or topic in (
+            changes = topic.name.startswith(("models/", "releases/")) or topic in (
                 keys.RECORDING_KEEP,
                 keys.RECORDING_REMOVE,
             )

@@ -26,6 +26,7 @@ class Service:
         self.bench = Bench()
         self.heard = 0
         self.numbers = 0
+        self.updating = False
         self.service = CommandService(
             Configuration(robot_id="mbot-1"),
             SESSION,
@@ -35,6 +36,7 @@ class Service:
             lambda: None,
             lambda: (),
             self._hear,
+            lambda: self.updating,
         )
 
     def _hear(self) -> None:
@@ -83,6 +85,18 @@ def test_status_tells_the_camera_and_what_its_automatics_do(service: Service) ->
     assert service.status.camera == "picamera2, light automatic"
     service.bench.camera.light = "unknown"
     assert service.status.camera == "picamera2"
+
+
+def test_an_update_takes_no_order_but_a_stop(service: Service) -> None:
+    service.updating = True
+    reply = service.run()
+    assert not reply.accepted
+    assert "an update of mbot-agent is under way" in reply.reason
+    assert service.bench.helm.orders.mode is Mode.IDLE
+    assert service.send(service.command(stop=messages.Stop())).accepted
+    assert service.bench.helm.orders.mode is Mode.STOPPED
+    service.updating = False
+    assert service.run().accepted
 
 
 def test_run_and_drive_that_know_the_last_stop_are_obeyed(service: Service) -> None:

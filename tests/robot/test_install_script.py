@@ -35,14 +35,18 @@ FAKES = {
     "id": 'cat "$FAKE/uid"\n',
     "modprobe": LOG + "exit 1\n",
     "runuser": LOG + 'while [ "$1" != -- ]; do shift; done\nshift\nexec "$@"\n',
-    "systemctl": '[ "$1" = is-active ] && { [ -e "$FAKE/active" ]; exit; }\n' + LOG,
+    "systemctl": '[ "$1" = is-active ] && { [ -e "$FAKE/active" ]; exit; }\n'
+    '[ "$1" = show ] && { [ ! -e "$FAKE/active" ] ||'
+    ' printf "ActiveState=active\\nMainPID=7\\nStatusText=idle\\n"; exit; }\n' + LOG,
     "systemd-sysusers": LOG + 'touch "$FAKE/user"\n',
     "udevadm": LOG,
     "uname": 'cat "$FAKE/machine"\n',
     "userdel": LOG + 'rm "$FAKE/user"\n',
-    "venv-agent": LOG + 'echo "board: not found"\n[ ! -e "$FAKE/check-fails" ]\n',
-    # The interpreter of the system (`-m venv ... DIR`) and of the venv (`-m pip ...`).
-    "python3": '[ "$*" != "-m pip --version" ] || exit 0\n' + LOG + "case $2 in\n"
+    "venv-agent": LOG + 'if [ "$1" = try ] && [ -e "$FAKE/try-fails" ]; then\n'
+    'echo "no such model" >&2; exit 3; fi\n'
+    '[ "$1" = try ] || { echo "board: not found"; [ ! -e "$FAKE/check-fails" ]; }\n',
+    # The system's interpreter (`-m venv ... DIR`, or the real updater) and the venv's (`-m pip`).
+    "python3": f'[ "$1" != -I ] || exec {sys.executable} "$@"\n' + LOG + "case $2 in\n"
     "venv) for directory; do :; done\n"
     'mkdir -p "$directory/bin" && cp "$0" "$directory/bin/python" ;;\n'
     'pip) [ ! -e "$FAKE/pip-fails" ] || exit 1\n'
@@ -93,6 +97,11 @@ class Machine:
         }
 
     @property
+    def release(self) -> Path:
+        """The folder that runs."""
+        return (self.root / "opt/mbot-agent/current").resolve()
+
+    @property
     def configuration(self) -> Path:
         return self.root / "etc/mbot-agent/config.toml"
 
@@ -132,13 +141,14 @@ def test_fresh_install_puts_everything_in_place(machine: Machine) -> None:
         "etc/udev/rules.d/95-mbot-brltty.rules",
         "etc/modules-load.d/mbot-agent.conf",
         "etc/sysusers.d/mbot-agent.conf",
-        "opt/mbot-agent/venv/bin/mbot-agent",
+        "etc/systemd/system/mbot-agent-update.path",
+        "etc/systemd/system/mbot-agent-recover.service",
     ):
         assert name in files
     assert files["etc/systemd/system/mbot-agent.service"] == UNIT.read_bytes()
-    assert (machine.root / "usr/local/bin/mbot-agent").resolve() == (
-        machine.root / "opt/mbot-agent/venv/bin/mbot-agent"
-    )
+    command = machine.root / "usr/local/bin/mbot-agent"
+    assert command.readlink() == machine.root / "opt/mbot-agent/current/venv/bin/mbot-agent"
+    assert command.resolve() == machine.release / "venv/bin/mbot-agent"
     assert configuration.load(machine.configuration).robot_id == "rover-7"
     assert (machine.root / "var/lib/mbot-agent").stat().st_mode & 0o777 == 0o700
     assert (machine.root / "etc/mbot-agent/tls").stat().st_mode & 0o777 == 0o750
@@ -151,9 +161,13 @@ def test_service_is_enabled_and_checked_but_never_started(machine: Machine) -> N
 
     asked = machine.asked()
     assert index_of(asked, "systemctl daemon-reload") < index_of(asked, "systemctl enable")
-    assert index_of(asked, "systemctl enable") < index_of(asked, "runuser -u mbot-agent")
+    assert index_of(asked, "systemctl enable") < index_of(
+        asked, "runuser -u mbot-agent -- env HOME"
+    )
     assert "board: not found" in output
-    assert not [line for line in asked if re.match(r"systemctl (start|restart|.*--now)", line)]
+    watched = "systemctl enable --now mbot-agent-update.path"
+    started = [line for line in asked if re.match(r"systemctl (start|restart|.*--now)", line)]
+    assert started == [watched]
 
 
 @pytest.mark.parametrize(("release", "constrained"), [("bookworm", True), ("trixie", False)])
@@ -163,7 +177,7 @@ def test_bookworms_numpy_is_not_replaced(machine: Machine, release: str, constra
     pip = next(line for line in machine.asked() if "-m pip install" in line)
     assert ("constraints-bookworm.txt" in pip) is constrained
     assert pip.endswith(f" {CHECKOUT}[robot]")
-    assert "-m venv --clear --system-site-packages" in "\n".join(machine.asked())
+    assert "-m venv --system-site-packages" in "\n".join(machine.asked())
 
 
 def test_second_install_changes_nothing_and_keeps_an_edited_configuration(
@@ -185,24 +199,73 @@ def test_second_install_changes_nothing_and_keeps_an_edited_configuration(
     asked = "\n".join(machine.asked())
     assert "apt-get" not in asked
     assert "-m venv" not in asked
-    assert "-m pip install" in asked  # this is how an update comes
+    assert "-m pip install" not in asked  # the same content is the same release
 
 
-def test_venv_of_an_older_python_is_made_anew(machine: Machine) -> None:
+def test_the_next_system_gets_a_release_of_its_own(machine: Machine) -> None:
     machine.installed()
-    python = machine.root / "opt/mbot-agent/venv/bin/python"
-    python.write_text("#!/bin/sh\nexit 1\n")
+    before = machine.release
+    (machine.root / "etc/os-release").write_text("VERSION_CODENAME=trixie\n")
     machine.forget()
     machine.installed()
-    assert "-m venv --clear" in "\n".join(machine.asked())
+    assert "-m venv" in "\n".join(machine.asked())
+    assert machine.release != before
+    assert (before / "whole").exists()  # the golden one
 
 
-def test_running_service_is_stopped_first_and_not_started_again(machine: Machine) -> None:
+def test_a_running_daemon_runs_on_until_it_is_restarted_with_the_new_release(
+    machine: Machine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    machine.installed()
+    (machine.root / "etc/os-release").write_text("VERSION_CODENAME=trixie\n")
     machine.knows("active")
+    machine.forget()
     output = machine.installed()
     asked = machine.asked()
-    assert index_of(asked, "systemctl stop mbot-agent.service") < index_of(asked, "python3 -m venv")
-    assert "was running and is stopped now" in output
+    assert index_of(asked, "python -m pip install") < index_of(asked, "systemctl restart")
+    assert not [line for line in asked if line.startswith("systemctl stop")]
+    assert "was running and runs again" in output
+    assert "runuser" in "\n".join(asked)
+    assert not [line for line in asked if line.endswith("mbot-agent check")]  # it has the board
+
+
+@pytest.mark.parametrize("step", ["pip", "try"])
+def test_a_failed_update_leaves_the_running_daemon_running_and_says_so(
+    machine: Machine, step: str
+) -> None:
+    machine.installed()
+    current = machine.release
+    (machine.root / "etc/os-release").write_text("VERSION_CODENAME=trixie\n")
+    machine.knows("active")
+    if step == "pip":
+        machine.knows("pip-fails")
+    else:  # of the new one only
+        old = current / "venv/bin/mbot-agent"
+        old.write_text("#!/bin/sh\nexit 0\n")
+        machine.knows("try-fails")
+    machine.forget()
+    result = machine.install()
+    assert result.returncode == 1
+    assert "the update failed, see above; mbot-agent runs on as it was" in result.stderr
+    assert machine.release == current
+    assert not [line for line in machine.asked() if re.match(r"systemctl (stop|restart)", line)]
+
+
+def test_an_installation_of_before_releases_is_pointed_out(machine: Machine) -> None:
+    (machine.root / "opt/mbot-agent/venv").mkdir(parents=True)
+    result = machine.install()
+    assert result.returncode == 1
+    assert "--uninstall" in result.stderr
+
+
+def test_a_release_that_is_none_is_refused(machine: Machine, tmp_path: Path) -> None:
+    archive = tmp_path / "release.tar"
+    archive.write_bytes(b"no release")
+    result = machine.install(str(archive))
+    assert result.returncode == 1
+    assert "the archive is damaged or no release" in result.stderr
+    assert not (machine.root / "opt/mbot-agent/current").exists()
+    assert "there is no release" in machine.install(str(tmp_path / "nothing.tar")).stderr
 
 
 def test_uninstall_keeps_configuration_and_models(machine: Machine) -> None:
@@ -221,7 +284,8 @@ def test_uninstall_keeps_configuration_and_models(machine: Machine) -> None:
         "var/lib/mbot-agent/policy.onnx",
     }
     assert not os.path.lexists(machine.root / "usr/local/bin/mbot-agent")
-    assert machine.asked().count("systemctl disable --now mbot-agent.service") == 1
+    disabled = [x for x in machine.asked() if x.startswith("systemctl disable --now mbot-agent.s")]
+    assert len(disabled) == 1
     assert (machine.fake / "user").exists()
 
 
@@ -353,6 +417,18 @@ def test_failed_download_ends_it_before_the_service_is_enabled(machine: Machine,
 def test_old_brltty_is_pointed_out(machine: Machine, version: str, warned: bool) -> None:
     machine.knows("packages", f"brltty {version}\n")
     assert ("warning: brltty" in machine.installed()) is warned
+
+
+def test_the_updater_has_all_it_needs_and_nothing_else(machine: Machine) -> None:
+    machine.installed()
+    files = machine.root / "opt/mbot-agent/updater"
+    from mbot_workstation.releases.make_release import put_updater
+
+    put_updater(machine.root / "compared")
+    assert {str(path.relative_to(files)) for path in files.rglob("*.py")} == {
+        str(path.relative_to(machine.root / "compared"))
+        for path in (machine.root / "compared").rglob("*.py")
+    }
 
 
 def test_the_unit_starts_what_the_script_installs(machine: Machine) -> None:

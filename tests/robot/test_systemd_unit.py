@@ -47,7 +47,9 @@ def test_systemd_accepts_every_line(tmp_path: Path) -> None:
     program.write_text("#!/bin/sh\n")
     program.chmod(0o755)
     unit = tmp_path / UNIT.name
-    unit.write_text(UNIT.read_text().replace("/opt/mbot-agent/venv/bin/mbot-agent", str(program)))
+    unit.write_text(
+        UNIT.read_text().replace("/opt/mbot-agent/current/venv/bin/mbot-agent", str(program))
+    )
 
     # Mistakes are printed, yet the exit status stays 0.
     result = subprocess.run(
@@ -111,7 +113,7 @@ def test_a_hung_or_dead_daemon_is_replaced_and_the_motors_are_stopped() -> None:
     assert settings("NotifyAccess") == ["main"]
     assert settings("Restart") == ["always"]
     assert float(settings("WatchdogSec")[0]) + float(settings("RestartSec")[0]) <= 7
-    assert settings("ExecStopPost") == ["-/opt/mbot-agent/venv/bin/mbot-agent stop-motors"]
+    assert settings("ExecStopPost") == ["-/opt/mbot-agent/current/venv/bin/mbot-agent stop-motors"]
 
 
 def test_start_limit_leaves_room_for_a_rollback_and_stands_in_the_unit_section() -> None:

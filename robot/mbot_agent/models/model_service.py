@@ -16,11 +16,12 @@ from collections.abc import Callable
 from functools import partial
 
 from mbot_agent.configuration import Configuration
+from mbot_agent.intake.pieces import STAGING_EXPIRES_S
 from mbot_agent.models.dry_run import Report, dry_run
 from mbot_agent.models.model_directory import ModelDirectory, StoredModel
 from mbot_agent.models.model_keeper import ModelKeeper
 from mbot_agent.models.policy import Policy
-from mbot_agent.models.staging import STAGING_EXPIRES_S, Staging
+from mbot_agent.models.staging import Staging
 from mbot_agent.models.trust import Trust
 from mbot_protocol import keys
 from mbot_protocol.errors import MbotError, RefusedError

@@ -28,7 +28,8 @@ class Right(Enum):
     harm."""
 
     PUSH = "push"
-    """Send models and make them active; remove recordings, or keep them from going."""
+    """Send models and make them active; send releases of the daemon; remove recordings, or keep
+    them from going."""
 
     DRIVE = "drive"
     """Let it run, drive it by hand."""
@@ -108,6 +109,27 @@ MODELS = Topic("models/list", Flow.QUERY, "", "mbot.v1.ModelList", right=Right.P
 ACTIVATE = Topic(
     "models/activate", Flow.QUERY, "mbot.v1.Activate", "mbot.v1.ModelList", right=Right.PUSH
 )
+RELEASE_BEGIN = Topic(
+    "releases/push/begin",
+    Flow.QUERY,
+    "mbot.v1.ReleaseBegin",
+    "mbot.v1.PushReply",
+    right=Right.PUSH,
+    largest_bytes=CHUNK_BYTES + SMALL_BYTES,
+)
+RELEASE_CHUNK = Topic(
+    "releases/push/chunk",
+    Flow.QUERY,
+    "mbot.v1.PushChunk",
+    "mbot.v1.PushReply",
+    "one at a time",
+    Right.PUSH,
+    CHUNK_BYTES + SMALL_BYTES,
+)
+RELEASE_COMMIT = Topic(
+    "releases/push/commit", Flow.QUERY, "mbot.v1.PushCommit", "mbot.v1.PushReply", right=Right.PUSH
+)
+RELEASES = Topic("releases/list", Flow.QUERY, "", "mbot.v1.ReleaseList", right=Right.PUSH)
 RECORDINGS = Topic("recordings/list", Flow.QUERY, "", "mbot.v1.RecordingList")
 RECORDING_READ = Topic(
     "recordings/read",
@@ -158,6 +180,10 @@ TOPICS = (
     PUSH_COMMIT,
     MODELS,
     ACTIVATE,
+    RELEASE_BEGIN,
+    RELEASE_CHUNK,
+    RELEASE_COMMIT,
+    RELEASES,
     RECORDINGS,
     RECORDING_READ,
     RECORDING_DIGEST,

@@ -8,9 +8,6 @@ import binascii
 import re
 from dataclasses import dataclass
 
-from nacl.exceptions import BadSignatureError
-from nacl.signing import VerifyKey
-
 from mbot_protocol.errors import ConfigurationError
 
 PUBLIC_KEY_BYTES = 32
@@ -57,6 +54,10 @@ class PublicKey:
         """Whether this is the key's Ed25519 signature (RFC 8032) of the message; whatever is wrong
         with the key or the signature, the answer is no.
         """
+        # Here, so that the updater, which has nothing but the standard library, can read keys.
+        from nacl.exceptions import BadSignatureError
+        from nacl.signing import VerifyKey
+
         try:
             VerifyKey(self.raw).verify(message, signature)
         except (BadSignatureError, ValueError):

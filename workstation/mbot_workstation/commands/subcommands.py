@@ -30,6 +30,7 @@ from mbot_workstation.commands.telemetry import telemetry
 from mbot_workstation.commands.track_robot import track
 from mbot_workstation.commands.train import train
 from mbot_workstation.commands.training_curve import training_curve
+from mbot_workstation.commands.update import update
 from mbot_workstation.commands.view_drives import view
 from mbot_workstation.commands.virtual_robot import virtual_robot
 
@@ -87,6 +88,7 @@ app.command("check-model", rich_help_panel=_MODELS)(check_model_file)
 app.command("push-model", rich_help_panel=_MODELS)(push_model)
 app.command("models", rich_help_panel=_MODELS)(models)
 app.command("rollback", rich_help_panel=_MODELS)(rollback)
+app.command("update", rich_help_panel=_MODELS)(update)
 app.add_typer(keys, name="keys", rich_help_panel=_MODELS)
 app.command("enroll", rich_help_panel=_MODELS)(enroll)
 

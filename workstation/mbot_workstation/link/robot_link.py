@@ -14,6 +14,7 @@ from mbot_protocol.keys import (
     COMMAND,
     PUSH_CHUNK,
     RECORDING_READ,
+    RELEASE_CHUNK,
     STATUS,
     STOP,
     Topic,
@@ -37,6 +38,7 @@ _PRIORITIES = {
     STOP.name: zenoh.Priority.REAL_TIME,
     COMMAND.name: zenoh.Priority.INTERACTIVE_HIGH,
     PUSH_CHUNK.name: zenoh.Priority.DATA_LOW,
+    RELEASE_CHUNK.name: zenoh.Priority.DATA_LOW,
     RECORDING_READ.name: zenoh.Priority.DATA_LOW,
 }
 

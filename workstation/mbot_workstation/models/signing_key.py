@@ -56,3 +56,7 @@ class SigningKey:
     def sign(self, manifest: ModelManifest) -> SignedManifest:
         """The manifest with this key's signature."""
         return sign(manifest, self._private)
+
+    def sign_bytes(self, data: bytes) -> bytes:
+        """This key's signature (RFC 8032) under bytes that say themselves what they are."""
+        return self._private.sign(data)

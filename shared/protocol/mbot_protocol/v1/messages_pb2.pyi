@@ -111,7 +111,7 @@ class Decision(_message.Message):
     def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., sequence: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., faults: _Optional[_Iterable[_Union[Fault, _Mapping[str, object]]]] = ..., unix_time_ns: _Optional[int] = ..., captured_monotonic_ns: _Optional[int] = ..., due_monotonic_ns: _Optional[int] = ..., started_monotonic_ns: _Optional[int] = ..., observed_monotonic_ns: _Optional[int] = ..., decided_monotonic_ns: _Optional[int] = ..., written_monotonic_ns: _Optional[int] = ..., acknowledged_monotonic_ns: _Optional[int] = ..., action: _Optional[_Union[Wheels, _Mapping[str, object]]] = ..., steps: _Optional[_Union[Steps, _Mapping[str, object]]] = ..., board_m1: _Optional[int] = ..., board_m2: _Optional[int] = ..., model_sha256: _Optional[str] = ..., missed_ticks: _Optional[int] = ..., cpu_temperature_c: _Optional[float] = ..., load_1min: _Optional[float] = ..., resident_memory_bytes: _Optional[int] = ..., dropped_records: _Optional[int] = ..., notices: _Optional[_Iterable[_Union[Notice, _Mapping[str, object]]]] = ..., stop_count: _Optional[int] = ...) -> None: ...
 
 class Status(_message.Message):
-    __slots__ = ("schema_version", "robot_id", "session_id", "now_monotonic_ns", "state", "faults", "software_version", "board_version", "board_has_deadman", "decision_rate_hz", "active_model", "missed_ticks", "decisions", "camera", "notices", "trusted_keys", "accepts_unsigned_models", "left_motor", "right_motor", "last_stop")
+    __slots__ = ("schema_version", "robot_id", "session_id", "now_monotonic_ns", "state", "faults", "software_version", "board_version", "board_has_deadman", "decision_rate_hz", "active_model", "missed_ticks", "decisions", "camera", "notices", "trusted_keys", "accepts_unsigned_models", "left_motor", "right_motor", "last_stop", "release")
     SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
     ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
     SESSION_ID_FIELD_NUMBER: _ClassVar[int]
@@ -132,6 +132,7 @@ class Status(_message.Message):
     LEFT_MOTOR_FIELD_NUMBER: _ClassVar[int]
     RIGHT_MOTOR_FIELD_NUMBER: _ClassVar[int]
     LAST_STOP_FIELD_NUMBER: _ClassVar[int]
+    RELEASE_FIELD_NUMBER: _ClassVar[int]
     schema_version: int
     robot_id: str
     session_id: int
@@ -152,7 +153,8 @@ class Status(_message.Message):
     left_motor: MotorMap
     right_motor: MotorMap
     last_stop: LastStop
-    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., now_monotonic_ns: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., faults: _Optional[_Iterable[_Union[Fault, _Mapping[str, object]]]] = ..., software_version: _Optional[str] = ..., board_version: _Optional[str] = ..., board_has_deadman: bool = ..., decision_rate_hz: _Optional[float] = ..., active_model: _Optional[_Union[Model, _Mapping[str, object]]] = ..., missed_ticks: _Optional[int] = ..., decisions: _Optional[int] = ..., camera: _Optional[str] = ..., notices: _Optional[_Iterable[_Union[Notice, _Mapping[str, object]]]] = ..., trusted_keys: _Optional[_Iterable[str]] = ..., accepts_unsigned_models: bool = ..., left_motor: _Optional[_Union[MotorMap, _Mapping[str, object]]] = ..., right_motor: _Optional[_Union[MotorMap, _Mapping[str, object]]] = ..., last_stop: _Optional[_Union[LastStop, _Mapping[str, object]]] = ...) -> None: ...
+    release: str
+    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., now_monotonic_ns: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., faults: _Optional[_Iterable[_Union[Fault, _Mapping[str, object]]]] = ..., software_version: _Optional[str] = ..., board_version: _Optional[str] = ..., board_has_deadman: bool = ..., decision_rate_hz: _Optional[float] = ..., active_model: _Optional[_Union[Model, _Mapping[str, object]]] = ..., missed_ticks: _Optional[int] = ..., decisions: _Optional[int] = ..., camera: _Optional[str] = ..., notices: _Optional[_Iterable[_Union[Notice, _Mapping[str, object]]]] = ..., trusted_keys: _Optional[_Iterable[str]] = ..., accepts_unsigned_models: bool = ..., left_motor: _Optional[_Union[MotorMap, _Mapping[str, object]]] = ..., right_motor: _Optional[_Union[MotorMap, _Mapping[str, object]]] = ..., last_stop: _Optional[_Union[LastStop, _Mapping[str, object]]] = ..., release: _Optional[str] = ...) -> None: ...
 
 class LastStop(_message.Message):
     __slots__ = ("count", "by", "why", "monotonic_ns")
@@ -363,3 +365,55 @@ class ModelList(_message.Message):
     reason: str
     models: _containers.RepeatedCompositeFieldContainer[Model]
     def __init__(self, schema_version: _Optional[int] = ..., accepted: bool = ..., reason: _Optional[str] = ..., models: _Optional[_Iterable[_Union[Model, _Mapping[str, object]]]] = ...) -> None: ...
+
+class ReleaseBegin(_message.Message):
+    __slots__ = ("schema_version", "robot_id", "manifest", "signatures")
+    SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
+    ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
+    MANIFEST_FIELD_NUMBER: _ClassVar[int]
+    SIGNATURES_FIELD_NUMBER: _ClassVar[int]
+    schema_version: int
+    robot_id: str
+    manifest: bytes
+    signatures: bytes
+    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., manifest: _Optional[bytes] = ..., signatures: _Optional[bytes] = ...) -> None: ...
+
+class Release(_message.Message):
+    __slots__ = ("version", "previous", "golden")
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    PREVIOUS_FIELD_NUMBER: _ClassVar[int]
+    GOLDEN_FIELD_NUMBER: _ClassVar[int]
+    version: str
+    previous: bool
+    golden: bool
+    def __init__(self, version: _Optional[str] = ..., previous: bool = ..., golden: bool = ...) -> None: ...
+
+class ReleaseList(_message.Message):
+    __slots__ = ("schema_version", "accepted", "reason", "running", "releases", "update")
+    SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
+    ACCEPTED_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    RUNNING_FIELD_NUMBER: _ClassVar[int]
+    RELEASES_FIELD_NUMBER: _ClassVar[int]
+    UPDATE_FIELD_NUMBER: _ClassVar[int]
+    schema_version: int
+    accepted: bool
+    reason: str
+    running: str
+    releases: _containers.RepeatedCompositeFieldContainer[Release]
+    update: ReleaseUpdate
+    def __init__(self, schema_version: _Optional[int] = ..., accepted: bool = ..., reason: _Optional[str] = ..., running: _Optional[str] = ..., releases: _Optional[_Iterable[_Union[Release, _Mapping[str, object]]]] = ..., update: _Optional[_Union[ReleaseUpdate, _Mapping[str, object]]] = ...) -> None: ...
+
+class ReleaseUpdate(_message.Message):
+    __slots__ = ("request", "version", "phase", "detail", "goes_on")
+    REQUEST_FIELD_NUMBER: _ClassVar[int]
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    PHASE_FIELD_NUMBER: _ClassVar[int]
+    DETAIL_FIELD_NUMBER: _ClassVar[int]
+    GOES_ON_FIELD_NUMBER: _ClassVar[int]
+    request: str
+    version: str
+    phase: str
+    detail: str
+    goes_on: bool
+    def __init__(self, request: _Optional[str] = ..., version: _Optional[str] = ..., phase: _Optional[str] = ..., detail: _Optional[str] = ..., goes_on: bool = ...) -> None: ...

@@ -1,0 +1,231 @@
+"""Answers `releases/...`: takes a release in, verifies it, and asks root's updater to install it.
+
+The daemon has no right to install anything. It writes the archive to its own folder, piece by
+piece, and at the end a request; the updater verifies everything again.
+"""
+
+import contextlib
+import logging
+import os
+import platform
+import re
+import shutil
+import sys
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from mbot_agent.intake.pieces import STAGING_EXPIRES_S, Pieces
+from mbot_agent.releases.own_release import ARCHIVE, REQUEST, update_goes_on
+from mbot_protocol import atomic_file, keys, release_archive, release_manifest
+from mbot_protocol.errors import MbotError, RefusedError
+from mbot_protocol.public_key import PublicKey
+from mbot_protocol.release_ledger import APPLICATION, Computer, check_release, read_ledger
+from mbot_protocol.release_manifest import ReleaseManifest
+from mbot_protocol.schema import SCHEMA_VERSION, decode
+from mbot_protocol.v1 import messages_pb2 as messages
+
+log = logging.getLogger(__name__)
+
+LONGEST_S = 1800.0
+"""A release of 100 MB then needs 56 kB/s."""
+
+_SENDER = "the workstation"
+_ARCHITECTURES = {"aarch64": "arm64", "x86_64": "amd64"}
+
+
+class ReleaseService:
+    """The replies. Used by one thread.
+
+    What a sender who has fallen silent has left stays on the disk until the next push or start: the
+    control loop, which looks after such things elsewhere, touches no disk.
+    """
+
+    def __init__(
+        self,
+        robot_id: str,
+        trusted: tuple[PublicKey, ...],
+        inbox: Path,
+        is_armed: Callable[[], bool],
+        running: str,
+        application: Path = APPLICATION,
+    ) -> None:
+        """Answer for a robot.
+
+        Args:
+            robot_id: whose releases.
+            trusted: the keys whose signature counts.
+            inbox: where the updater looks.
+            is_armed: whether the robot may move by itself now.
+            running: the release this daemon runs from; empty: none.
+            application: where releases are installed.
+
+        """
+        self._robot_id = robot_id
+        self._trusted = trusted
+        self._inbox = inbox
+        self._is_armed = is_armed
+        self._running = running
+        self._application = application
+        self._pieces: Pieces | None = None
+        self._file: int | None = None
+        self._manifest = b""
+
+    @property
+    def answers(self) -> dict[str, Callable[[bytes], bytes]]:
+        """What answers which key below `releases/`."""
+        return {
+            keys.RELEASE_BEGIN.name: lambda payload: self._reply(self._begin, payload),
+            keys.RELEASE_CHUNK.name: lambda payload: self._reply(self._chunk, payload),
+            keys.RELEASE_COMMIT.name: lambda payload: self._reply(self._commit, payload),
+            keys.RELEASES.name: self.releases,
+        }
+
+    def sweep(self) -> None:
+        """Delete what an earlier start has left half received."""
+        if not update_goes_on(self._inbox):
+            atomic_file.remove(self._inbox / ARCHIVE)
+
+    def releases(self, _: bytes) -> bytes:
+        """Reply to `releases/list`."""
+        reply = messages.ReleaseList(schema_version=SCHEMA_VERSION, running=self._running)
+        try:
+            ledger = read_ledger(self._application / "ledger.json")
+            for path in sorted((self._application / "releases").glob("*/whole")):
+                version = path.parent.name
+                reply.releases.add(
+                    version=version,
+                    previous=version == ledger.previous,
+                    golden=version == ledger.golden,
+                )
+            outcome = ledger.outcome
+            reply.update.request = outcome.request
+            reply.update.version = outcome.version
+            reply.update.phase = outcome.phase
+            reply.update.detail = outcome.detail
+            reply.update.goes_on = update_goes_on(self._inbox)
+            reply.accepted = True
+        except MbotError as error:
+            reply.reason = str(error)
+        return reply.SerializeToString()
+
+    def _reply(self, act: Callable[[bytes, messages.PushReply], None], payload: bytes) -> bytes:
+        reply = messages.PushReply(schema_version=SCHEMA_VERSION)
+        try:
+            self._check_standing()
+            act(payload, reply)
+            reply.accepted = True
+        except MbotError as error:
+            log.warning("release refused: %s", error)
+            reply.reason = str(error)
+        except OSError as error:
+            log.warning("release refused: %s", error)
+            reply.reason = f"cannot keep the release in {self._inbox}: {error.strerror}"
+        return reply.SerializeToString()
+
+    def _begin(self, payload: bytes, reply: messages.PushReply) -> None:
+        request = decode(messages.ReleaseBegin, payload, _SENDER)
+        if request.robot_id != self._robot_id:
+            raise RefusedError(
+                f"the release is for robot {request.robot_id[:80]!r}, this one is "
+                f"{self._robot_id!r}"
+            )
+        if self._pieces is not None and not self._pieces.has_expired:
+            raise RefusedError(f"another push is under way; try again in {STAGING_EXPIRES_S:.0f} s")
+        self._give_up()
+        manifest = self._judge(request.manifest, request.signatures)
+        size_bytes = release_archive.size_bytes(
+            manifest, len(request.manifest), len(request.signatures)
+        )
+        needed_bytes = 2 * size_bytes + manifest.installed_bytes
+        ledger = read_ledger(self._application / "ledger.json")
+        check_release(manifest, ledger, self._computer(), needed_bytes)
+        self._inbox.mkdir(mode=0o700, parents=True, exist_ok=True)
+        flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC
+        self._file = os.open(self._inbox / ARCHIVE, flags, 0o600)
+        self._manifest = request.manifest
+        self._pieces = Pieces(size_bytes, LONGEST_S, partial(_write, self._file))
+        reply.push_id = self._pieces.push_id
+
+    def _chunk(self, payload: bytes, reply: messages.PushReply) -> None:
+        request = decode(messages.PushChunk, payload, _SENDER)
+        pieces = self._under_way(request.push_id)
+        pieces.add(request.offset_bytes, request.data)
+        reply.push_id, reply.received_bytes = pieces.push_id, pieces.received_bytes
+
+    def _commit(self, payload: bytes, reply: messages.PushReply) -> None:
+        request = decode(messages.PushCommit, payload, _SENDER)
+        pieces = self._under_way(request.push_id)
+        pieces.check_whole()
+        if self._file is not None:
+            os.fsync(self._file)
+        try:
+            with (self._inbox / ARCHIVE).open("rb") as archive:
+                release_archive.read(archive, self._judge_same)
+        except MbotError:
+            self._give_up()
+            raise
+        self._close()
+        atomic_file.replace(self._inbox / REQUEST, pieces.push_id.encode())
+        log.info("a release has been received; the updater takes over")
+        reply.push_id, reply.received_bytes = pieces.push_id, pieces.received_bytes
+
+    def _judge(self, manifest: bytes, signatures: bytes) -> ReleaseManifest:
+        if not self._running:
+            raise RefusedError(
+                "this daemon does not run from an installed release: run deploy/install.sh there"
+            )
+        release_manifest.verify(manifest, signatures, self._trusted)
+        found = release_manifest.decode(manifest)
+        if found.version == self._running:
+            raise RefusedError(f"{found.version} runs on this robot already")
+        return found
+
+    def _judge_same(self, manifest: bytes, signatures: bytes) -> ReleaseManifest:
+        if manifest != self._manifest:
+            raise RefusedError("the archive is another release than was announced: push again")
+        return self._judge(manifest, signatures)
+
+    def _check_standing(self) -> None:
+        if self._is_armed():
+            self._give_up()
+            raise RefusedError("the robot is armed: stop it, then update it")
+        if update_goes_on(self._inbox):
+            raise RefusedError("an update is under way: wait for its end")
+
+    def _under_way(self, push_id: str) -> Pieces:
+        pieces = self._pieces
+        if pieces is None or pieces.has_expired or pieces.push_id != push_id:
+            raise RefusedError("this push is not under way (any more): push again")
+        return pieces
+
+    def _close(self) -> None:
+        self._pieces = None
+        if self._file is not None:
+            file, self._file = self._file, None
+            with contextlib.suppress(OSError):
+                os.close(file)
+
+    def _give_up(self) -> None:
+        if self._pieces is not None:
+            self._close()
+            atomic_file.remove(self._inbox / ARCHIVE)
+
+    def _computer(self) -> Computer:
+        try:
+            text = Path("/etc/os-release").read_text()
+        except OSError:
+            text = ""
+        name = re.search(r'^VERSION_CODENAME="?([a-z]*)', text, re.MULTILINE)
+        return Computer(
+            name[1] if name else "unknown",
+            _ARCHITECTURES.get(platform.machine(), platform.machine()),
+            f"{sys.version_info.major}.{sys.version_info.minor}",
+            shutil.disk_usage(self._application).free,
+        )
+
+
+def _write(file: int, data: bytes) -> None:
+    rest = memoryview(data)
+    while rest:
+        rest = rest[os.write(file, rest) :]

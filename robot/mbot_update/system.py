@@ -1,0 +1,157 @@
+"""What the updater asks of the system, by the programs that every Debian has."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+from mbot_protocol.errors import ConfigurationError, RefusedError
+from mbot_protocol.public_key import PublicKey
+from mbot_protocol.release_ledger import Computer
+from mbot_update.ed25519_check import is_signed
+
+SERVICE = "mbot-agent.service"
+USER = "mbot-agent"
+RESTART_S = 90.0
+"""More than the unit's TimeoutStopSec and TimeoutStartSec together."""
+
+WRONG_CONFIGURATION = 2
+"""The daemon's exit status for it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """The daemon, as systemd has it.
+
+    Attributes:
+        state: such as "active".
+        pid: 0 if it does not run.
+        words: what it says of itself: "idle; camera-lost".
+        result, exit_status: of its last end.
+
+    """
+
+    state: str
+    pid: int
+    words: str
+    result: str
+    exit_status: int
+
+    @property
+    def faults(self) -> frozenset[str]:
+        """The kinds of fault it reports."""
+        return frozenset(self.words.partition(";")[2].split())
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether its wheels turn or would as soon as they can."""
+        return self.words.partition(";")[0] in ("running", "manual", "fault")
+
+
+def service() -> Service:
+    """How the daemon is now."""
+    names = ("ActiveState", "MainPID", "StatusText", "Result", "ExecMainStatus")
+    asked = ["systemctl", "show", SERVICE, *(f"--property={name}" for name in names)]
+    lines = _run(asked, 20).stdout.splitlines()
+    parts = [line.partition("=") for line in lines]
+    found = {name: value for name, _, value in parts}
+    return Service(
+        found.get("ActiveState", ""),
+        int(found.get("MainPID") or 0),
+        found.get("StatusText", ""),
+        found.get("Result", ""),
+        int(found.get("ExecMainStatus") or 0),
+    )
+
+
+def reload_units() -> None:
+    """Let systemd read the daemon's unit anew, which lies in its release."""
+    _run(["systemctl", "daemon-reload"], 60)
+
+
+def restart() -> bool:
+    """Restart the daemon; whether it got READY."""
+    _run(["systemctl", "reset-failed", SERVICE], 20)
+    return _run(["systemctl", "restart", SERVICE], RESTART_S).returncode == 0
+
+
+def start_without_waiting() -> None:
+    """Start the daemon some time soon."""
+    _run(["systemctl", "reset-failed", SERVICE], 20)
+    _run(["systemctl", "--no-block", "start", SERVICE], 20)
+
+
+def as_daemon(command: list[str], timeout_s: float) -> subprocess.CompletedProcess[str]:
+    """A command with the daemon's user's rights."""
+    state = "STATE_DIRECTORY=/var/lib/mbot-agent"
+    return _run(["runuser", "-u", USER, "--", "env", state, *command], timeout_s)
+
+
+def build(command: list[str], timeout_s: float) -> str:
+    """Run what builds a release; returns why it failed, in one line, or nothing."""
+    done = _run(command, timeout_s)
+    if done.returncode == 0:
+        return ""
+    lines = [line for line in (done.stdout + done.stderr).splitlines() if line.strip()]
+    return lines[-1][:300] if lines else f"exit status {done.returncode}"
+
+
+def computer(root: Path) -> Computer:
+    """What this robot is."""
+    release = _text(root / "etc/os-release")
+    name = re.search(r'^VERSION_CODENAME="?([a-z]*)', release, re.MULTILINE)
+    return Computer(
+        name[1] if name else "unknown",
+        _run(["dpkg", "--print-architecture"], 20).stdout.strip() or "unknown",
+        f"{sys.version_info.major}.{sys.version_info.minor}",
+        shutil.disk_usage(root / "opt").free,
+    )
+
+
+def release_keys(configuration: Path) -> tuple[PublicKey, ...]:
+    """The keys whose releases are taken, from the configuration that only root can write.
+
+    Raises:
+        RefusedError: it can't be read.
+
+    """
+    try:
+        found = tomllib.loads(configuration.read_text()).get("trust", {}).get("release_keys", [])
+        return tuple(PublicKey.parse(line) for line in found)
+    except (OSError, ValueError, AttributeError, TypeError, ConfigurationError) as error:
+        raise RefusedError(f"cannot read the release keys in {configuration}: {error}") from None
+
+
+def has_signed(key: PublicKey, message: bytes, signature: bytes) -> bool:
+    """As `PublicKey.has_signed`, without PyNaCl."""
+    return is_signed(key.raw, message, signature)
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text()
+    except OSError:
+        return ""
+
+
+def _run(command: list[str], timeout_s: float) -> subprocess.CompletedProcess[str]:
+    """Run a program; one that takes too long or is not there has failed, with its reason."""
+    try:
+        return subprocess.run(
+            command,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            stdin=subprocess.DEVNULL,
+            timeout=timeout_s,
+            env=os.environ | {"LC_ALL": "C.UTF-8"},
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return subprocess.CompletedProcess(command, 124, "", f"took over {timeout_s:.0f} s")
+    except OSError as error:
+        return subprocess.CompletedProcess(command, 127, "", f"{command[0]}: {error.strerror}")

@@ -1,0 +1,179 @@
+"""A release on its way in: unpacked into root's own folder, verified there, and built."""
+
+import contextlib
+import os
+import shutil
+import stat
+from collections.abc import Generator
+from functools import partial
+from pathlib import Path
+from typing import IO
+
+from mbot_protocol import release_archive, release_manifest
+from mbot_protocol.errors import RefusedError
+from mbot_protocol.public_key import PublicKey
+from mbot_protocol.release_ledger import check_release
+from mbot_protocol.release_manifest import ReleaseFile, ReleaseManifest
+from mbot_update import system
+from mbot_update.release_folders import ReleaseFolders
+
+BUILD_S = 1800.0
+"""A Pi Zero 2 W writes and compiles 5,000 files to its card; 12 s on a PC."""
+
+REQUEST, ARCHIVE = "request", "incoming.tar"
+_LARGEST_REQUEST_BYTES = 64
+
+
+def open_request(folders: ReleaseFolders) -> tuple[str, IO[bytes]]:
+    """The number of the request in the daemon's inbox, and the archive it is for.
+
+    The inbox belongs to a user who is not trusted: no link in it is followed.
+
+    Raises:
+        RefusedError: there is none, or what is there are no plain files.
+
+    """
+    with _inbox(folders) as inbox:
+        with _plain(REQUEST, inbox) as request:
+            number = request.read(_LARGEST_REQUEST_BYTES).decode("ascii", "replace")
+        if not number.isalnum():
+            raise RefusedError("the request in the inbox is damaged: send the release again")
+        return number, _plain(ARCHIVE, inbox)
+
+
+def forget_request(folders: ReleaseFolders) -> None:
+    """Empty the inbox, the request first: what it is for must outlive it."""
+    with contextlib.suppress(OSError, RefusedError), _inbox(folders) as inbox:
+        for name in (REQUEST, ARCHIVE):
+            with contextlib.suppress(OSError):
+                os.unlink(name, dir_fd=inbox)
+
+
+def unpack(
+    folders: ReleaseFolders, archive: IO[bytes], trusted: tuple[PublicKey, ...] | None
+) -> ReleaseManifest:
+    """Verify an archive and put its files into `incoming`.
+
+    What is verified are the bytes that are written there, not those that the daemon could still
+    change: signature first, then each file's digest on its way.
+
+    Args:
+        folders: of this robot.
+        archive: open for reading.
+        trusted: whose signature counts; None: root vouches for it by having typed its name.
+
+    Raises:
+        RefusedError: it is damaged, or no release for this robot.
+
+    """
+    if folders.incoming.exists():
+        shutil.rmtree(folders.incoming)
+    folders.incoming.mkdir(mode=0o700, parents=True)
+    kept: list[tuple[bytes, bytes]] = []
+
+    def judge(data: bytes, signatures: bytes) -> ReleaseManifest:
+        if trusted is not None:
+            release_manifest.verify(data, signatures, trusted, system.has_signed)
+        manifest = release_manifest.decode(data)
+        _check(folders, manifest, data, by_hand=trusted is None)
+        kept.append((data, signatures))
+        return manifest
+
+    try:
+        manifest = release_archive.read(archive, judge, partial(_place, folders.incoming))
+        for name, data in zip(("manifest.json", "manifest.sig"), kept[0], strict=True):
+            (folders.incoming / name).write_bytes(data)
+    except OSError as error:
+        raise RefusedError(f"cannot take the release in: {error.strerror}") from None
+    return manifest
+
+
+def build(folders: ReleaseFolders, manifest: ReleaseManifest) -> None:
+    """Make the release's folder of what lies in `incoming`, with its virtual environment.
+
+    It is built where it will run, since such environments can't be moved.
+
+    Raises:
+        RefusedError: it can't be built; nothing that runs has changed.
+
+    """
+    if folders.is_whole(manifest.version):
+        return
+    folder = folders.release(manifest.version)
+    if folder.exists():
+        shutil.rmtree(folder)
+    folder.mkdir(parents=True)
+    incoming = folders.incoming
+    python = str(folder / "venv/bin/python")
+    pip = [python, "-I", "-m", "pip", "install", "--no-index", "--require-hashes"]
+    pip += ["--find-links", str(incoming / "wheels"), "--ignore-installed", "--no-cache-dir"]
+    pip += ["--disable-pip-version-check", "--compile", "-q", "-r"]
+    commands = (
+        ["/usr/bin/python3", "-m", "venv", "--system-site-packages", str(folder / "venv")],
+        [*pip, str(incoming / "requirements.txt")],
+    )
+    for command in commands:
+        if why := system.build(command, BUILD_S):
+            folders.remove(manifest.version)
+            raise RefusedError(f"{manifest.version} can't be built here: {why}")
+    for name in ("deploy", "firmware", "manifest.json", "manifest.sig"):
+        if (incoming / name).exists():
+            (incoming / name).rename(folder / name)
+    folders.finish(manifest.version)
+    shutil.rmtree(incoming, ignore_errors=True)
+
+
+def _check(
+    folders: ReleaseFolders, manifest: ReleaseManifest, data: bytes, *, by_hand: bool
+) -> None:
+    """Root at the keyboard may go below the floor and try again what was rolled back."""
+    version, ledger = manifest.version, folders.ledger
+    if by_hand:
+        ledger = type(ledger)()
+    elif version == folders.current:
+        raise RefusedError(f"{version} runs on this robot already")
+    wheels = sum(file.size_bytes for file in manifest.files)
+    built = folders.is_whole(version)
+    needed_bytes = wheels + (0 if built else manifest.installed_bytes)
+    check_release(manifest, ledger, system.computer(folders.root), needed_bytes)
+    own = folders.release(version) / "manifest.json"
+    if built and (not own.is_file() or own.read_bytes() != data):
+        raise RefusedError(f"another release of the name {version} is on this robot already")
+
+
+@contextlib.contextmanager
+def _place(folder: Path, file: ReleaseFile) -> Generator[IO[bytes]]:
+    path = folder / file.path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("xb") as sink:
+        yield sink
+    path.chmod(0o755 if path.suffix == ".sh" else 0o644)
+
+
+@contextlib.contextmanager
+def _inbox(folders: ReleaseFolders) -> Generator[int]:
+    """The inbox, each folder on the way opened as what it is."""
+    flags = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
+    opened: list[int] = []
+    try:
+        try:
+            opened.append(os.open(folders.inbox.parent, flags))
+            opened.append(os.open(folders.inbox.name, flags, dir_fd=opened[0]))
+        except OSError as error:
+            raise RefusedError(f"there is no release in {folders.inbox}: {error}") from None
+        yield opened[1]
+    finally:
+        for descriptor in opened:
+            os.close(descriptor)
+
+
+def _plain(name: str, inbox: int) -> IO[bytes]:
+    flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+    try:
+        descriptor = os.open(name, flags, dir_fd=inbox)
+    except OSError as error:
+        raise RefusedError(f"there is no {name} in the inbox: {error.strerror}") from None
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise RefusedError(f"{name} in the inbox is no plain file")
+    return os.fdopen(descriptor, "rb")

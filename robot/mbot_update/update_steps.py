@@ -1,0 +1,176 @@
+"""From one release to another, step by step, each of which may be the last one before a power cut.
+
+The link `current` says what runs. Before it is turned to a release that has yet to show itself,
+the ledger names where it came from; whoever finds that name there later goes back. So at any moment
+the old release is what a boot starts, until the one write that accepts the new one.
+"""
+
+from dataclasses import replace
+from typing import IO
+
+from mbot_protocol.errors import MbotError, RefusedError
+from mbot_protocol.public_key import PublicKey
+from mbot_protocol.release_ledger import BUSY, Outcome
+from mbot_update import health_gate, system, taking_in
+from mbot_update.release_folders import ReleaseFolders
+
+DIED = "it died again and again after it had been accepted"
+
+
+def work(folders: ReleaseFolders) -> Outcome:
+    """Carry out the daemon's request, if there is one; what became of it."""
+    recover(folders)
+    try:
+        number, archive = taking_in.open_request(folders)
+    except RefusedError as error:
+        return _refused(folders, "", error)
+    try:
+        with archive:
+            trusted = system.release_keys(folders.configuration)
+            return update(folders, archive, number, trusted)
+    except MbotError as error:
+        return _refused(folders, number, error)
+
+
+def update(
+    folders: ReleaseFolders,
+    archive: IO[bytes],
+    number: str = "",
+    trusted: tuple[PublicKey, ...] | None = None,
+) -> Outcome:
+    """Take an archive in, build it and change over to it.
+
+    Raises:
+        RefusedError: it is not for this robot, damaged, or can't be built; nothing has changed.
+
+    """
+    _note_phase(folders, number, "", "checking")
+    manifest = taking_in.unpack(folders, archive, trusted)
+    _note_phase(folders, number, manifest.version, "building")
+    taking_in.forget_request(folders)
+    taking_in.build(folders, manifest)
+    return change_over(folders, manifest.version, number, manifest.floor)
+
+
+def change_over(folders: ReleaseFolders, version: str, number: str = "", floor: int = 0) -> Outcome:
+    """Make a whole release the one that runs, if it runs as well as the old one.
+
+    A daemon that does not run is not started: then only what can be tried beside it is.
+
+    Raises:
+        RefusedError: it would not run, or the robot is in motion; nothing has changed.
+
+    """
+    old, before = folders.current, system.service()
+    if version == old:
+        outcome = Outcome(number, version, "installed", version)
+        folders.note(replace(folders.ledger.accepted(version, old, floor), outcome=outcome))
+        return outcome
+    if before.is_armed:
+        raise RefusedError("the robot has been set in motion: stop it and try again")
+    if why := health_gate.would_not_run(folders, version, old):
+        raise RefusedError(f"{version} does not run here: {why}")
+    trying = Outcome(number, version, "trying", f"{version} instead of {old or 'nothing'}")
+    folders.note(replace(folders.ledger, came_from=old, outcome=trying))
+    folders.switch(version)
+    system.reload_units()
+    runs = before.state in ("active", "activating", "reloading")
+    if runs and old and (why := health_gate.is_worse(before)):
+        return _go_back(folders, version, number, why)
+    outcome = Outcome(number, version, "installed", f"{version} runs" if runs else version)
+    folders.note(replace(folders.ledger.accepted(version, old, floor), outcome=outcome))
+    folders.sweep()
+    return outcome
+
+
+def recover(folders: ReleaseFolders, keep: str = "") -> None:
+    """Put right what a power cut or a kill has left in the middle of an update.
+
+    Args:
+        folders: of this robot.
+        keep: a release that is about to be adopted.
+
+    """
+    ledger = folders.ledger
+    outcome = ledger.outcome
+    went_back = False
+    if ledger.came_from:
+        went_back = folders.current != ledger.came_from
+        folders.switch(ledger.came_from)
+    if outcome.phase in BUSY:
+        why = f"interrupted while {outcome.phase}; {folders.current or 'nothing'} runs: try again"
+        outcome = replace(outcome, phase="failed", detail=why)
+        taking_in.forget_request(folders)
+    folders.note(replace(ledger, came_from="", outcome=outcome))
+    if went_back:
+        system.reload_units()
+        if system.service().state not in ("", "inactive"):
+            system.restart()
+    folders.sweep(keep)
+
+
+def put_back_by_itself(folders: ReleaseFolders) -> Outcome:
+    """The daemon's unit has failed: go back to the release before, or else to the golden one.
+
+    Raises:
+        RefusedError: that would not help, or there is none.
+
+    """
+    found = system.service()
+    if (found.result, found.exit_status) == ("exit-code", system.WRONG_CONFIGURATION):
+        raise RefusedError("the daemon ended because of its configuration, not of its release")
+    current, ledger = folders.current, folders.ledger
+    target = _other(folders, barred=frozenset(ledger.rejected))
+    outcome = Outcome("", current, "rolled-back", f"{DIED}: {target} runs")
+    ledger = replace(ledger.with_rejected(current, DIED), came_from=target, outcome=outcome)
+    folders.note(ledger)
+    folders.switch(target)
+    previous = "" if target == ledger.previous else ledger.previous
+    folders.note(replace(ledger, came_from="", previous=previous))
+    system.reload_units()
+    system.start_without_waiting()
+    folders.sweep()
+    return outcome
+
+
+def put_back_by_hand(folders: ReleaseFolders) -> Outcome:
+    """A person wants the release before; raises RefusedError where there is none."""
+    recover(folders)
+    return change_over(folders, _other(folders, barred=frozenset()))
+
+
+def _other(folders: ReleaseFolders, barred: frozenset[str]) -> str:
+    ledger = folders.ledger
+    for version in (ledger.previous, ledger.golden):
+        if version not in barred | {folders.current} and folders.is_whole(version):
+            return version
+    raise RefusedError("there is no other release to go back to")
+
+
+def _go_back(folders: ReleaseFolders, version: str, number: str, why: str) -> Outcome:
+    ledger = folders.ledger
+    outcome = Outcome(number, version, "rolled-back", f"{why}; {ledger.came_from} runs again")
+    ledger = replace(ledger.with_rejected(version, why), outcome=outcome)
+    folders.note(ledger)
+    folders.switch(ledger.came_from)
+    folders.note(replace(ledger, came_from=""))
+    system.reload_units()
+    if not system.restart():
+        outcome = replace(outcome, detail=f"{why}; {ledger.came_from} is back, but not READY")
+        folders.note(replace(ledger, came_from="", outcome=outcome))
+    folders.sweep()
+    return outcome
+
+
+def _refused(folders: ReleaseFolders, number: str, error: MbotError) -> Outcome:
+    """Nothing has changed, and nothing of it is left."""
+    taking_in.forget_request(folders)
+    outcome = Outcome(number, folders.ledger.outcome.version, "refused", str(error))
+    folders.note(replace(folders.ledger, outcome=outcome))
+    folders.sweep()
+    return outcome
+
+
+def _note_phase(folders: ReleaseFolders, number: str, version: str, phase: str) -> None:
+    outcome = Outcome(number, version, phase, f"{phase} {version}".strip())
+    folders.note(replace(folders.ledger, outcome=outcome))

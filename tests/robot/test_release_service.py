@@ -1,0 +1,215 @@
+"""A release over the network: taken in piece by piece, refused for a reason, handed to root."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from mbot_agent.intake import pieces
+from mbot_agent.intake.pieces import Pieces
+from mbot_agent.models.staging import Staging
+from mbot_agent.models.trust import Admission
+from mbot_agent.releases.own_release import own_release, update_goes_on
+from mbot_agent.releases.release_service import ReleaseService
+from mbot_protocol import release_archive
+from mbot_protocol.errors import RefusedError
+from mbot_protocol.keys import CHUNK_BYTES, RELEASE_BEGIN, RELEASE_CHUNK, RELEASE_COMMIT, RELEASES
+from mbot_protocol.release_ledger import Computer, Ledger, Outcome
+from mbot_protocol.schema import SCHEMA_VERSION
+from mbot_protocol.v1.messages_pb2 import (
+    PushChunk,
+    PushCommit,
+    PushReply,
+    ReleaseBegin,
+    ReleaseList,
+)
+from mbot_workstation.models.signing_key import SigningKey
+
+from .release_bench import KEY, archive
+
+PI = Computer("bookworm", "arm64", "3.11", 10**10)
+
+
+class Robot:
+    """The service on a disk of its own."""
+
+    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.inbox = folder / "inbox"
+        self.application = folder / "application"
+        (self.application / "releases/0.1").mkdir(parents=True)
+        (self.application / "releases/0.1/whole").touch()
+        self.armed = False
+        self.service = ReleaseService(
+            "mbot-1", (KEY.public,), self.inbox, lambda: self.armed, "0.1", self.application
+        )
+        monkeypatch.setattr(ReleaseService, "_computer", lambda _: PI)
+
+    def ask(self, name: str, message: object) -> PushReply:
+        payload = message.SerializeToString()  # type: ignore[attr-defined]
+        return PushReply.FromString(self.service.answers[name](payload))
+
+    def begin(self, path: Path, robot_id: str = "mbot-1") -> PushReply:
+        with path.open("rb") as file:
+            data, signatures = release_archive.read_manifest(file)
+        return self.ask(
+            RELEASE_BEGIN.name,
+            ReleaseBegin(
+                schema_version=SCHEMA_VERSION,
+                robot_id=robot_id,
+                manifest=data,
+                signatures=signatures,
+            ),
+        )
+
+    def chunk(self, push_id: str, offset: int, data: bytes) -> PushReply:
+        message = PushChunk(
+            schema_version=SCHEMA_VERSION, push_id=push_id, offset_bytes=offset, data=data
+        )
+        return self.ask(RELEASE_CHUNK.name, message)
+
+    def commit(self, push_id: str) -> PushReply:
+        message = PushCommit(schema_version=SCHEMA_VERSION, push_id=push_id)
+        return self.ask(RELEASE_COMMIT.name, message)
+
+    def send(self, path: Path, data: bytes | None = None) -> PushReply:
+        """All of it; the first reply that is no."""
+        reply = self.begin(path)
+        content = path.read_bytes() if data is None else data
+        for offset in range(0, len(content), CHUNK_BYTES):
+            if not reply.accepted:
+                return reply
+            reply = self.chunk(reply.push_id, offset, content[offset : offset + CHUNK_BYTES])
+        return self.commit(reply.push_id) if reply.accepted else reply
+
+
+@pytest.fixture
+def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Robot:
+    return Robot(tmp_path, monkeypatch)
+
+
+def test_a_release_is_kept_whole_with_a_request_for_root(robot: Robot, tmp_path: Path) -> None:
+    path = archive(tmp_path)
+    reply = robot.send(path)
+    assert reply.accepted, reply.reason
+    assert (robot.inbox / "incoming.tar").read_bytes() == path.read_bytes()
+    assert (robot.inbox / "request").read_text() == reply.push_id
+    assert robot.begin(path).reason == "an update is under way: wait for its end"
+    assert update_goes_on(robot.inbox)
+
+
+def test_an_armed_robot_takes_none_also_in_the_middle(robot: Robot, tmp_path: Path) -> None:
+    path = archive(tmp_path)
+    begun = robot.begin(path)
+    robot.armed = True
+    assert "armed" in robot.chunk(begun.push_id, 0, path.read_bytes()).reason
+    assert "armed" in robot.begin(path).reason
+    assert not (robot.inbox / "incoming.tar").exists()
+    robot.armed = False
+    assert "not under way" in robot.commit(begun.push_id).reason
+    assert not (robot.inbox / "request").exists()
+
+
+def test_refusals_come_before_the_first_byte(robot: Robot, tmp_path: Path) -> None:
+    stranger = SigningKey.ephemeral("stranger")
+    assert "not among" in robot.begin(archive(tmp_path, keys=(stranger,))).reason
+    assert "for robot 'mbot-2'" in robot.begin(archive(tmp_path), "mbot-2").reason
+    assert "runs on this robot already" in robot.begin(archive(tmp_path, "0.1")).reason
+    (robot.application / "ledger.json").write_bytes(Ledger(floor=9).to_bytes())
+    assert "downgrade" in robot.begin(archive(tmp_path)).reason
+    assert not robot.inbox.exists()
+
+
+def test_a_checkout_takes_none(robot: Robot, tmp_path: Path) -> None:
+    robot.service = ReleaseService(
+        "mbot-1", (KEY.public,), robot.inbox, lambda: False, "", robot.application
+    )
+    assert "deploy/install.sh" in robot.begin(archive(tmp_path)).reason
+
+
+def test_another_archive_than_announced_is_refused_at_the_end(robot: Robot, tmp_path: Path) -> None:
+    path = archive(tmp_path)
+    changed = path.read_bytes().replace(b"a wheel", b"a whale", 1)
+    assert "is damaged" in robot.send(path, changed).reason
+    assert not (robot.inbox / "request").exists()
+    assert not (robot.inbox / "incoming.tar").exists()
+    assert robot.send(path).accepted
+
+
+def test_one_push_at_a_time_and_a_silent_one_is_forgotten(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = archive(tmp_path)
+    begun = robot.begin(path)
+    assert "another push is under way" in robot.begin(path).reason
+    later_s = time.monotonic() + pieces.STAGING_EXPIRES_S + 1
+    monkeypatch.setattr(time, "monotonic", lambda: later_s)
+    assert "not under way" in robot.chunk(begun.push_id, 0, b"x").reason
+    assert robot.begin(path).accepted
+
+
+def test_half_a_release_of_an_earlier_start_is_swept_and_a_whole_one_is_not(
+    robot: Robot, tmp_path: Path
+) -> None:
+    robot.begin(archive(tmp_path))
+    robot.service.sweep()
+    assert not (robot.inbox / "incoming.tar").exists()
+    (robot.inbox / "incoming.tar").write_bytes(b"whole")
+    (robot.inbox / "request").write_text("a1")
+    robot.service.sweep()
+    assert (robot.inbox / "incoming.tar").exists()
+
+
+def test_the_list_says_what_became_of_the_last_update(robot: Robot) -> None:
+    outcome = Outcome("a1", "0.2", "rolled-back", "no READY")
+    (robot.application / "ledger.json").write_bytes(
+        Ledger(golden="0.1", outcome=outcome).to_bytes()
+    )
+    reply = ReleaseList.FromString(robot.service.answers[RELEASES.name](b""))
+    assert (reply.running, reply.releases[0].version, reply.releases[0].golden) == (
+        "0.1",
+        "0.1",
+        True,
+    )
+    assert (reply.update.request, reply.update.phase) == ("a1", "rolled-back")
+    (robot.application / "ledger.json").write_bytes(b"x")
+    assert "unreadable" in ReleaseList.FromString(robot.service.releases(b"")).reason
+
+
+@pytest.mark.parametrize("payload", [b"", b"\xff\xff", b"x" * 60_000])
+def test_rubbish_is_refused(robot: Robot, payload: bytes) -> None:
+    for name in (RELEASE_BEGIN.name, RELEASE_CHUNK.name, RELEASE_COMMIT.name):
+        assert not PushReply.FromString(robot.service.answers[name](payload)).accepted
+
+
+def test_a_daemon_knows_its_release_by_its_place(tmp_path: Path) -> None:
+    assert own_release("/opt/mbot-agent/releases/0.2+a/venv") == "0.2+a"
+    assert own_release("/usr") == ""
+    assert not update_goes_on(tmp_path, tmp_path / "works")
+    (tmp_path / "works").mkdir()
+    assert update_goes_on(tmp_path, tmp_path / "works")
+
+
+def test_pieces_come_in_order_and_no_more_than_announced() -> None:
+    kept = bytearray()
+    push = Pieces(5, 60.0, kept.extend)
+    push.add(0, b"ab")
+    for offset, data in ((0, b"x"), (3, b"x"), (2, b""), (2, b"abcd")):
+        with pytest.raises(RefusedError):
+            push.add(offset, data)
+    with pytest.raises(RefusedError, match="2 of 5"):
+        push.check_whole()
+    push.add(2, b"cde")
+    push.check_whole()
+    assert kept == b"abcde"
+    staging = Staging("0" * 64, 2, "", Admission())
+    staging.add(0, b"ab")
+    assert staging.whole() == b"ab"
+
+
+def test_the_standing_daemon_loads_nothing_for_it() -> None:
+    """Memory: what only an update needs is imported by the updater, not by the daemon."""
+    code = "import sys, mbot_agent.releases.release_service; print('mbot_update' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"

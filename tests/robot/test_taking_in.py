@@ -1,0 +1,133 @@
+"""What the daemon leaves for root, and why nothing of it is believed."""
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from mbot_protocol.errors import RefusedError
+from mbot_update import main, taking_in, update_steps
+from mbot_workstation.models.signing_key import SigningKey
+from mbot_workstation.releases.make_release import put_updater
+
+from .release_bench import Robot, archive
+
+
+@pytest.fixture
+def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Robot:
+    made = Robot(tmp_path / "root", monkeypatch)
+    made.runs("0.1")
+    return made
+
+
+def refused(robot: Robot) -> str:
+    outcome = update_steps.work(robot.folders)
+    assert outcome.phase == "refused"
+    assert robot.folders.current == "0.1"
+    assert robot.folders.versions() == ["0.1"]
+    assert not (robot.folders.inbox / "request").is_symlink()
+    assert not (robot.folders.inbox / "request").exists()
+    assert not robot.folders.incoming.exists()
+    return outcome.detail
+
+
+def test_a_stranger_a_changed_byte_and_another_system_are_refused(
+    robot: Robot, tmp_path: Path
+) -> None:
+    robot.receives(archive(tmp_path, keys=(SigningKey.ephemeral("stranger"),)))
+    assert "not among this robot's [trust] release_keys" in refused(robot)
+    good = archive(tmp_path)
+    good.write_bytes(good.read_bytes().replace(b"a wheel", b"a whale", 1))
+    robot.receives(good)
+    assert "mbot_agent-0.1.0-py3-none-any.whl in the archive is damaged" in refused(robot)
+    robot.receives(archive(tmp_path, change=lambda m: replace(m, system="trixie")))
+    assert "the release is for trixie on arm64" in refused(robot)
+    robot.receives(archive(tmp_path, "0.0", 0))
+    assert "is a downgrade: its sequence 0 is below 1" in refused(robot)
+    robot.receives(archive(tmp_path, "0.1", 1))
+    assert "0.1 runs on this robot already" in refused(robot)
+
+
+def test_without_keys_nothing_is_taken(robot: Robot, tmp_path: Path) -> None:
+    robot.folders.configuration.write_text("[trust]\n")
+    robot.receives(archive(tmp_path))
+    assert "trusts no key for releases" in refused(robot)
+
+
+def test_links_and_devices_in_the_inbox_are_not_followed(robot: Robot, tmp_path: Path) -> None:
+    good = archive(tmp_path)
+    inbox = robot.folders.inbox
+    robot.receives(good)
+    (inbox / "incoming.tar").unlink()
+    (inbox / "incoming.tar").symlink_to(good)
+    assert "incoming.tar" in refused(robot)
+    robot.receives(good)
+    (inbox / "request").unlink()
+    os.mkfifo(inbox / "request")
+    assert "plain file" in refused(robot)
+    robot.receives(good, "../../x")
+    assert "damaged" in refused(robot)
+    elsewhere = tmp_path / "elsewhere"
+    inbox.rename(elsewhere)
+    inbox.symlink_to(elsewhere)
+    (elsewhere / "request").write_text("a1")
+    assert update_steps.work(robot.folders).phase == "refused"
+    assert (elsewhere / "request").exists()  # not root's to delete
+
+
+def test_root_may_install_by_hand_what_the_network_may_not(robot: Robot, tmp_path: Path) -> None:
+    robot.folders.note(robot.folders.ledger.with_rejected("0.0", "died"))
+    path = archive(tmp_path, "0.0", 0, keys=())
+    with path.open("rb") as file:
+        assert update_steps.update(robot.folders, file).phase == "installed"
+    assert robot.folders.current == "0.0"
+    assert "0.0" not in robot.folders.ledger.rejected
+
+
+def test_what_is_built_is_what_was_verified(robot: Robot, tmp_path: Path) -> None:
+    """The daemon may change its own files at any time; root reads them once."""
+    path = archive(tmp_path)
+    robot.receives(path)
+    inbox_file = robot.folders.inbox / "incoming.tar"
+
+    def change(_: str) -> None:
+        if inbox_file.exists():
+            inbox_file.write_bytes(b"x")
+
+    robot.system.before = change
+    assert update_steps.work(robot.folders).phase == "installed"
+    own = robot.folders.release("0.2") / "manifest.json"
+    assert own.read_bytes() in path.read_bytes()
+
+
+def test_a_build_that_fails_leaves_nothing(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(taking_in.system, "build", lambda *_: "no space left")
+    robot.receives(archive(tmp_path))
+    assert "0.2 can't be built here: no space left" in refused(robot)
+
+
+def test_the_updater_runs_with_the_systems_python_alone(tmp_path: Path) -> None:
+    put_updater(tmp_path / "updater")
+    (tmp_path / "opt/mbot-agent/releases").mkdir(parents=True)
+    command = [sys.executable, "-I", "-S", "-B", str(tmp_path / "updater")]
+    command += ["--root", str(tmp_path), "releases", "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert '"releases": []' in done.stdout
+    names = {path.name for path in (tmp_path / "updater/mbot_update").glob("*.py")}
+    assert Path(main.__file__).name in names
+
+
+def test_one_updater_at_a_time(robot: Robot) -> None:
+    alone = main._alone  # pyright: ignore[reportPrivateUsage]
+    with (
+        alone(robot.folders),
+        pytest.raises(RefusedError, match="under way"),
+        alone(robot.folders),
+    ):
+        pass

@@ -1,0 +1,234 @@
+"""An update, step by step: what becomes of it, and what a kill at any step leaves."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from mbot_protocol import atomic_file
+from mbot_protocol.errors import RefusedError
+from mbot_protocol.release_ledger import BUSY
+from mbot_update import release_folders, taking_in, update_steps
+
+from .release_bench import HEALTHY, SPARE, Robot, archive
+
+
+class Killed(BaseException):
+    """Nothing after this happens."""
+
+
+class DyingOs:
+    """`os`, whose calls that change the disk are counted; the process is killed before one."""
+
+    CHANGING = ("open", "write", "fsync", "rename", "unlink", "symlink", "sync")
+
+    def __init__(self) -> None:
+        self.calls = 0
+        self.last = -1
+
+    def count(self, _: str = "") -> None:
+        if self.calls == self.last:
+            raise Killed
+        self.calls += 1
+
+    def __getattr__(self, name: str) -> object:
+        found = getattr(os, name)
+        if name not in self.CHANGING:
+            return found
+
+        def counted(*arguments: object, **named: object) -> object:
+            self.count()
+            return found(*arguments, **named)
+
+        return counted
+
+
+@pytest.fixture
+def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Robot:
+    made = Robot(tmp_path / "root", monkeypatch)
+    made.runs("0.1")
+    return made
+
+
+def test_a_good_release_takes_the_place_of_the_old_one(robot: Robot, tmp_path: Path) -> None:
+    robot.receives(archive(tmp_path))
+    outcome = update_steps.work(robot.folders)
+    assert (outcome.request, outcome.phase) == ("a1", "installed")
+    ledger = robot.folders.ledger
+    assert robot.folders.current == "0.2"
+    assert (ledger.previous, ledger.golden, ledger.floor) == ("0.1", "0.1", 2)
+    assert robot.system.restarted == ["0.2"]
+    assert list(robot.folders.inbox.iterdir()) == []
+    assert not robot.folders.incoming.exists()
+
+
+def test_the_spare_key_is_as_good(robot: Robot, tmp_path: Path) -> None:
+    robot.receives(archive(tmp_path, keys=(SPARE,)))
+    assert update_steps.work(robot.folders).phase == "installed"
+
+
+def test_one_that_gets_no_ready_is_rolled_back_and_refused_from_then_on(
+    robot: Robot, tmp_path: Path
+) -> None:
+    robot.system.starts = lambda version: version == "0.1"
+    robot.receives(archive(tmp_path))
+    outcome = update_steps.work(robot.folders)
+    assert outcome.phase == "rolled-back"
+    assert outcome.detail == "it did not get READY; 0.1 runs again"
+    assert robot.folders.current == "0.1"
+    assert robot.folders.versions() == ["0.1"]
+    assert robot.system.restarted == ["0.2", "0.1"]
+    robot.receives(archive(tmp_path))
+    again = update_steps.work(robot.folders)
+    assert again.phase == "refused"
+    assert "rolled back on this robot before: it did not get READY" in again.detail
+
+
+def test_a_camera_that_the_new_one_does_not_see_rolls_it_back(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = iter([HEALTHY])
+    worse = replace(HEALTHY, words="idle; no-model camera-lost")
+    monkeypatch.setattr(update_steps.system, "service", lambda: next(seen, worse))
+    robot.receives(archive(tmp_path))
+    outcome = update_steps.work(robot.folders)
+    assert outcome.phase == "rolled-back"
+    assert "worse than before: camera-lost" in outcome.detail
+
+
+@pytest.mark.parametrize("words", ["idle; camera-lost board-lost", "fault; link-lost"])
+def test_what_was_missing_before_is_not_held_against_it(
+    robot: Robot, tmp_path: Path, words: str
+) -> None:
+    robot.system.service = replace(HEALTHY, words=words)
+    robot.receives(archive(tmp_path))
+    expected = "refused" if words.startswith("fault") else "installed"  # armed: not now
+    assert update_steps.work(robot.folders).phase == expected
+
+
+def test_one_that_fails_beside_the_running_one_never_replaces_it(
+    robot: Robot, tmp_path: Path
+) -> None:
+    robot.system.tried = {"0.2": "no module named zenoh"}
+    robot.receives(archive(tmp_path))
+    outcome = update_steps.work(robot.folders)
+    assert outcome.phase == "refused"
+    assert "0.2 does not run here: no module named zenoh" in outcome.detail
+    assert robot.system.restarted == []
+    assert robot.folders.current == "0.1"
+    assert robot.folders.versions() == ["0.1"]
+
+
+def test_a_broken_configuration_is_not_held_against_it(robot: Robot, tmp_path: Path) -> None:
+    robot.system.tried = {"0.1": "config.toml is wrong", "0.2": "config.toml is wrong"}
+    robot.receives(archive(tmp_path))
+    assert update_steps.work(robot.folders).phase == "installed"
+
+
+def test_golden_current_and_previous_stay_and_no_others(robot: Robot, tmp_path: Path) -> None:
+    for number in (2, 3, 4):
+        robot.receives(archive(tmp_path, f"0.{number}", number))
+        assert update_steps.work(robot.folders).phase == "installed"
+    assert robot.folders.versions() == ["0.1", "0.3", "0.4"]
+
+
+def test_a_daemon_that_does_not_run_is_not_started(robot: Robot, tmp_path: Path) -> None:
+    robot.system.service = replace(HEALTHY, state="inactive", pid=0, words="")
+    with archive(tmp_path).open("rb") as file:
+        assert update_steps.update(robot.folders, file).phase == "installed"
+    assert robot.system.restarted == []
+
+
+def test_a_release_that_dies_later_goes_back_once_and_further_to_the_golden_one(
+    robot: Robot, tmp_path: Path
+) -> None:
+    for number in (2, 3):
+        robot.receives(archive(tmp_path, f"0.{number}", number))
+        update_steps.work(robot.folders)
+    robot.system.service = replace(HEALTHY, state="failed", result="exit-code", exit_status=1)
+    assert update_steps.put_back_by_itself(robot.folders).phase == "rolled-back"
+    assert robot.folders.current == "0.2"
+    assert "0.3" in robot.folders.ledger.rejected
+    update_steps.put_back_by_itself(robot.folders)
+    assert robot.folders.current == "0.1"
+    with pytest.raises(RefusedError, match="no other release"):
+        update_steps.put_back_by_itself(robot.folders)
+
+
+def test_a_wrong_configuration_puts_nothing_back(robot: Robot, tmp_path: Path) -> None:
+    robot.receives(archive(tmp_path))
+    update_steps.work(robot.folders)
+    robot.system.service = replace(HEALTHY, state="failed", result="exit-code", exit_status=2)
+    with pytest.raises(RefusedError, match="configuration"):
+        update_steps.put_back_by_itself(robot.folders)
+    assert robot.folders.current == "0.2"
+
+
+def test_a_person_goes_back_and_forth(robot: Robot, tmp_path: Path) -> None:
+    robot.receives(archive(tmp_path))
+    update_steps.work(robot.folders)
+    update_steps.put_back_by_hand(robot.folders)
+    assert robot.folders.current == "0.1"
+    update_steps.put_back_by_hand(robot.folders)
+    assert robot.folders.current == "0.2"
+
+
+@pytest.mark.parametrize("fate", ["good", "mute"])
+def test_killed_at_any_step_a_whole_release_runs_and_the_next_update_works(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fate: str
+) -> None:
+    new, third = archive(tmp_path), archive(tmp_path, "0.3", 3)
+    found: set[tuple[str, str]] = set()
+    number = 0
+    while True:
+        with monkeypatch.context() as patched:
+            robot = Robot(tmp_path / f"root-{number}", patched)
+            robot.runs("0.1")
+            if fate == "mute":
+                robot.system.starts = lambda version: version != "0.2"
+            robot.receives(new)
+            dying = DyingOs()
+            dying.last = number
+            robot.system.before = dying.count
+            was_killed = False
+            with monkeypatch.context() as dangerous:
+                for module in (atomic_file, release_folders, taking_in):
+                    dangerous.setattr(module, "os", dying)
+                try:
+                    update_steps.work(robot.folders)
+                except Killed:
+                    was_killed = True
+            robot.system.before = lambda _: None
+            between = robot.folders.current
+            assert robot.folders.is_whole(between), number
+            _recovered(robot, found)
+            # What was known to be bad never runs; what goes on can be updated.
+            if fate == "mute":
+                assert robot.folders.current == "0.1", number
+            robot.receives(third, "b2")
+            assert update_steps.work(robot.folders).phase == "installed", number
+            assert robot.folders.current == "0.3"
+        if not was_killed:
+            break
+        number += 1
+    assert number > 40
+    ends = {"good": {("0.1", "failed"), ("0.2", "installed")}}
+    assert found >= ends.get(fate, {("0.1", "failed"), ("0.1", "rolled-back")})
+
+
+def _recovered(robot: Robot, found: set[tuple[str, str]]) -> None:
+    folders = robot.folders
+    update_steps.recover(folders)
+    ledger = folders.ledger
+    assert ledger.came_from == ""
+    assert ledger.outcome.phase not in BUSY
+    assert folders.is_whole(folders.current)
+    assert folders.current in ("0.1", "0.2")
+    assert (ledger.floor == 2) == (folders.current == "0.2")
+    assert set(folders.versions()) <= {"0.1", "0.2"}
+    assert not folders.incoming.exists()
+    assert sorted(p.name for p in (folders.application / "releases").iterdir()) == (
+        folders.versions()
+    )
+    found.add((folders.current, ledger.outcome.phase))

@@ -1,0 +1,1 @@
+"""Releases of the daemon: made here, signed, sent to robots."""

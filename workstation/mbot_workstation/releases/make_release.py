@@ -1,0 +1,235 @@
+"""`make dist`: wheel, sdist, and a signed release for each system that robots run.
+
+The same commit, pins and key make the same archives: no date is in them but the commit's.
+"""
+
+import argparse
+import getpass
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from mbot_protocol import release_archive, release_manifest
+from mbot_protocol.errors import ConfigurationError, MbotError
+from mbot_protocol.release_manifest import ReleaseManifest
+from mbot_workstation.models.key_folder import KeyFolder
+from mbot_workstation.models.signing_key import SigningKey
+from mbot_workstation.releases.robot_wheels import TARGETS, Target, fetch_wheels, requirement
+
+CHECKOUT = Path(__file__).parents[3]
+UPDATER_NEEDS = (
+    "__init__",
+    "atomic_file",
+    "errors",
+    "public_key",
+    "release_archive",
+    "release_ledger",
+    "release_manifest",
+)
+"""Modules of the protocol that the updater uses: those with the standard library only."""
+
+PYC_SHARE = 1.3
+"""Compiled Python beside the source, and the virtual environment's own pip."""
+
+VENV_BYTES = 25 << 20
+
+
+def make_release(
+    target: Target,
+    wheel: Path,
+    version: str,
+    sequence: int,
+    floor: int,
+    signers: Sequence[SigningKey],
+    folder: Path,
+    cache: Path,
+) -> Path:
+    """Write one archive and return where it is.
+
+    Args:
+        target: for which system.
+        wheel: the daemon's.
+        version, sequence, floor: as in `ReleaseManifest`.
+        signers: each adds its signature.
+        folder: where the archive goes.
+        cache: where wheels are kept.
+
+    Raises:
+        MbotError: something is missing.
+
+    """
+    staging = folder / f"unpacked-{target.name}"
+    shutil.rmtree(staging, ignore_errors=True)
+    wheels = staging / "wheels"
+    wheels.mkdir(parents=True)
+    for path in (*fetch_wheels(target, CHECKOUT, cache).iterdir(), wheel):
+        shutil.copyfile(path, wheels / path.name)
+    lines = [requirement(path) for path in sorted(wheels.iterdir())]
+    (staging / "requirements.txt").write_text("\n".join(lines) + "\n")
+    _put_deploy_files(staging)
+    paths = sorted(str(p.relative_to(staging)) for p in staging.rglob("*") if p.is_file())
+    files = tuple(release_archive.described(staging, path) for path in paths)
+    manifest = ReleaseManifest(
+        release_manifest.check_version(version),
+        sequence,
+        floor,
+        target.system,
+        target.architecture,
+        target.python,
+        _installed_bytes(wheels),
+        files,
+    )
+    data = release_manifest.encode(manifest)
+    release_manifest.decode(data)
+    signatures = "".join(
+        release_manifest.sign(data, key.sign_bytes, key.public.raw) for key in signers
+    )
+    archive = folder / f"mbot-agent-{version}-{target.name}.tar"
+    unfinished = archive.with_suffix(".tmp")
+    with unfinished.open("wb") as file:
+        release_archive.write(file, staging, data, signatures.encode(), files)
+    unfinished.rename(archive)
+    shutil.rmtree(staging)
+    return archive
+
+
+def build_wheel(folder: Path, *, epoch_s: int, sdist: bool = True) -> Path:
+    """The daemon's wheel, and the sdist beside it; both with the commit's date.
+
+    Raises:
+        MbotError: the build failed.
+
+    """
+    command = [sys.executable, "-m", "hatchling", "build", "-d", str(folder), "-t", "wheel"]
+    environment = os.environ | {"SOURCE_DATE_EPOCH": str(epoch_s)}
+    done = subprocess.run(
+        command + (["-t", "sdist"] if sdist else []),
+        cwd=CHECKOUT,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    wheels = sorted(folder.glob("mbot_agent-*.whl"))
+    if done.returncode != 0 or not wheels:
+        raise MbotError(
+            f"the wheel can't be built: {(done.stderr.strip() or '?').splitlines()[-1]}"
+        )
+    return wheels[-1]
+
+
+def put_updater(folder: Path) -> None:
+    """What root's updater consists of: a folder that Python runs."""
+    (folder / "mbot_protocol").mkdir(parents=True)
+    for name in UPDATER_NEEDS:
+        source = CHECKOUT / "shared/protocol/mbot_protocol" / f"{name}.py"
+        shutil.copyfile(source, folder / "mbot_protocol" / source.name)
+    (folder / "mbot_update").mkdir()
+    for source in sorted((CHECKOUT / "robot/mbot_update").glob("*.py")):
+        own = folder if source.name == "__main__.py" else folder / "mbot_update"
+        shutil.copyfile(source, own / source.name)
+
+
+def _put_deploy_files(staging: Path) -> None:
+    put_updater(staging / "updater")
+    for name in ("systemd", "udev", "modules-load.d", "sysusers.d"):
+        shutil.copytree(CHECKOUT / "deploy" / name, staging / "deploy" / name)
+    for name in ("install.sh", "config.toml"):
+        shutil.copyfile(CHECKOUT / "deploy" / name, staging / "deploy" / name)
+    firmware = CHECKOUT / "out/firmware/mbot-deadman.hex"
+    if firmware.is_file():
+        (staging / "firmware").mkdir()
+        shutil.copyfile(firmware, staging / "firmware" / firmware.name)
+
+
+def _installed_bytes(wheels: Path) -> int:
+    total = 0
+    for path in wheels.iterdir():
+        with zipfile.ZipFile(path) as wheel:
+            total += sum(entry.file_size for entry in wheel.infolist())
+    return int(total * PYC_SHARE) + VENV_BYTES
+
+
+def _git(*arguments: str) -> str:
+    done = subprocess.run(
+        ["git", *arguments], cwd=CHECKOUT, capture_output=True, text=True, check=False
+    )
+    return done.stdout.strip()
+
+
+def _names() -> tuple[str, int]:
+    """Version and time of the commit; a changed checkout has no name."""
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
+    commit, time_s = _git("rev-parse", "--short=8", "HEAD"), _git("log", "-1", "--format=%ct")
+    if not commit:
+        raise ConfigurationError("this is no git checkout: give --version and --sequence")
+    if _git("status", "--porcelain", "--untracked-files=no"):
+        raise ConfigurationError(
+            "the checkout has changes: commit them, or give --version and --sequence"
+        )
+    return f"{project['version']}+{time_s}.{commit}", int(time_s)
+
+
+def _ask_passphrase(name: str) -> str:
+    return os.environ.get("MBOT_SIGNING_PASSPHRASE") or getpass.getpass(f"Passphrase of {name}: ")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="make dist", description=__doc__)
+    parser.add_argument("--version", help="of the release (default: from the commit)")
+    parser.add_argument("--sequence", type=int, help="grows from release to release")
+    parser.add_argument("--floor", type=int, help="smallest sequence taken afterwards (its own)")
+    parser.add_argument("--sign-with", action="append", default=[], metavar="KEY")
+    parser.add_argument("--target", action="append", default=[], metavar="SYSTEM-ARCHITECTURE")
+    parser.add_argument("--output", type=Path, default=CHECKOUT / "out/dist", metavar="DIR")
+    return parser
+
+
+def _main() -> int:
+    arguments = _parser().parse_args()
+    names = [target.name for target in TARGETS]
+    if unknown := set(arguments.target) - set(names):
+        raise ConfigurationError(f"unknown target {unknown.pop()}, expected {', '.join(names)}")
+    version, sequence = arguments.version, arguments.sequence
+    if version is None or sequence is None:
+        version, sequence = _names()
+    floor = sequence if arguments.floor is None else arguments.floor
+    keys = KeyFolder()
+    known = arguments.sign_with or [key.name for key in keys.public_keys()]
+    if not arguments.sign_with and len(known) != 1:
+        raise ConfigurationError(
+            f"which key signs? {', '.join(known) or 'There is none: `workstation keys new`'}; "
+            "--sign-with NAME, twice with a spare one (make dist DIST='--sign-with NAME')"
+        )
+    signers = [keys.load(name, _ask_passphrase) for name in known]
+    output: Path = arguments.output
+    output.mkdir(parents=True, exist_ok=True)
+    for old in output.glob("mbot_agent-*"):
+        old.unlink()
+    wheel = build_wheel(output, epoch_s=int(_git("log", "-1", "--format=%ct") or 0))
+    for target in TARGETS:
+        if arguments.target and target.name not in arguments.target:
+            continue
+        cache = CHECKOUT / "out/dist-cache"
+        archive = make_release(target, wheel, version, sequence, floor, signers, output, cache)
+        print(f"{archive} {archive.stat().st_size / 1e6:.0f} MB")
+    return 0
+
+
+def main() -> None:
+    """Run it; every end is one line."""
+    try:
+        code = _main()
+    except MbotError as error:
+        print(f"make dist: {error}", file=sys.stderr)
+        code = error.exit_code
+    sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()
