@@ -3,9 +3,10 @@
 A virtual robot, the real daemon with the shipped policy, the console, and a headless Chromium.
 """
 
-import os
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from playwright.sync_api import expect
@@ -20,11 +21,11 @@ DESKTOP, PHONE = (1200, 820), (390, 844)
 STARTS_WITHIN_S = 60
 
 
-def main() -> None:
-    into = Path(sys.argv[1])
+@contextmanager
+def driven_robot() -> Iterator[Daemon]:
+    """A virtual robot and its daemon, ready to drive with the shipped policy."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        os.environ["XDG_RUNTIME_DIR"] = name
         daemon = Daemon(folder, str(folder / "board"))
         arguments = ("virtual-robot", "--board", str(folder / "board"))
         camera = ("--camera-port", str(daemon.camera_port))
@@ -35,8 +36,15 @@ def main() -> None:
                 with daemon.link() as link:
                     push(link, MODEL, lambda _: daemon.key)
                 assert until(daemon.is_ready)
-                with console(daemon.address, folder / "console.log") as (_, address):
-                    draw(address, into)
+                yield daemon
+
+
+def main() -> None:
+    with (
+        driven_robot() as daemon,
+        console(daemon.address, daemon.directory / "console.log") as (_, address),
+    ):
+        draw(address, Path(sys.argv[1]))
 
 
 def draw(address: str, into: Path) -> None:

@@ -19,6 +19,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.keys import CAMERA, MODELS, OBSERVATION, RECORDINGS
 from mbot_protocol.v1.messages_pb2 import Fault, LastStop, Model, Notice, State, Status
 from mbot_protocol.v1.recordings_pb2 import RecordedDrive, RecordedFile, RecordingList
+from mbot_workstation.by_hand import hand
 from mbot_workstation.commands.console import ConsoleOptions
 from mbot_workstation.commands.subcommands import app as workstation
 from mbot_workstation.console.console_app import PAGE_FILES, Console
@@ -145,8 +146,9 @@ def test_run_names_the_stop_that_the_page_shows(served: Served, robot: FakeRobot
 
 
 def test_a_hand_drives_while_it_repeats_and_a_closed_page_lets_go(
-    served: Served, robot: FakeRobot
+    served: Served, robot: FakeRobot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(hand, "FRESH_S", 60.0)  # at once, and not because nothing comes any more
     with served.live() as socket:
         for beat in range(5):
             message = {"left": 0.4, "right": -0.4, "seen_stops": robot.stops, "sent_s": beat / 10}

@@ -6,10 +6,9 @@ from hypothesis import strategies as st
 
 from mbot_protocol.errors import ConfigurationError, RefusedError, UnreachableError
 from mbot_protocol.v1.messages_pb2 import Status
-from mbot_workstation.console.hand import FRESH_S, HELD_UP_S, Hand
-from mbot_workstation.console.hand_drive import HOLD_MS, LET_GO_MS, HandDrive
+from mbot_workstation.by_hand.hand import FRESH_S, HELD_UP_S, Hand, HandRepeat
+from mbot_workstation.by_hand.hand_drive import HOLD_MS, LET_GO_MS, HandDrive
 from mbot_workstation.console.page_messages import (
-    HandRepeat,
     LetGo,
     RunRequest,
     read_message,

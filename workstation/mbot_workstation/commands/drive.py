@@ -50,34 +50,67 @@ def stop(options: LinkOptions) -> None:
         print(f"{link.robot_id}: {RemoteControl(link).stop()}")
 
 
+_HAND = "While a key or a button is held"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveOptions(LinkOptions):
     """What `drive` takes."""
 
-    left: float = argument("Left wheel; 1 is full forward.", min=-1, max=1)
-    right: float = argument("Right wheel, likewise.", min=-1, max=1)
+    left: float | None = argument("Left wheel; 1 is full forward.", default=None, min=-1, max=1)
+    right: float | None = argument("Right wheel, likewise.", default=None, min=-1, max=1)
     seconds: float = option(1.0, "How long.", "--for", metavar="SECONDS", min=0.1, max=600)
+    keyboard: bool = option(
+        False,
+        "W A S D or arrows: held keys drive. Space: STOP, R: the policy runs, Q: end.",
+        "--keyboard",
+        panel=_HAND,
+    )
+    gamepad: bool = option(
+        False,
+        "Right shoulder button held: left stick drives. B (east): STOP, start: the policy runs.",
+        "--gamepad",
+        panel=_HAND,
+    )
+    device: str = option(
+        "", "Of the gamepad; the first one if not given.", "--device", panel=_HAND, metavar="PATH"
+    )
+    speed: float = option(0.4, "With --keyboard, up to 1.", "--speed", panel=_HAND, min=0.1, max=1)
 
 
 @with_options
 def drive(options: DriveOptions) -> None:
-    """Drive by hand for some seconds, then stop; Ctrl-C stops at once.
+    """Drive by hand: for some seconds, or while a key or a gamepad's button is held.
 
-    The command is sent again five times a second and holds for half a second, so the robot also
-    stops when this machine or the link dies.
+    The command is sent again and again and holds for half a second at most, so the robot also stops
+    when this machine or the link dies. Ctrl-C stops at once.
 
-    Example: `workstation drive 0.4 -0.4 --for 2 --robot mbot-1.local`
+    Examples: `workstation drive 0.4 -0.4 --for 2`, `workstation drive --gamepad`
     """
+    from mbot_protocol.errors import ConfigurationError
+
+    ways = [
+        options.left is not None and options.right is not None,
+        options.keyboard,
+        options.gamepad,
+    ]
+    if sum(ways) != 1 or (options.left is None) != (options.right is None):
+        raise ConfigurationError("expected one of: LEFT RIGHT, --keyboard, --gamepad")
+    if options.left is None or options.right is None:
+        _by_hand(options)
+    else:
+        _for_seconds(options, options.left, options.right)
+
+
+def _for_seconds(options: DriveOptions, left: float, right: float) -> None:
     import math
     import time
 
     from mbot_protocol.errors import ConfigurationError
     from mbot_workstation.link.remote_control import RemoteControl
 
-    if not (math.isfinite(options.left) and math.isfinite(options.right)):
-        raise ConfigurationError(
-            f"wheels are {options.left}, {options.right}, expected numbers in [-1, 1]"
-        )
+    if not (math.isfinite(left) and math.isfinite(right)):
+        raise ConfigurationError(f"wheels are {left}, {right}, expected numbers in [-1, 1]")
     with options.link() as link:
         control = RemoteControl(link)
         control.synchronise()  # before anything moves: the first command must not come late
@@ -86,7 +119,7 @@ def drive(options: DriveOptions) -> None:
             while (driven_s := time.monotonic() - began_s) < options.seconds:
                 # The last command holds no longer than asked for.
                 left_ms = max(1, round((options.seconds - driven_s) * 1000))
-                control.drive(options.left, options.right, min(HOLD_MS, left_ms))
+                control.drive(left, right, min(HOLD_MS, left_ms))
                 # On the grid of RESEND_S, however long the reply took.
                 now_s = time.monotonic() - began_s
                 due_s = (now_s // RESEND_S + 1) * RESEND_S
@@ -94,3 +127,24 @@ def drive(options: DriveOptions) -> None:
         finally:
             state = control.stop()
         print(f"{link.robot_id}: {state}")
+
+
+def _by_hand(options: DriveOptions) -> None:
+    from contextlib import ExitStack
+
+    from mbot_workstation.by_hand.gamepad import open_gamepad
+    from mbot_workstation.by_hand.hand_session import HandSession
+    from mbot_workstation.by_hand.terminal_keys import TerminalKeys
+
+    with ExitStack() as stack:
+        if options.gamepad:
+            device, name = open_gamepad(options.device)
+            how = f"{name}: hold the right shoulder button; B stops, start lets the policy run"
+        else:
+            device = stack.enter_context(TerminalKeys(options.speed))
+            how = "hold W A S D or arrows; space stops, R lets the policy run, Q ends"
+        link = stack.enter_context(options.link())
+        session = HandSession(link, lambda words: print(f"{link.robot_id}: {words}", flush=True))
+        with session:
+            print(f"{link.robot_id}: {how}", flush=True)
+            session.follow(device)

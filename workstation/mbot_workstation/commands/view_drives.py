@@ -28,6 +28,12 @@ class ViewOptions(LinkOptions):
     web_port: int = option(9090, "Of that page.", "--web-port", panel=_PANEL, metavar="PORT")
     grpc_port: int = option(9876, "Of its data.", "--grpc-port", panel=_PANEL, metavar="PORT")
     browser: bool = option(True, "Open the browser, or only say where.", "--browser/--no-browser")
+    foxglove: bool = option(
+        False, "Live for Foxglove or Lichtblick instead, from loopback.", "--foxglove", panel=_PANEL
+    )
+    foxglove_port: int = option(
+        8765, "Of that; 0: any.", "--foxglove-port", panel=_PANEL, metavar="PORT", min=0, max=65535
+    )
     save: Path | None = option(
         None, "Write a file for the viewer instead.", "--save", panel=_PANEL, metavar="FILE.rrd"
     )
@@ -46,9 +52,17 @@ def view(options: ViewOptions) -> None:
     Examples: `workstation view --robot mbot-1.local`,
     `workstation view drives/mbot-1/drive-0012-20261122-171501 --web`
     """
+    from mbot_protocol.errors import ConfigurationError
     from mbot_workstation.drives.rerun_view import RerunView
     from mbot_workstation.recordings.recorded_drive import read_drives
 
+    if options.foxglove:
+        if options.recordings:
+            raise ConfigurationError(
+                "--foxglove is for a live robot; Foxglove and Lichtblick open a recording's .mcap"
+            )
+        _bridge(options)
+        return
     if options.recordings:
         drives = read_drives(options.recordings)
         with RerunView(list(dict.fromkeys(drive.robot_id for drive in drives))) as viewer:
@@ -76,6 +90,23 @@ def _open(viewer: "RerunView", options: ViewOptions) -> None:
         viewer.open_window(grpc_port=options.grpc_port)
 
 
+def _bridge(options: ViewOptions) -> None:
+    """Hand a live robot on to Foxglove and Lichtblick."""
+    import time
+
+    from mbot_workstation.drives.foxglove_bridge import FoxgloveBridge
+    from mbot_workstation.telemetry.stream import TelemetryStream
+
+    until_s = None if options.seconds is None else time.monotonic() + options.seconds
+    with options.link() as link, FoxgloveBridge(link.robot_id, options.foxglove_port) as bridge:
+        print(f"open connection in Foxglove or Lichtblick: {bridge.address}", flush=True)
+        rate_hz = link.status().decision_rate_hz
+        with TelemetryStream(link, rate_hz, camera=True) as stream:
+            while until_s is None or time.monotonic() < until_s:
+                for sample in stream.poll(_POLL_S):
+                    bridge.take(sample)
+
+
 def _stay(options: ViewOptions) -> None:
     """A page is served by this process: it stays until somebody ends it."""
     import time
@@ -94,7 +125,7 @@ def _follow(viewer: "RerunView", link: "RobotLink", seconds: float | None) -> No
     from mbot_workstation.telemetry.stream import TelemetryStream
 
     until_s = None if seconds is None else time.monotonic() + seconds
-    with TelemetryStream(link, link.status().decision_rate_hz) as stream:
+    with TelemetryStream(link, link.status().decision_rate_hz, camera=True) as stream:
         while until_s is None or time.monotonic() < until_s:
             for sample in stream.poll(_POLL_S):
                 message = sample.message
@@ -102,4 +133,10 @@ def _follow(viewer: "RerunView", link: "RobotLink", seconds: float | None) -> No
                     viewer.log_decision(message)
                 else:
                     time_ns = message.timestamp.ToNanoseconds()
-                    viewer.log_picture(link.robot_id, message.data, time_ns, exact=False)
+                    viewer.log_picture(
+                        link.robot_id,
+                        message.data,
+                        time_ns,
+                        exact=False,
+                        of_camera=sample.of_camera,
+                    )

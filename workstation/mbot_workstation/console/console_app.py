@@ -20,10 +20,11 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from mbot_protocol.errors import MbotError
+from mbot_workstation.by_hand.hand import HandRepeat
+from mbot_workstation.by_hand.hand_drive import HandDrive
 from mbot_workstation.console.door import Door
 from mbot_workstation.console.errands import Errands
-from mbot_workstation.console.hand_drive import HandDrive
-from mbot_workstation.console.page_messages import HandRepeat, LetGo, read_message
+from mbot_workstation.console.page_messages import LetGo, read_message
 from mbot_workstation.console.robot_watch import RobotWatch
 from mbot_workstation.link.remote_control import RemoteControl
 from mbot_workstation.link.robot_link import RobotLink

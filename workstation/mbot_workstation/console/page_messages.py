@@ -3,35 +3,13 @@
 import msgspec
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.by_hand.hand import HandRepeat
 
 LONGEST_BYTES = 4096
 
 
-class HandRepeat(msgspec.Struct, frozen=True, tag_field="do", tag="hand"):
-    """A hand still holds: sent every 0.1 s while a key or a finger is down.
-
-    Attributes:
-        press: counts the times that this page has taken hold.
-        left, right: wheels in [-1, 1], 1 is full speed forward.
-        seen_stops: the robot's stop counter as the page shows it.
-        sent_s: the page's monotonic clock.
-
-    """
-
-    press: int
-    left: float
-    right: float
-    seen_stops: int
-    sent_s: float
-
-    def __post_init__(self) -> None:
-        for name, wheel in (("left", self.left), ("right", self.right)):
-            if not -1 <= wheel <= 1:
-                raise ValueError(f"{name} is {wheel}, expected a number in [-1, 1]")
-
-
 class LetGo(msgspec.Struct, frozen=True, tag_field="do", tag="let-go"):
-    """The hand has let go, or the page cannot be sure that it still holds."""
+    """The hand has let go, or the page cannot be sure that it still holds; see `HandRepeat`."""
 
     press: int
 

@@ -52,6 +52,8 @@ class RerunView:
             ) from None
         self._blueprint = layout.Blueprint(
             layout.Horizontal(*(_robot_view(layout, robot) for robot in robots)),
+            layout.BlueprintPanel(state="collapsed"),
+            layout.SelectionPanel(state="collapsed"),
             layout.TimePanel(state="collapsed"),
         )
         self._stream: Any = self._rerun.RecordingStream(APPLICATION)
@@ -116,12 +118,14 @@ class RerunView:
                 )
             self.log_decision(beat.decision)
 
-    def log_picture(self, robot: str, encoded: bytes, time_ns: int, *, exact: bool) -> None:
-        """What the policy saw, PNG where it is exact, else JPEG."""
+    def log_picture(
+        self, robot: str, encoded: bytes, time_ns: int, *, exact: bool, of_camera: bool = False
+    ) -> None:
+        """What the policy or the camera saw, PNG where it is exact, else JPEG."""
         self._at(time_ns)
         kind = "image/png" if exact else "image/jpeg"
         picture = self._rerun.EncodedImage(contents=encoded, media_type=kind)
-        self._stream.log(f"{robot}/observation", picture)
+        self._stream.log(f"{robot}/{'camera' if of_camera else 'observation'}", picture)
 
     def log_decision(self, decision: Decision) -> None:
         """One beat: wheels, latencies, counters, and what has changed, in words."""
@@ -179,8 +183,9 @@ def _robot_view(layout: Any, robot: str) -> Any:
     """One robot's part of the window: picture and log on the left, lines on the right."""
     return layout.Horizontal(
         layout.Vertical(
-            layout.Spatial2DView(
-                origin=f"{robot}/observation", name=f"{robot}: as the policy sees"
+            layout.Horizontal(
+                layout.Spatial2DView(origin=f"{robot}/camera", name=f"{robot}: camera, live only"),
+                layout.Spatial2DView(origin=f"{robot}/observation", name="as the policy sees"),
             ),
             layout.TextLogView(origin=f"{robot}/log", name="state, faults, stops"),
             row_shares=[3, 2],
@@ -191,6 +196,6 @@ def _robot_view(layout: Any, robot: str) -> Any:
             layout.TimeSeriesView(origin=f"{robot}/latency_ms", name="latency, ms"),
             layout.TimeSeriesView(origin=f"{robot}/count", name="stops, missed beats"),
         ),
-        column_shares=[2, 3],
+        column_shares=[1, 1],
         name=robot,
     )

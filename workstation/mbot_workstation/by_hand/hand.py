@@ -5,7 +5,7 @@ Pure but for what it remembers; the clock is handed in.
 
 from dataclasses import dataclass
 
-from mbot_workstation.console.page_messages import HandRepeat
+import msgspec
 
 FRESH_S = 0.25
 """The page repeats every 0.1 s; after two that did not come the hand counts as gone."""
@@ -13,6 +13,29 @@ FRESH_S = 0.25
 HELD_UP_S = 0.25
 """A repeat that took so much longer than the fastest one is old news: it may come in a heap of
 them, after a tunnel that hung, and the hand long since be gone."""
+
+
+class HandRepeat(msgspec.Struct, frozen=True, tag_field="do", tag="hand"):
+    """A hand still holds: said every 0.1 s while a key, a button or a finger is down.
+
+    Attributes:
+        press: counts the times that this owner has taken hold.
+        left, right: wheels in [-1, 1], 1 is full speed forward.
+        seen_stops: the robot's stop counter as the person has been shown it.
+        sent_s: the owner's monotonic clock.
+
+    """
+
+    press: int
+    left: float
+    right: float
+    seen_stops: int
+    sent_s: float
+
+    def __post_init__(self) -> None:
+        for name, wheel in (("left", self.left), ("right", self.right)):
+            if not -1 <= wheel <= 1:
+                raise ValueError(f"{name} is {wheel}, expected a number in [-1, 1]")
 
 
 @dataclass(frozen=True, slots=True)

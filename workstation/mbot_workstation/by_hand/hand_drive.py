@@ -7,8 +7,7 @@ from typing import Protocol, Self
 
 from mbot_protocol.errors import MbotError
 from mbot_protocol.v1.messages_pb2 import Status
-from mbot_workstation.console.hand import FRESH_S, Grip, Hand
-from mbot_workstation.console.page_messages import HandRepeat
+from mbot_workstation.by_hand.hand import FRESH_S, Grip, Hand, HandRepeat
 
 HOLD_MS = 300
 """Of each command: the robot stops by itself if two in a row are lost, or this process dies."""
