@@ -26,7 +26,7 @@ from mbot_workstation.link.robot_link import RobotLink
 from mbot_workstation.models.push import push
 from mbot_workstation.models.servo_policy import ServoGains, servo_model
 from mbot_workstation.models.signing_key import SigningKey
-from mbot_workstation.telemetry.stage_times import percentile
+from mbot_workstation.recordings.stage_times import percentile
 from mbot_workstation.telemetry.stream import TelemetryStream
 
 ADDRESS = "127.0.0.1:17447"

@@ -1,4 +1,5 @@
 import errno
+import json
 import logging
 import os
 import subprocess
@@ -44,10 +45,26 @@ def test_the_file_has_an_index_schemas_and_the_robots_time(tmp_path: Path) -> No
         assert {schema.name for schema in summary.schemas.values()} == {
             "mbot.v1.Decision",
             "foxglove.CompressedImage",
+            "mbot.Telemetry",
         }
         assert summary.statistics is not None
         assert summary.statistics.message_start_time == decision(0).unix_time_ns
         assert summary.statistics.message_end_time == decision(1).unix_time_ns
+
+
+def test_a_viewer_plots_the_numbers_without_our_schema(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    record(path, 2)
+    with path.open("rb") as file:
+        told = [
+            (channel.message_encoding, message.log_time, json.loads(message.data))
+            for _, channel, message in make_reader(file).iter_messages(["/mbot/mbot-1/telemetry"])
+        ]
+    assert [encoding for encoding, _, _ in told] == ["json", "json"]
+    assert [time_ns for _, time_ns, _ in told] == [decision(i).unix_time_ns for i in range(2)]
+    numbers = told[1][2]
+    assert (numbers["sequence"], numbers["action_left"], numbers["step_right"]) == (1, 0.5, -62)
+    assert numbers["frame_to_motors_ms"] == pytest.approx(60)
 
 
 def test_a_process_that_dies_loses_at_most_a_second(tmp_path: Path) -> None:

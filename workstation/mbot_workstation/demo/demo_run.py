@@ -25,8 +25,8 @@ from mbot_workstation.link.robot_link import RobotLink
 from mbot_workstation.models.push import push
 from mbot_workstation.models.signing_key import SigningKey
 from mbot_workstation.recordings.drive_mcap import Recording
+from mbot_workstation.recordings.stage_times import percentile
 from mbot_workstation.telemetry.output import Output
-from mbot_workstation.telemetry.stage_times import percentile
 from mbot_workstation.telemetry.stream import Sample, TelemetryStream
 
 ROBOT_ID = "virtual-mbot"

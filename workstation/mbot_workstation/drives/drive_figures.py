@@ -8,7 +8,7 @@ from datetime import datetime
 from mbot_protocol.actions import STEP_LIMIT
 from mbot_protocol.v1.messages_pb2 import State
 from mbot_workstation.recordings.recorded_drive import Beat, RecordedDrive
-from mbot_workstation.telemetry.stage_times import SPANS, percentile, span_ms
+from mbot_workstation.recordings.stage_times import SPANS, percentile, span_ms
 from mbot_workstation.wording import one_line, short_digest
 
 HISTOGRAM_BINS = 40

@@ -1,7 +1,7 @@
 """A robot's telemetry for Foxglove and Lichtblick: plain topics on their websocket, on loopback.
 
-foxglove-sdk is the extra `[foxglove]`; nothing else here imports it. Pictures and log are named as
-in our MCAP files; the beat's numbers are those of `telemetry --json`, with the latencies.
+foxglove-sdk is the extra `[foxglove]`; nothing else here imports it. Topics are those of our
+MCAP files.
 """
 
 import importlib
@@ -13,8 +13,7 @@ from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.drives.rerun_view import changes
-from mbot_workstation.telemetry.fields import decision_fields
-from mbot_workstation.telemetry.stage_times import span_ms
+from mbot_workstation.recordings.decision_fields import plain_numbers
 from mbot_workstation.telemetry.stream import Sample
 
 LOOPBACK = "127.0.0.1"
@@ -105,8 +104,7 @@ class FoxgloveBridge:
             channel.log(picture, log_time=stamp_ns)
             return
         time_ns = message.unix_time_ns
-        spans = {f"{name.replace(' ', '_')}_ms": value for name, value in span_ms(message).items()}
-        self._beat.log({**decision_fields(message), **spans}, log_time=time_ns)
+        self._beat.log(plain_numbers(message), log_time=time_ns)
         for level, words in changes(self._before, message):
             log = self._messages.Log(
                 timestamp=self._time(time_ns),

@@ -18,7 +18,7 @@ from mbot_protocol.actions import STEP_LIMIT
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.recordings.recorded_drive import RecordedDrive
-from mbot_workstation.telemetry.stage_times import span_ms
+from mbot_workstation.recordings.stage_times import span_ms
 from mbot_workstation.wording import one_line, short_digest, state_word
 
 APPLICATION = "mbot"

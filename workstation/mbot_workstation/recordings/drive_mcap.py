@@ -8,14 +8,16 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Self
 
+import msgspec
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from google.protobuf.message import DecodeError
-from mcap.well_known import MessageEncoding
+from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
+from mbot_workstation.recordings.decision_fields import plain_numbers
 from mbot_workstation.recordings.whole_chunks import WholeChunks
 
 FLUSH_EVERY_S = 0.5
@@ -31,8 +33,9 @@ _log = logging.getLogger(__name__)
 class Recording:
     """Writes telemetry to a new MCAP file; a context manager, which ends the file properly.
 
-    Topics: `/mbot/<id>/decision` (mbot.v1.Decision), `/mbot/<id>/observation`
-    (foxglove.CompressedImage). Times are the robot's wall clock.
+    Topics: `/mbot/<id>/decision` (mbot.v1.Decision), `/mbot/<id>/telemetry` (the same as JSON,
+    which every viewer plots), `/mbot/<id>/observation` (foxglove.CompressedImage). Times are the
+    robot's wall clock.
     """
 
     def __init__(
@@ -63,6 +66,7 @@ class Recording:
                 self._writer = Writer(self._file)
                 self._writer.start(library="mbot-workstation")
                 self._channels = {kind: self._register(kind) for kind in self._topics}
+                self._numbers = self._register_numbers(robot_id)
                 self._writer.flush()
                 self._save()
             except OSError as error:
@@ -90,15 +94,21 @@ class Recording:
         else:
             time_ns, sequence = message.timestamp.ToNanoseconds(), 0
         with self._disk_errors():
-            self._writer.add_message(
-                channel_id=self._channels[type(message)],
-                log_time=max(0, time_ns) or time.time_ns(),
-                publish_time=max(0, time_ns),
-                data=message.SerializeToString(),
-                sequence=sequence,
-            )
+            self._add(self._channels[type(message)], time_ns, message.SerializeToString(), sequence)
+            if isinstance(message, Decision):
+                numbers = msgspec.json.encode(plain_numbers(message))
+                self._add(self._numbers, time_ns, numbers, sequence)
         self._pending = True
         self.save_if_due()
+
+    def _add(self, channel: int, time_ns: int, data: bytes, sequence: int) -> None:
+        self._writer.add_message(
+            channel_id=channel,
+            log_time=max(0, time_ns) or time.time_ns(),
+            publish_time=max(0, time_ns),
+            data=data,
+            sequence=sequence,
+        )
 
     def save_if_due(self) -> None:
         """Save to disk what came in since the last time, at most every 0.5 s.
@@ -131,6 +141,13 @@ class Recording:
             message_encoding=MessageEncoding.Protobuf,
             schema_id=register_schema(self._writer, kind),
         )
+
+    def _register_numbers(self, robot_id: str) -> int:
+        schema = self._writer.register_schema(
+            "mbot.Telemetry", SchemaEncoding.JSONSchema, b'{"type":"object"}'
+        )
+        topic = f"/mbot/{robot_id}/telemetry"
+        return self._writer.register_channel(topic, MessageEncoding.JSON, schema)
 
 
 def read_recording(path: Path) -> Iterator[tuple[str, Decision | CompressedImage]]:

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.live import Live
 
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.telemetry.fields import decision_fields
+from mbot_workstation.recordings.decision_fields import decision_fields
 from mbot_workstation.telemetry.stream import LinkState, Sample
 from mbot_workstation.telemetry.view import link_words, plain_line, render
 from mbot_workstation.telemetry.window import TelemetryWindow

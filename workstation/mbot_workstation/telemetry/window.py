@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.telemetry.stage_times import SPANS, percentile, span_ms
+from mbot_workstation.recordings.stage_times import SPANS, percentile, span_ms
 from mbot_workstation.telemetry.stream import Sample
 
 WINDOW = 100
