@@ -20,7 +20,7 @@ from mbot_workstation.releases.send_release import (
 from ..end_to_end.processes import until
 from ..reliability.motion import FORWARD
 from .booted import CHECKOUT, INSIDE, Machine
-from .conftest import INSTALL, SERVICE, Robot
+from .conftest import SERVICE, Robot
 from .release_variants import DYING, NOT_READY, NOT_STARTING, Releases
 
 Record = Callable[[str, object], None]
@@ -40,7 +40,7 @@ def robot(releases: Releases, tmp_path_factory: pytest.TempPathFactory) -> Itera
     directory = tmp_path_factory.mktemp("updates")
     archive = releases.make(FIRST, 1, KEY)
     with Machine("bookworm", directory) as machine:
-        made = Robot(machine, directory, (*INSTALL, str(INSIDE / archive.relative_to(CHECKOUT))))
+        made = Robot(machine, directory, from_archive(INSIDE / archive.relative_to(CHECKOUT)))
         made.configuration = made.configuration.replace(
             "[trust]", f'[trust]\n            release_keys = ["{KEY.public.line}"]'
         )
@@ -56,6 +56,13 @@ def started(robot: Robot) -> Robot:
     robot.daemon.push(FORWARD)
     assert until(robot.daemon.is_ready)
     return robot
+
+
+def from_archive(archive: Path) -> tuple[str, ...]:
+    """Nothing of a checkout is needed."""
+    unpacked = "/tmp/release"
+    script = f"mkdir {unpacked} && tar -C {unpacked} -xf {archive} deploy updater"
+    return "sh", "-c", f"{script} && {unpacked}/deploy/install.sh --without-picamera2 {archive}"
 
 
 def known(robot: Robot) -> dict[str, object]:
