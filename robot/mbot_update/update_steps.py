@@ -20,6 +20,8 @@ DIED = "it died again and again after it had been accepted"
 def work(folders: ReleaseFolders) -> Outcome:
     """Carry out the daemon's request, if there is one; what became of it."""
     recover(folders)
+    if not taking_in.is_asked(folders):  # it has been given up, as after a power cut
+        return folders.ledger.outcome
     try:
         number, archive = taking_in.open_request(folders)
     except RefusedError as error:

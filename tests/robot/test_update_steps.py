@@ -63,6 +63,17 @@ def test_a_good_release_takes_the_place_of_the_old_one(robot: Robot, tmp_path: P
     assert not robot.folders.incoming.exists()
 
 
+def test_what_a_power_cut_has_cut_off_is_given_up_and_said(robot: Robot, tmp_path: Path) -> None:
+    robot.receives(archive(tmp_path))
+    busy = replace(robot.folders.ledger.outcome, request="a1", phase="checking")
+    robot.folders.note(replace(robot.folders.ledger, outcome=busy))
+    outcome = update_steps.work(robot.folders)
+    assert (outcome.request, outcome.phase) == ("a1", "failed")
+    assert "interrupted while checking; 0.1 runs: try again" in outcome.detail
+    assert update_steps.work(robot.folders) == outcome
+    assert list(robot.folders.inbox.iterdir()) == []
+
+
 def test_the_spare_key_is_as_good(robot: Robot, tmp_path: Path) -> None:
     robot.receives(archive(tmp_path, keys=(SPARE,)))
     assert update_steps.work(robot.folders).phase == "installed"
