@@ -28,7 +28,7 @@ def is_asked(folders: ReleaseFolders) -> bool:
     """Whether there is anything in the inbox to be judged."""
     try:
         with _inbox(folders) as inbox:
-            return REQUEST in os.listdir(inbox)
+            return REQUEST in os.listdir(inbox)  # noqa: PTH208 (a descriptor)
     except RefusedError:
         return folders.inbox.is_symlink()
 

@@ -78,6 +78,8 @@ def change_over(folders: ReleaseFolders, version: str, number: str = "", floor: 
     system.reload_units()
     runs = before.state in ("active", "activating", "reloading")
     if runs and old and (why := health_gate.is_worse(before)):
+        if not system.is_up():
+            raise system.GoingDownError("the machine goes down: whoever recovers goes back")
         return _go_back(folders, version, number, why)
     outcome = Outcome(number, version, "installed", f"{version} runs" if runs else version)
     folders.note(replace(folders.ledger.accepted(version, old, floor), outcome=outcome))
