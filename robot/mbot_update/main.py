@@ -13,6 +13,7 @@ from mbot_protocol.errors import MbotError, RefusedError
 from mbot_protocol.release_ledger import Outcome
 from mbot_update import update_steps
 from mbot_update.release_folders import ReleaseFolders
+from mbot_update.system import GoingDownError
 
 ACTIONS = ("work", "install", "adopt", "recover", "put-back", "rollback", "releases")
 
@@ -35,7 +36,7 @@ def main() -> int:
     except MbotError as error:
         print(f"mbot-agent: {error}", file=sys.stderr)
         return 0 if arguments.action == "put-back" else error.exit_code
-    except OSError as error:
+    except (OSError, GoingDownError) as error:
         print(f"mbot-agent: {error}", file=sys.stderr)
         return 1
     if outcome is None:

@@ -23,6 +23,13 @@ WRONG_CONFIGURATION = 2
 """The daemon's exit status for it."""
 
 
+UP = ("initializing", "starting", "running", "degraded", "maintenance")
+
+
+class GoingDownError(Exception):
+    """The machine is shutting down: nothing that fails now tells anything about a release."""
+
+
 @dataclass(frozen=True, slots=True)
 class Service:
     """The daemon, as systemd has it.
@@ -66,6 +73,11 @@ def service() -> Service:
         found.get("Result", ""),
         int(found.get("ExecMainStatus") or 0),
     )
+
+
+def is_up() -> bool:
+    """Whether systemd answers, and not because it ends everything."""
+    return _run(["systemctl", "is-system-running"], 20).stdout.strip() in UP
 
 
 def reload_units() -> None:

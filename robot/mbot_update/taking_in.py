@@ -24,6 +24,15 @@ REQUEST, ARCHIVE = "request", "incoming.tar"
 _LARGEST_REQUEST_BYTES = 64
 
 
+def is_asked(folders: ReleaseFolders) -> bool:
+    """Whether there is anything in the inbox to be judged."""
+    try:
+        with _inbox(folders) as inbox:
+            return REQUEST in os.listdir(inbox)  # noqa: PTH208 (a descriptor)
+    except RefusedError:
+        return folders.inbox.is_symlink()
+
+
 def open_request(folders: ReleaseFolders) -> tuple[str, IO[bytes]]:
     """The number of the request in the daemon's inbox, and the archive it is for.
 

@@ -20,6 +20,8 @@ DIED = "it died again and again after it had been accepted"
 def work(folders: ReleaseFolders) -> Outcome:
     """Carry out the daemon's request, if there is one; what became of it."""
     recover(folders)
+    if not taking_in.is_asked(folders):  # it has been given up, as after a power cut
+        return folders.ledger.outcome
     try:
         number, archive = taking_in.open_request(folders)
     except RefusedError as error:
@@ -76,6 +78,8 @@ def change_over(folders: ReleaseFolders, version: str, number: str = "", floor: 
     system.reload_units()
     runs = before.state in ("active", "activating", "reloading")
     if runs and old and (why := health_gate.is_worse(before)):
+        if not system.is_up():
+            raise system.GoingDownError("the machine goes down: whoever recovers goes back")
         return _go_back(folders, version, number, why)
     outcome = Outcome(number, version, "installed", f"{version} runs" if runs else version)
     folders.note(replace(folders.ledger.accepted(version, old, floor), outcome=outcome))

@@ -62,6 +62,7 @@ class FakeSystem:
         starts: whether a version gets READY.
         tried: why `mbot-agent try` of a version fails; empty: it does not.
         service: what systemd says now.
+        up: whether the machine is not shutting down.
         restarted: versions, in the order in which they were restarted.
 
     """
@@ -71,6 +72,7 @@ class FakeSystem:
     starts: Callable[[str], bool] = lambda _: True
     tried: dict[str, str] = field(default_factory=dict[str, str])
     service: Service = HEALTHY
+    up: bool = True
     restarted: list[str] = field(default_factory=list[str])
 
     def build(self, command: list[str], _: float) -> str:
@@ -117,6 +119,7 @@ class Robot:
         monkeypatch.setattr(system, "as_daemon", self.system.as_daemon)
         monkeypatch.setattr(system, "computer", self.system.computer)
         monkeypatch.setattr(system, "service", self.system.show)
+        monkeypatch.setattr(system, "is_up", lambda: self.system.up)
         monkeypatch.setattr(system, "reload_units", self.system.nothing)
         monkeypatch.setattr(health_gate, "STAYS_S", 0.0)
         monkeypatch.setattr(health_gate, "HEALTHY_WITHIN_S", 0.3)

@@ -160,3 +160,26 @@ def test_the_user_exists_and_has_the_groups_of_the_service(tmp_path: Path) -> No
     members = dict(line.split(":")[::3] for line in (etc / "group").read_text().splitlines())
     for group in words("SupplementaryGroups"):
         assert members[group] == user[0]
+
+
+def test_the_updaters_units_are_faultless_and_make_no_cycle(tmp_path: Path) -> None:
+    """All of them together, as at boot; systemd would drop one of a cycle without an error."""
+    for unit in UNIT.parent.glob("mbot-agent*"):
+        text = unit.read_text()
+        for program in ("/opt/mbot-agent/current/venv/bin/mbot-agent", "/usr/bin/python3"):
+            text = text.replace(program, "/bin/true")
+        (tmp_path / unit.name).write_text(text)
+    units = sorted(tmp_path.iterdir())
+    assert len(units) == 5
+    (tmp_path / "all.target").write_text(
+        "[Unit]\nWants=multi-user.target " + " ".join(unit.name for unit in units) + "\n"
+    )
+    result = subprocess.run(
+        [systemd_tool("systemd-analyze"), "verify", "--man=no", "all.target", *units],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=tmp_path,
+    )
+    told = [line for line in (result.stdout + result.stderr).splitlines() if "mbot-agent" in line]
+    assert told == []

@@ -9,7 +9,7 @@ import pytest
 from mbot_protocol import atomic_file
 from mbot_protocol.errors import RefusedError
 from mbot_protocol.release_ledger import BUSY
-from mbot_update import release_folders, taking_in, update_steps
+from mbot_update import release_folders, system, taking_in, update_steps
 
 from .release_bench import HEALTHY, SPARE, Robot, archive
 
@@ -61,6 +61,30 @@ def test_a_good_release_takes_the_place_of_the_old_one(robot: Robot, tmp_path: P
     assert robot.system.restarted == ["0.2"]
     assert list(robot.folders.inbox.iterdir()) == []
     assert not robot.folders.incoming.exists()
+
+
+def test_what_a_power_cut_has_cut_off_is_given_up_and_said(robot: Robot, tmp_path: Path) -> None:
+    robot.receives(archive(tmp_path))
+    busy = replace(robot.folders.ledger.outcome, request="a1", phase="checking")
+    robot.folders.note(replace(robot.folders.ledger, outcome=busy))
+    outcome = update_steps.work(robot.folders)
+    assert (outcome.request, outcome.phase) == ("a1", "failed")
+    assert "interrupted while checking; 0.1 runs: try again" in outcome.detail
+    assert update_steps.work(robot.folders) == outcome
+    assert list(robot.folders.inbox.iterdir()) == []
+
+
+def test_a_shutdown_in_mid_trial_is_not_held_against_the_release(
+    robot: Robot, tmp_path: Path
+) -> None:
+    robot.system.starts, robot.system.up = lambda _: False, False
+    robot.receives(archive(tmp_path))
+    with pytest.raises(system.GoingDownError):
+        update_steps.work(robot.folders)
+    update_steps.recover(robot.folders)
+    assert robot.folders.current == "0.1"
+    assert robot.folders.ledger.rejected == {}
+    assert robot.folders.ledger.outcome.phase == "failed"
 
 
 def test_the_spare_key_is_as_good(robot: Robot, tmp_path: Path) -> None:
