@@ -69,7 +69,8 @@ MISTAKES = (
         "an action of the daemon misspelt",
         "mbot-agent chek",
         "mbot-agent: argument action: invalid choice: 'chek' (choose from run, check, "
-        "stop-motors, decide); did you mean check? see `mbot-agent --help`",
+        "stop-motors, decide, try, releases, rollback); did you mean check? see "
+        "`mbot-agent --help`",
     ),
     Mistake(
         "an option of the daemon misspelt",
