@@ -86,7 +86,7 @@ def test_a_study_becomes_a_page_and_a_picture(tmp_path: Path) -> None:
     assert cv2.imread(str(tmp_path / "handicap.png")) is not None
     invoke(TOLERANCE, *options, "--pair", "track_scale:fov_scale", "--cells", "2")
     page = (tmp_path / "tolerance.md").read_text()
-    assert "## track_scale and fov_scale" in page
+    assert "## Track and field of view" in page
     assert "| **1.3** |" in page
     assert cv2.imread(str(tmp_path / "tolerance.png")) is not None
 
