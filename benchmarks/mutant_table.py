@@ -34,6 +34,9 @@ HELM = f"{ROBOT}/helm.py"
 LOOP = f"{ROBOT}/control_loop.py"
 SERVICE = f"{ROBOT}/command_service.py"
 TRUST = f"{ROBOT}/models/trust.py"
+UPDATER = "robot/mbot_update"
+WORKSTATION = "workstation/mbot_workstation"
+W = "tests/workstation"
 
 MUTANTS = (
     Mutant(
@@ -511,5 +514,99 @@ MUTANTS = (
         "        self._segment.sync()\n",
         "        pass\n",
         f"{T}/test_recorder.py::test_a_beat_is_on_the_card_within_a_second_though_no_other_follows",
+    ),
+    Mutant(
+        "an order to move is taken during an update",
+        SERVICE,
+        "        if self._updating():",
+        "        if False:",
+        f"{T}/test_command_service.py::test_an_update_takes_no_order_but_a_stop",
+    ),
+    Mutant(
+        "anybody's signature is good under a release",
+        f"{PROTOCOL}/release_manifest.py",
+        "if not has_signed(key, _DOMAIN + data, signature):",
+        "if False:",
+        "tests/protocol/test_release_manifest.py::"
+        "test_other_keys_changed_bytes_and_damaged_signatures_are_refused",
+    ),
+    Mutant(
+        "a file of a release may be another than was signed",
+        f"{PROTOCOL}/release_archive.py",
+        "if digest.hexdigest() != file.sha256:",
+        "if False:",
+        "tests/protocol/test_release_archive.py::test_any_changed_byte_is_noticed",
+    ),
+    Mutant(
+        "root follows a link in the daemon's inbox",
+        f"{UPDATER}/taking_in.py",
+        "flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC",
+        "flags = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC",
+        f"{T}/test_taking_in.py::test_links_and_devices_in_the_inbox_are_not_followed",
+    ),
+    Mutant(
+        "an armed robot is updated",
+        f"{UPDATER}/update_steps.py",
+        "    if before.is_armed:",
+        "    if False:",
+        f"{T}/test_update_steps.py::test_what_was_missing_before_is_not_held_against_it",
+    ),
+    Mutant(
+        "a power cut in mid-trial leaves the new release",
+        f"{UPDATER}/update_steps.py",
+        "replace(folders.ledger, came_from=old, outcome=trying)",
+        "replace(folders.ledger, outcome=trying)",
+        f"{T}/test_update_steps.py::"
+        "test_killed_at_any_step_a_whole_release_runs_and_the_next_update_works",
+    ),
+    Mutant(
+        "a release that was rolled back is taken again",
+        f"{PROTOCOL}/release_ledger.py",
+        "if manifest.version in ledger.rejected:",
+        "if False:",
+        "tests/protocol/test_release_ledger.py::test_refusals_name_the_reason",
+    ),
+    Mutant(
+        "a hand that has fallen silent holds ten times as long",
+        f"{WORKSTATION}/by_hand/hand.py",
+        "now_s - self._grip.arrived_s > FRESH_S:",
+        "now_s - self._grip.arrived_s > 10 * FRESH_S:",
+        f"{W}/test_hand.py::test_a_hand_holds_while_repeats_come_and_no_longer",
+    ),
+    Mutant(
+        "a hand's old repeats count",
+        f"{WORKSTATION}/by_hand/hand.py",
+        "if travel_s - fastest_s > HELD_UP_S:",
+        "if False:",
+        f"{W}/test_hand.py::test_a_heap_of_old_repeats_after_a_tunnel_that_hung_counts_for_nothing",
+    ),
+    Mutant(
+        "a hand that lets go is not passed on",
+        f"{WORKSTATION}/by_hand/hand_drive.py",
+        "            self._let_robot_go()\n",
+        "            self._driving = None\n",
+        f"{W}/test_hand.py::test_without_repeats_the_robot_is_let_go_once",
+    ),
+    Mutant(
+        "a hand takes hold after a stop that it has not seen",
+        f"{WORKSTATION}/link/remote_control.py",
+        "if status.last_stop.count != seen_stops:",
+        "if False:",
+        f"{W}/test_remote_control.py::"
+        "test_on_behalf_of_a_display_only_the_stop_that_it_showed_counts",
+    ),
+    Mutant(
+        "any page in the browser may drive",
+        f"{WORKSTATION}/console/door.py",
+        'if (acts or origin is not None) and origin != f"http://{host}":',
+        "if False:",
+        f"{W}/test_door.py::test_a_page_of_another_site_is_refused",
+    ),
+    Mutant(
+        "the console's token is not asked for",
+        f"{WORKSTATION}/console/door.py",
+        "if not secrets.compare_digest(given, self._token):",
+        "if False:",
+        f"{W}/test_door.py::test_without_the_token_nobody_gets_in",
     ),
 )

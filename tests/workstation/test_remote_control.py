@@ -71,6 +71,20 @@ def test_nobody_drives_on_through_somebodys_stop(robot: FakeRobot, control: Remo
     assert control.drive(0.5, 0.5, 300) == "manual"
 
 
+def test_on_behalf_of_a_display_only_the_stop_that_it_showed_counts(
+    robot: FakeRobot, control: RemoteControl
+) -> None:
+    control.catch_up(robot.stops)
+    assert control.drive(0.5, 0.5, 300) == "manual"
+    seen = robot.stops
+    robot.stops += 1
+    with pytest.raises(RefusedError, match="look, then do it again"):
+        control.catch_up(seen)
+    assert robot.names().count("command") == 1
+    control.catch_up(robot.stops)
+    assert control.drive(0.5, 0.5, 300) == "manual"
+
+
 def test_after_a_stop_of_ones_own_one_looks_again(robot: FakeRobot, control: RemoteControl) -> None:
     control.run()
     control.stop()
