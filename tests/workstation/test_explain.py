@@ -139,15 +139,17 @@ def test_a_recorded_policy_does_what_it_did_on_the_robot() -> None:
 def test_telemetry_tells_where_a_policy_began_anew(tmp_path: Path) -> None:
     path = tmp_path / "drive.mcap"
     with Recording(path, "mbot-1") as recording:
-        for number in (0, 1, 2, 4, 5, 6):  # 3 was lost
+        for number in (0, 1, 2, 4, 5, 6, 7, 8):  # 3 was lost
             made = decision(number)
+            if number == 8:
+                made.model_sha256 = "b" * 64  # another model from here on
             if number == 5:
                 made.ClearField("action")  # held: the policy was not asked
             recording.write(made)
             recording.write(picture(made.unix_time_ns))
     _, glances = recorded_glances(path, FULL_VIEW)
     on = (125 / 250, -62 / 250)
-    assert [glance.told for glance in glances] == [None, on, on, None, None, None]
+    assert [glance.told for glance in glances] == [None, on, on, None, None, None, on, None]
 
 
 def test_the_example_frames_show_what_they_say() -> None:

@@ -112,22 +112,12 @@ def ask_passphrase(name: str) -> str:
 def _push_with_bar(
     link: "RobotLink", model: "CheckedModel", sign_with: str, allow_downgrade: bool
 ) -> "Pushed":
-    from rich.console import Console
-    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
-
+    from mbot_workstation.commands.transfer_bar import transfer_bar
     from mbot_workstation.models.key_choice import chooser
     from mbot_workstation.models.key_folder import KeyFolder
     from mbot_workstation.models.push import push_checked
 
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn())
-    with Progress(
-        *columns,
-        TransferSpeedColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    ) as progress:
+    with transfer_bar() as progress:
         task = progress.add_task(f"sending to {link.robot_id}", total=len(model.data))
 
         def ask(name: str) -> str:

@@ -58,20 +58,10 @@ def update(options: UpdateOptions) -> None:
 
 
 def _update_with_bar(link: "RobotLink", release: "CheckedRelease") -> "ReleaseUpdate":
-    from rich.console import Console
-    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
-
+    from mbot_workstation.commands.transfer_bar import transfer_bar
     from mbot_workstation.releases.send_release import send, wait_for_outcome
 
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn())
-    with Progress(
-        *columns,
-        TransferSpeedColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    ) as progress:
+    with transfer_bar() as progress:
         task = progress.add_task(f"sending to {link.robot_id}", total=release.size_bytes)
         push_id = send(link, release, lambda sent, _: progress.update(task, completed=sent))
 

@@ -49,7 +49,9 @@ class TrimTrial:
 
     def fields(self) -> dict[str, Any]:
         """As JSON takes it."""
-        return msgspec.to_builtins(self) | {"chosen": ["alone", "straight"][self.is_better_trimmed]}
+        return msgspec.to_builtins(self) | {
+            "chosen": "trimmed" if self.is_better_trimmed else "alone"
+        }
 
 
 def try_trim(
