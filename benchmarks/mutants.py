@@ -100,6 +100,8 @@ def main() -> int:
         return 1
     alive = judge(mutants)
     took_s = time.monotonic() - began_s
+    for mutant, why in alive:
+        print(f"SURVIVES {mutant.name} ({mutant.test}): {why}")
     print(f"{len(mutants) - len(alive)} of {len(mutants)} mutants killed in {took_s:.0f} s")
     return 1 if alive else 0
 
