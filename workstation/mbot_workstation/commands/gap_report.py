@@ -8,8 +8,8 @@ from mbot_protocol import atomic_file
 from mbot_workstation.commands.link_options import json_option
 from mbot_workstation.commands.options import argument, option, output_file, with_options
 
-SHIPPED_MAP = Path("models/tolerance.json")
-"""In the checkout, beside the policy it is of."""
+SHIPPED_MAP = Path(__file__).parents[3] / "models" / "tolerance.json"
+"""In the checkout, wherever the command is called, beside the policy it is of."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

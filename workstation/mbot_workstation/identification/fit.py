@@ -36,6 +36,21 @@ ends that goes to and fro."""
 SETTLED = 0.1
 """Of a parameter's standard deviation: a round that moves none by more is the last."""
 
+FRICTIONLESS: dict[str, float] = {
+    "left_dry_friction": 0,
+    "right_dry_friction": 0,
+    "rolling_drag_n": 0,
+    "turning_drag_n_m": 0,
+}
+STARTS: tuple[tuple[dict[str, float], float], ...] = (
+    ({}, 1.0),
+    (FRICTIONLESS, 1.0),
+    (FRICTIONLESS, 0.5),
+)
+"""What differs from what is usual, and the grip against the usual one. Friction that holds a wheel
+and a floor that lets it slip are not smooth: from what is usual alone four of five drives of a robot
+without friction descended into a valley of too much drag, the cost a third above the other one's."""
+
 FADE_OF_SCATTER = 6**0.5
 """A battery that fades evenly over the runs makes them scatter by its fade over the root of 12.
 Half of the variance that both motors have in common is taken for the battery's; the floor and the
@@ -105,11 +120,16 @@ class _Fit:
 
     @classmethod
     def begin(cls, data: Data, chosen: Sequence[int], bar: "_Bar") -> "_Fit":
-        """Fit some runs from what is usual."""
-        problem = data.problem(chosen, TOLD_BY_DRIVING)
-        middle = {name: usual(data.robot, name) for name in TOLD_BY_DRIVING}
-        state = begun(problem, with_values(data.robot, middle | dict(data.guessed)))
-        return cls(problem, state, Scatter(), data.noise())._settled(bar)
+        """Fit some runs from each of the starts; the likeliest robot wins."""
+        problem, noise = data.problem(chosen, TOLD_BY_DRIVING), data.noise()
+        middle = {name: usual(data.robot, name) for name in TOLD_BY_DRIVING} | dict(data.guessed)
+        found: list[_Fit] = []
+        for differs, grip in STARTS:
+            start = middle | differs | {"wheel_friction": grip * middle["wheel_friction"]}
+            state = begun(problem, with_values(data.robot, start))
+            found.append(cls(problem, state, Scatter(), noise)._settled(bar))
+        alike = Solver(problem, Scatter(), noise)  # each has learned a scatter of its own
+        return min(found, key=lambda one: alike.judge(one.solution.state).cost)
 
     @classmethod
     def go_on(
@@ -142,7 +162,7 @@ class _Bar:
 
     def __init__(self, advance: Advance | None) -> None:
         self._advance, self._done = advance, 0
-        self._all = 2 * MOST_ROUNDS
+        self._all = (len(STARTS) + 1) * MOST_ROUNDS
 
     def count(self, rounds: int = 1) -> None:
         self._done += rounds
