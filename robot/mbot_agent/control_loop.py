@@ -228,7 +228,7 @@ class ControlLoop:
         if before != (tick.state, tick.faults) and tick.state is State.FAULT:
             log.warning("not driving: %s", "; ".join(fault.detail for fault in tick.faults))
         elif before[0] is not tick.state:
-            log.info("now %s", tick.state.value)
+            log.info("now %s%s", tick.state.value, ": let go" if tick.hand_let_go else "")
         for subscriber in self._subscribers:
             subscriber(tick)
 

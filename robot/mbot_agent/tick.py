@@ -86,6 +86,11 @@ class Tick:
         return self.orders.stop.count
 
     @property
+    def hand_let_go(self) -> bool:
+        """Whether it stands because a hand's drive has ended."""
+        return self.orders.let_go_ns != 0
+
+    @property
     def state(self) -> State:
         """What the robot does."""
         return state_of(self.orders.mode, self.faults)

@@ -104,6 +104,7 @@ def test_a_key_drives_while_it_is_held(page: Page, board: FakeBoard, daemon: Dae
     expect(page.locator("#state")).to_have_text("manual")
     page.keyboard.up("KeyW")
     assert until(lambda: stands(board), LET_GO_WITHIN_S)
+    expect(page.locator("#headline")).to_contain_text("Standing, the hand let go")
     assert until(lambda: not daemon.status().last_stop.by)
     assert daemon.status().last_stop.count == 1, "to let go is no STOP"
 

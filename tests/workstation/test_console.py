@@ -252,6 +252,9 @@ def test_each_state_is_told_in_words() -> None:
     stop.why, stop.by = "the picture stands still", ""
     status = Status(state=State.STATE_STOPPED, last_stop=stop, now_monotonic_ns=61_000_000_000)
     assert shown(status)["headline"] == "Standing, stopped 60 s ago (the picture stands still)"
+    status.let_go_monotonic_ns = 60_000_000_000
+    assert shown(status)["headline"] == "Standing, the hand let go 1.0 s ago"
+    assert "the picture stands still" in shown(status)["stop_words"], "of the last stop, as ever"
     heads = {shown(Status(state=State.Name(state)))["headline"] for state in State.values()}
     assert len(heads) == len(State.values())
 

@@ -19,7 +19,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.recordings.recorded_drive import RecordedDrive
 from mbot_workstation.recordings.stage_times import span_ms
-from mbot_workstation.wording import one_line, short_digest, state_word
+from mbot_workstation.wording import decision_state, one_line, short_digest
 
 APPLICATION = "mbot"
 LATENCIES = ("frame to motors", "observe", "decide", "tick late by")
@@ -157,7 +157,7 @@ def changes(before: Decision | None, now: Decision) -> list[tuple[str, str]]:
     if before is None or before.model_sha256 != now.model_sha256:
         found.append(("INFO", f"model {short_digest(now.model_sha256)}"))
     if before is None or before.state != now.state:
-        found.append(("INFO", f"now {state_word(now.state)}"))
+        found.append(("INFO", f"now {decision_state(now)}"))
     known = {fault.kind for fault in before.faults} if before is not None else set[str]()
     found += [
         ("ERROR", f"{one_line(fault.kind)}: {one_line(fault.detail)}")

@@ -39,6 +39,7 @@ class RobotReport:
             "address": self.address,
             "robot_id": self.robot_id or None,
             "state": state_word(status.state) if known else None,
+            "hand_let_go": bool(status.let_go_monotonic_ns) if known else None,
             "faults": [{"kind": f.kind, "detail": f.detail} for f in status.faults],
             "notices": [{"kind": n.kind, "detail": n.detail} for n in status.notices],
             "accepts_unsigned_models": status.accepts_unsigned_models if known else None,
