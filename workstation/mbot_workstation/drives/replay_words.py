@@ -20,6 +20,21 @@ COLUMNS = 6
 
 def lines(found: Replay) -> Iterator[str]:
     """What a person wants to know, most important first."""
+    yield from summary(found)
+    if differing := rows(found, MOST_ROWS):
+        yield ""
+        yield "     time  beat      then              now               differs by"
+        yield from (_row(one) for one in differing)
+
+
+def rows(found: Replay, most: int) -> list[Redecided]:
+    """The decisions that differ most and enough to be named, in the order of their making."""
+    worth = 0.0 if found.same_model else NOTABLE
+    return [one for one in worst(found.decisions, most) if one.difference > worth]
+
+
+def summary(found: Replay) -> Iterator[str]:
+    """How much differs, without the single decisions."""
     count, model = len(found.decisions), short_digest(found.model_sha256)
     yield f"{found.drive.name}: {count} decisions"
     if found.same_model:
@@ -43,23 +58,23 @@ def lines(found: Replay) -> Iterator[str]:
         yield f"  {failed} end in a failure of the model"
     if found.left_out:
         yield f"  {found.left_out} are left out: their picture is not in the recording"
-    rows = [one for one in worst(found.decisions, MOST_ROWS) if one.difference > _worth(found)]
-    if rows:
-        yield ""
-        yield "     time  beat      then              now               differs by"
-        yield from (_row(one) for one in rows)
-
-
-def _worth(found: Replay) -> float:
-    return 0.0 if found.same_model else NOTABLE
 
 
 def _row(one: Redecided) -> str:
-    start = f"{one.since_s:7.1f} s  {one.beat.decision.sequence:<8d}"
-    then = f"{_wheels(one.action_then)}   "
-    if one.failure:
-        return f"{start}{then}{one_line(one.failure)[:40]}"
-    return f"{start}{then}{_wheels(one.action)}   {one.difference:.2g}"
+    time, beat, then, now, differs = cells(one)
+    return f"{time:>9s}  {beat:<8s}{then}   {now[:40]}   {differs}".rstrip()
+
+
+def cells(one: Redecided) -> tuple[str, str, str, str, str]:
+    """One decision in words: time, beat, action then and now (or why none), difference."""
+    failed = bool(one.failure)
+    return (
+        f"{one.since_s:.1f} s",
+        str(one.beat.decision.sequence),
+        _wheels(one.action_then),
+        one_line(one.failure) if failed else _wheels(one.action),
+        "" if failed else f"{one.difference:.2g}",
+    )
 
 
 def _wheels(action: tuple[float, float]) -> str:

@@ -17,6 +17,8 @@ from mbot_workstation.recordings.recorded_drive import Beat, RecordedDrive
 TOLERANCE = 1e-5
 """Of an action on another processor, whose float32 adds up in another order."""
 
+MODEL_PLACES = ("*.onnx", "models/*.onnx", "runs/*/*.onnx")
+
 Progress = Callable[[int, int], None]
 Wheels = tuple[float, float]
 
@@ -108,6 +110,11 @@ class Replay:
         if self.same_processor:
             return self.exact == len(self.decisions)
         return self.largest_difference <= TOLERANCE
+
+
+def models_near(here: Path) -> list[Path]:
+    """Where a model that drove may lie, from a folder on."""
+    return [path for places in MODEL_PLACES for path in sorted(here.glob(places))]
 
 
 def replay(
