@@ -143,6 +143,7 @@ class ControlLoop:
             tick,
             captured_ns=frame.captured_ns,
             observation=observation,
+            view=self._pilot.view,
             observed_ns=time.monotonic_ns(),
         )
 

@@ -14,6 +14,7 @@ from mbot_agent.hardware import Delivery
 from mbot_protocol.actions import Steps
 from mbot_protocol.mcore import STOP, Joystick
 from mbot_protocol.picture import Picture
+from mbot_protocol.policy_contract import FieldOfView
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +52,7 @@ class Tick:
         model_sha256: the model in use; empty: none.
         captured_ns: when the frame was taken.
         observation: what the policy sees, shape (64, 64, 3), uint8, RGB.
+        view: the field of view that it shows.
         observed_ns: when that was ready.
         memory: what the policy went on with, if it was asked to drive; None: it began anew.
         action: what the policy answered, if it was asked to drive.
@@ -71,6 +73,7 @@ class Tick:
     model_sha256: str = ""
     captured_ns: int = 0
     observation: Picture | None = None
+    view: FieldOfView | None = None
     observed_ns: int = 0
     memory: Memory | None = None
     action: Action | None = None

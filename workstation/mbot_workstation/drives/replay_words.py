@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from mbot_protocol.picture import Picture
+from mbot_protocol.policy_contract import FieldOfView
 from mbot_workstation.drives.replayed_drive import TOLERANCE, Redecided, Replay
 from mbot_workstation.pictures.film_tile import Bar, Tile, strip_of
 from mbot_workstation.wording import one_line, short_digest
@@ -56,8 +57,24 @@ def summary(found: Replay) -> Iterator[str]:
             yield f"  half of all by less than {np.median(finite):.2g}"
     if failed := sum(bool(one.failure) for one in found.decisions):
         yield f"  {failed} end in a failure of the model"
+    for views in found.other_views:
+        yield from _view_words(*views)
     if found.left_out:
         yield f"  {found.left_out} are left out: their picture is not in the recording"
+
+
+def _view_words(shown: FieldOfView | None, wanted: FieldOfView) -> Iterator[str]:
+    wants = f"  it wants to see {_degrees(wanted)}"
+    if shown is None:
+        yield f"{wants};"
+        yield "  whether the pictures show that, this older recording does not say"
+    else:
+        yield f"{wants}, the pictures show {_degrees(shown)}:"
+        yield "  it would have seen others, so what differs here says little"
+
+
+def _degrees(view: FieldOfView) -> str:
+    return f"{view.horizontal_deg:g} x {view.vertical_deg:g} degrees"
 
 
 def _row(one: Redecided) -> str:
@@ -99,6 +116,10 @@ def fields(found: Replay) -> dict[str, object]:
         "same_motor_bytes": found.same_motor_bytes,
         "largest_difference": _finite(found.largest_difference),
         "left_out": found.left_out,
+        "other_views": [
+            {"shown_deg": _pair(shown), "wanted_deg": _pair(wanted)}
+            for shown, wanted in found.other_views
+        ],
         "as_expected": found.is_as_expected,
         "differing": [
             {
@@ -113,6 +134,10 @@ def fields(found: Replay) -> dict[str, object]:
             if not one.is_exact
         ],
     }
+
+
+def _pair(view: FieldOfView | None) -> list[float] | None:
+    return [view.horizontal_deg, view.vertical_deg] if view is not None else None
 
 
 def _finite(value: float) -> float | None:
