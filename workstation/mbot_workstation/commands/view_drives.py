@@ -162,6 +162,7 @@ def _bridge(options: ViewOptions) -> None:
 
     from mbot_protocol.errors import ConfigurationError
     from mbot_workstation.drives.foxglove_bridge import FoxgloveBridge
+    from mbot_workstation.drives.foxglove_layout import layout_file
     from mbot_workstation.telemetry.stream import TelemetryStream
 
     until_s = None if options.seconds is None else time.monotonic() + options.seconds
@@ -173,7 +174,8 @@ def _bridge(options: ViewOptions) -> None:
             )
         (link,) = links
         bridge = stack.enter_context(FoxgloveBridge(link.robot_id, options.foxglove_port))
-        print(f"open connection in Foxglove or Lichtblick: {bridge.address}", flush=True)
+        print(f"open connection in Foxglove or Lichtblick: {bridge.address}")
+        print(f"layout to import there: {layout_file(link.robot_id)}", flush=True)
         rate_hz = link.status().decision_rate_hz
         stream = stack.enter_context(TelemetryStream(link, rate_hz, camera=True))
         while until_s is None or time.monotonic() < until_s:
