@@ -3,17 +3,19 @@
 import base64
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import jinja2
 
 from mbot_protocol.actions import STEP_LIMIT
 from mbot_workstation.drives.drive_figures import DriveFigures, Latency
-from mbot_workstation.pictures.film_tile import TILE_PX, Bar, blank, caption_px, draw_tile
 from mbot_workstation.pictures.picture_file import encode_picture
 from mbot_workstation.wording import one_line, short_digest
 
 STRIP_TILES = 24
+"""Rows of 12, 8, 6 or 4 are full, whatever the page's width."""
+
 CHART_WIDTH, CHART_HEIGHT = 720, 120
 SHOWN = ("frame to motors", "decide", "tick late by")
 """Stages whose histograms are drawn; all of them stand in the table."""
@@ -21,7 +23,7 @@ SHOWN = ("frame to motors", "decide", "tick late by")
 MOST_POINTS = 1500
 """Of a wheel's line: more than pixels across."""
 
-JPEG_QUALITY = 88
+JPEG_QUALITY = 92
 
 
 def drive_page(drives: Sequence[DriveFigures]) -> str:
@@ -52,17 +54,31 @@ def drive_page(drives: Sequence[DriveFigures]) -> str:
     )
 
 
-def _strip(one: DriveFigures) -> list[str]:
-    """Pictures over the whole drive with both wheels, as addresses inside the page."""
-    found: list[str] = []
+@dataclass(frozen=True, slots=True)
+class Tile:
+    """One picture of the strip: an address inside the page, when, and both wheels in [-1, 1]."""
+
+    uri: str
+    since_s: float
+    left: float
+    right: float
+
+
+def _strip(one: DriveFigures) -> list[Tile]:
+    """Pictures over the whole drive, as the policy saw them: the page enlarges them."""
+    found: list[Tile] = []
     for beat in one.chosen(STRIP_TILES):
         picture, steps = beat.observation, beat.decision.steps
         if picture is not None:
-            bars = (Bar("L", steps.left / STEP_LIMIT), Bar("R", steps.right / STEP_LIMIT))
-            area = blank(TILE_PX + caption_px(len(bars)), TILE_PX)
-            draw_tile(area, picture, f"{one.drive.since_s(beat):.1f} s", bars)
-            encoded = base64.b64encode(encode_picture(area, ".jpg", JPEG_QUALITY)).decode()
-            found.append(f"data:image/jpeg;base64,{encoded}")
+            encoded = base64.b64encode(encode_picture(picture, ".jpg", JPEG_QUALITY)).decode()
+            found.append(
+                Tile(
+                    f"data:image/jpeg;base64,{encoded}",
+                    one.drive.since_s(beat),
+                    steps.left / STEP_LIMIT,
+                    steps.right / STEP_LIMIT,
+                )
+            )
     return found
 
 
