@@ -10,6 +10,7 @@ import jinja2
 
 from mbot_protocol.actions import STEP_LIMIT
 from mbot_workstation.drives.drive_figures import DriveFigures, Latency
+from mbot_workstation.drives.driven_path import DrivenPath, Place, Point
 from mbot_workstation.pictures.picture_file import encode_picture
 from mbot_workstation.wording import one_line, short_digest
 
@@ -20,14 +21,22 @@ CHART_WIDTH, CHART_HEIGHT = 720, 120
 SHOWN = ("frame to motors", "decide", "tick late by")
 """Stages whose histograms are drawn; all of them stand in the table."""
 
+MAP_MARGIN_M = 0.25
+
 MOST_POINTS = 1500
 """Of a wheel's line: more than pixels across."""
 
 JPEG_QUALITY = 92
 
 
-def drive_page(drives: Sequence[DriveFigures]) -> str:
-    """The whole page: one drive, or several below one another on the same scales."""
+def drive_page(drives: Sequence[DriveFigures], places: Sequence[Place] = ()) -> str:
+    """The whole page: one drive, or several below one another on the same scales.
+
+    Args:
+        drives: what happened in each.
+        places: where a robot was and when, as far as that is known; each drive takes its own time.
+
+    """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent),
         autoescape=True,
@@ -41,6 +50,7 @@ def drive_page(drives: Sequence[DriveFigures]) -> str:
         drives=drives,
         strips=[_strip(one) for one in drives],
         lines=[_lines(one) for one in drives],
+        maps=[_map(one, places) for one in drives],
         histograms=[
             [
                 (latency, _bars(latency, longest_ms[latency.name]), longest_ms[latency.name])
@@ -80,6 +90,55 @@ def _strip(one: DriveFigures) -> list[Tile]:
                 )
             )
     return found
+
+
+@dataclass(frozen=True, slots=True)
+class Map:
+    """A path from above, in metres, y down as SVG has it.
+
+    Attributes:
+        left, top, width, height: what is shown.
+        strips: points of polylines.
+        begin, end: of the path.
+        targets: places of the object.
+
+    """
+
+    left: float
+    top: float
+    width: float
+    height: float
+    strips: tuple[str, ...]
+    begin: Point
+    end: Point
+    targets: tuple[Point, ...]
+
+
+def _map(one: DriveFigures, places: Sequence[Place]) -> Map | None:
+    """A drive's own part of a path; None where nothing is known of it."""
+    first, last = (one.drive.beats[index].decision.unix_time_ns for index in (0, -1))
+    driven, targets = DrivenPath(longest=None), dict[Point, None]()
+    for place in places:
+        if first <= place.unix_time_ns <= last:
+            driven.add(place)
+            x_m, y_m = place.target
+            targets[round(x_m, 2), round(-y_m, 2)] = None
+    strips = [[(x_m, -y_m) for x_m, y_m in strip] for strip in driven.strips]
+    if not strips:
+        return None
+    points = [point for strip in strips for point in strip]
+    seen_x, seen_y = zip(*points, *targets, strict=True)
+    left, top = min(seen_x) - MAP_MARGIN_M, min(seen_y) - MAP_MARGIN_M
+    return Map(
+        left,
+        top,
+        max(seen_x) + MAP_MARGIN_M - left,
+        max(seen_y) + MAP_MARGIN_M - top,
+        tuple(" ".join(f"{x:.3f},{y:.3f}" for x, y in strip) for strip in strips),
+        points[0],
+        points[-1],
+        tuple(targets),
+    )
 
 
 def _lines(one: DriveFigures) -> dict[str, str]:

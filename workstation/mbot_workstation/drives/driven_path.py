@@ -9,7 +9,7 @@ from pathlib import Path
 from mbot_protocol.errors import ConfigurationError
 
 LONGEST_PATH = 2000
-"""Points: 200 s at the file's rate; a longer path is thinned out from its beginning."""
+"""Points that are drawn live: 200 s at the file's rate; then the beginning is forgotten."""
 
 _JUMP_M = 0.3
 """Between two points a robot drives 4 cm; further is somebody who carried it."""
@@ -78,11 +78,21 @@ class PathFile:
         return Place(round(time_s * 1e9), (x_m, y_m), yaw_rad, (target_x_m, target_y_m))
 
 
+def read_path(path: Path) -> list[Place]:
+    """A whole file, as far as it is written; raises ConfigurationError as `PathFile`."""
+    file = PathFile(path)
+    try:
+        return file.read()
+    finally:
+        file.close()
+
+
 class DrivenPath:
     """The path so far, as lines to be drawn: a robot that is carried draws none."""
 
-    def __init__(self) -> None:
-        self._points: deque[Point] = deque(maxlen=LONGEST_PATH)
+    def __init__(self, longest: int | None = LONGEST_PATH) -> None:
+        """Begin; of a longer path the beginning is forgotten, unless it is None."""
+        self._points: deque[Point] = deque(maxlen=longest)
 
     def add(self, place: Place) -> None:
         """Take in one moment."""

@@ -28,6 +28,9 @@ APPLICATION = "mbot"
 LATENCIES = ("frame to motors", "observe", "decide", "tick late by")
 LOOPBACK = "127.0.0.1"
 AHEAD_M = 0.2
+MAP_M = 2.0
+"""What the map shows at first, from the middle on; it can be moved and zoomed."""
+
 ROBOT_COLOR, TARGET_COLOR, PATH_COLOR = (90, 170, 255), (220, 50, 50), (230, 170, 60)
 START_WAIT_S = 20.0
 MEMORY_LIMIT = "512MiB"
@@ -207,7 +210,10 @@ def _listens(port: int) -> bool:
 
 def _robot_view(layout: Any, robot: str, has_map: bool) -> Any:
     """One robot's part of the window: picture, map and log on the left, lines on the right."""
-    map_view = layout.Spatial2DView(origin=f"{robot}/map", name="path, metres")
+    bounds = layout.VisualBounds2D(x_range=(-MAP_M, MAP_M), y_range=(-MAP_M, MAP_M))
+    map_view = layout.Spatial2DView(
+        origin=f"{robot}/map", name="path, metres", visual_bounds=bounds
+    )
     return layout.Horizontal(
         layout.Vertical(
             layout.Horizontal(
