@@ -52,7 +52,6 @@ class Tick:
         model_sha256: the model in use; empty: none.
         captured_ns: when the frame was taken.
         observation: what the policy sees, shape (64, 64, 3), uint8, RGB.
-        view: the field of view that it shows.
         observed_ns: when that was ready.
         memory: what the policy went on with, if it was asked to drive; None: it began anew.
         action: what the policy answered, if it was asked to drive.
@@ -61,6 +60,7 @@ class Tick:
         joystick: what the board was given; STOP if nothing.
         delivery: the board's acknowledgement.
         by_hand: what the board is told while a person drives; STOP otherwise.
+        view: the field of view that the observation shows.
 
     """
 
@@ -73,7 +73,6 @@ class Tick:
     model_sha256: str = ""
     captured_ns: int = 0
     observation: Picture | None = None
-    view: FieldOfView | None = None
     observed_ns: int = 0
     memory: Memory | None = None
     action: Action | None = None
@@ -82,6 +81,7 @@ class Tick:
     joystick: Joystick = STOP
     delivery: Delivery | None = None
     by_hand: Joystick = STOP
+    view: FieldOfView | None = None
 
     @property
     def stop_count(self) -> int:

@@ -17,7 +17,7 @@ from .console_pictures import PATH_NAME, driven_robot
 from .processes import free_port
 
 WATCHED_S = 20.0
-DRAWN_AFTER_MS = 30_000
+DRAWN_AFTER_MS = 75_000
 """WebGL without a graphics card."""
 
 WEBGL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")

@@ -28,7 +28,7 @@ APPLICATION = "mbot"
 LATENCIES = ("frame to motors", "observe", "decide", "tick late by")
 LOOPBACK = "127.0.0.1"
 AHEAD_M = 0.2
-MAP_M = 2.0
+MAP_M = 1.5
 """What the map shows at first, from the middle on; it can be moved and zoomed."""
 
 ROBOT_COLOR, TARGET_COLOR, PATH_COLOR = (90, 170, 255), (220, 50, 50), (230, 170, 60)
@@ -161,7 +161,7 @@ class RerunView:
         (x_m, y_m), (target_x_m, target_y_m) = place.robot, place.target
         ahead = math.cos(place.yaw_rad) * AHEAD_M, -math.sin(place.yaw_rad) * AHEAD_M
         arrow = self._rerun.Arrows2D(
-            origins=[(x_m, -y_m)], vectors=[ahead], colors=[ROBOT_COLOR], radii=0.015
+            origins=[(x_m, -y_m)], vectors=[ahead], colors=[ROBOT_COLOR], radii=0.03
         )
         self._stream.log(f"{robot}/map/robot", arrow)
         box = self._rerun.Boxes2D(
@@ -173,7 +173,7 @@ class RerunView:
         """The lines it has driven so far."""
         self._at(time_ns)
         lines = [[(x_m, -y_m) for x_m, y_m in strip] for strip in strips]
-        drawn = self._rerun.LineStrips2D(lines, colors=[PATH_COLOR] * len(lines), radii=0.006)
+        drawn = self._rerun.LineStrips2D(lines, colors=[PATH_COLOR] * len(lines), radii=0.012)
         self._stream.log(f"{robot}/map/path", drawn)
 
     def _at(self, time_ns: int) -> None:
