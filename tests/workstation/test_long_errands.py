@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import anyio
+import anyio.to_thread
 import pytest
 from starlette.applications import Starlette
 from starlette.requests import Request
@@ -128,8 +129,10 @@ def test_only_what_the_robot_lists_is_fetched(errands: LongErrands, drive: str) 
             errands.fetch(name, lambda _line: None)
 
 
-def asked(work: Any, *, hang_up_after: int | None = None) -> list[Line]:
-    """What a page hears of this work; it may go after so many lines."""
+def asked(
+    work: Any, *, hang_up_after: int | None = None, ended: threading.Event | None = None
+) -> list[Line]:
+    """What a page hears of this work; it may go after so many lines, and the server stays on."""
     pool = ThreadPoolExecutor(1)
 
     async def answer(_: Request) -> Response:
@@ -153,6 +156,9 @@ def asked(work: Any, *, hang_up_after: int | None = None) -> list[Line]:
         app = Starlette(routes=[Route("/", answer)])
         scope = {"type": "http", "method": "GET", "path": "/", "headers": [], "query_string": b""}
         await app(scope, receive, send)
+        if ended is not None:
+            await anyio.to_thread.run_sync(ended.wait, 10)
+            heard.append({"ended": ended.is_set()})
 
     anyio.run(ask)
     pool.shutdown()
@@ -192,5 +198,4 @@ def test_work_ends_with_the_page() -> None:
             raise
         return {}
 
-    asked(endless, hang_up_after=3)
-    assert ended.is_set()
+    assert asked(endless, hang_up_after=3, ended=ended)[-1] == {"ended": True}
