@@ -214,7 +214,7 @@ MUTANTS = (
     Mutant(
         "a stop leaves a decision that was begun in force",
         ARMING,
-        "return replace(self, mode=Mode.STOPPED, epoch=self.epoch + 1, stop=stop)",
+        "return replace(self._to(Mode.STOPPED), stop=stop)",
         "return replace(self, mode=Mode.STOPPED, stop=stop)",
         f"{T}/test_arming.py::test_a_stop_outdates_what_was_begun_before_it",
     ),
@@ -250,8 +250,8 @@ MUTANTS = (
     Mutant(
         "the hand never lets go",
         HELM,
-        "over = time.monotonic_ns() >= self._manual_until_ns",
-        "over = False",
+        "self._orders.mode is Mode.MANUAL and now_ns >= self._manual_until_ns",
+        "False",
         f"{T}/test_helm.py::test_a_hand_that_lets_go_has_stopped",
     ),
     Mutant(

@@ -76,12 +76,14 @@ class Orders:
         mode: what is wanted.
         epoch: changes before this one: a decision begun under another epoch is outdated.
         stop: the last stop.
+        let_go_ns: when the hand let go (monotonic), while that is why the robot stands; else 0.
 
     """
 
     mode: Mode
     epoch: int = 0
     stop: Stop = Stop()
+    let_go_ns: int = 0
 
     @property
     def is_armed(self) -> bool:
@@ -105,17 +107,19 @@ class Orders:
         """Nothing is in the way any more of a robot that was told to wait for that."""
         return self._to(Mode.RUNNING) if self.mode is Mode.WAITING else self
 
-    def released(self) -> "Orders":
+    def released(self, now_ns: int) -> "Orders":
         """The hand has let go: a new `drive` may follow, nothing else moves."""
-        return self._to(Mode.STOPPED) if self.mode is Mode.MANUAL else self
+        if self.mode is not Mode.MANUAL:
+            return self
+        return replace(self._to(Mode.STOPPED), let_go_ns=now_ns)
 
     def stopped(self, now_ns: int, *, by: str = "", why: str = "") -> "Orders":
         """Disarmed, by a person or for a reason; what was sent before is refused from now on."""
         stop = Stop(self.stop.count + 1, by, why, now_ns)
-        return replace(self, mode=Mode.STOPPED, epoch=self.epoch + 1, stop=stop)
+        return replace(self._to(Mode.STOPPED), stop=stop)
 
     def _to(self, mode: Mode) -> "Orders":
-        return replace(self, mode=mode, epoch=self.epoch + 1)
+        return replace(self, mode=mode, epoch=self.epoch + 1, let_go_ns=0)
 
 
 class Hold:

@@ -112,6 +112,7 @@ class CommandService:
             right_motor=wire_motor(self._wheels.right),
             last_stop=wire_stop(orders.stop),
             release=self._release,
+            let_go_monotonic_ns=orders.let_go_ns,
         ).SerializeToString()
 
     def _camera_words(self) -> str:

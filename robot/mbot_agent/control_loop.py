@@ -143,6 +143,7 @@ class ControlLoop:
             tick,
             captured_ns=frame.captured_ns,
             observation=observation,
+            view=self._pilot.view,
             observed_ns=time.monotonic_ns(),
         )
 
@@ -228,7 +229,7 @@ class ControlLoop:
         if before != (tick.state, tick.faults) and tick.state is State.FAULT:
             log.warning("not driving: %s", "; ".join(fault.detail for fault in tick.faults))
         elif before[0] is not tick.state:
-            log.info("now %s", tick.state.value)
+            log.info("now %s%s", tick.state.value, ": let go" if tick.hand_let_go else "")
         for subscriber in self._subscribers:
             subscriber(tick)
 

@@ -112,8 +112,8 @@ class Helm:
     def end_manual_if_due(self) -> None:
         """A person who has let go has stopped driving."""
         with self._lock:
-            over = time.monotonic_ns() >= self._manual_until_ns
-            if self._orders.mode is Mode.MANUAL and over:
-                self._orders = self._orders.released()
+            now_ns = time.monotonic_ns()
+            if self._orders.mode is Mode.MANUAL and now_ns >= self._manual_until_ns:
+                self._orders = self._orders.released(now_ns)
                 self._board.disarm()
                 self._board.stop()

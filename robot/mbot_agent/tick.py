@@ -14,6 +14,7 @@ from mbot_agent.hardware import Delivery
 from mbot_protocol.actions import Steps
 from mbot_protocol.mcore import STOP, Joystick
 from mbot_protocol.picture import Picture
+from mbot_protocol.policy_contract import FieldOfView
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +60,7 @@ class Tick:
         joystick: what the board was given; STOP if nothing.
         delivery: the board's acknowledgement.
         by_hand: what the board is told while a person drives; STOP otherwise.
+        view: the field of view that the observation shows.
 
     """
 
@@ -79,11 +81,17 @@ class Tick:
     joystick: Joystick = STOP
     delivery: Delivery | None = None
     by_hand: Joystick = STOP
+    view: FieldOfView | None = None
 
     @property
     def stop_count(self) -> int:
         """How many stops there had been when it began."""
         return self.orders.stop.count
+
+    @property
+    def hand_let_go(self) -> bool:
+        """Whether it stands because a hand's drive has ended."""
+        return self.orders.let_go_ns != 0
 
     @property
     def state(self) -> State:

@@ -19,6 +19,7 @@ from .processes import Daemon, until, workstation
 MODEL = Path(__file__).parents[2] / "models" / "red-cube.onnx"
 DESKTOP, PHONE = (1200, 820), (390, 844)
 STARTS_WITHIN_S = 60
+PATH_NAME = "path.jsonl"
 
 
 @contextmanager
@@ -29,7 +30,8 @@ def driven_robot() -> Iterator[Daemon]:
         daemon = Daemon(folder, str(folder / "board"))
         arguments = ("virtual-robot", "--board", str(folder / "board"))
         camera = ("--camera-port", str(daemon.camera_port))
-        with workstation(*arguments, *camera, log=folder / "robot.log") as robot:
+        path = ("--trajectory", str(folder / PATH_NAME))
+        with workstation(*arguments, *camera, *path, log=folder / "robot.log") as robot:
             assert until(lambda: "ready" in robot.output, STARTS_WITHIN_S), robot.output
             with daemon.start():
                 assert daemon.is_up()

@@ -8,6 +8,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from mbot_workstation.link.remote_control import RemoteControl
+from mbot_workstation.models.key_folder import KeyFolder
 
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
@@ -35,8 +36,17 @@ def chromium() -> Iterator[Browser]:
 
 
 @pytest.fixture
-def daemon(tmp_path: Path, board: FakeBoard) -> Iterator[Daemon]:
+def anna(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """The key of the person who opens the console, as a robot is told to trust it."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "hers"))
+    monkeypatch.chdir(tmp_path)
+    return KeyFolder().new("anna").line
+
+
+@pytest.fixture
+def daemon(tmp_path: Path, board: FakeBoard, anna: str) -> Iterator[Daemon]:
     made = Daemon(tmp_path, board.path)
+    made.config.write_text(made.config.read_text().replace('keys = ["', f'keys = ["{anna}", "'))
     with made.camera(), made.start():
         assert made.is_up()
         made.push(FORWARD)
@@ -104,6 +114,7 @@ def test_a_key_drives_while_it_is_held(page: Page, board: FakeBoard, daemon: Dae
     expect(page.locator("#state")).to_have_text("manual")
     page.keyboard.up("KeyW")
     assert until(lambda: stands(board), LET_GO_WITHIN_S)
+    expect(page.locator("#headline")).to_contain_text("Standing, the hand let go")
     assert until(lambda: not daemon.status().last_stop.by)
     assert daemon.status().last_stop.count == 1, "to let go is no STOP"
 
@@ -143,6 +154,44 @@ def test_however_the_page_is_lost_the_hands_drive_ends(
     decisions = daemon.status().decisions
     assert until(lambda: daemon.status().decisions > decisions + 3)
     assert stands(board), "although the key is held"
+
+
+def test_a_model_is_sent_and_a_drive_decided_again(
+    page: Page, board: FakeBoard, daemon: Daemon, tmp_path: Path
+) -> None:
+    other = tmp_path / "other.onnx"
+    other.write_bytes(constant_model(-0.5, 0.25))
+    refused = tmp_path / "refused.onnx"
+    refused.write_bytes(b"no model")
+    page.click("#run")
+    assert board.wait_for(*FORWARD_BOARD, timeout_s=10)
+    began = daemon.status().decisions
+    assert until(lambda: daemon.status().decisions > began + 3)
+    page.keyboard.press("Space")
+    expect(page.locator("#said")).to_contain_text("STOP: stopped")
+
+    def send(path: Path) -> None:
+        with page.expect_file_chooser() as asked:
+            page.click("#push-model")
+        asked.value.set_files(path)
+        expect(page.locator("#questions")).to_contain_text(f"Send {path.name} to mbot-test")
+        page.click("#questions >> text=yes")
+
+    send(refused)
+    expect(page.locator("#said")).to_contain_text("refused.onnx: this is no ONNX model")
+    send(other)
+    expect(page.locator("#said")).to_contain_text("is active", timeout=20_000)
+    expect(page.locator("#models")).to_contain_text("active, on trial")
+    assert daemon.status().active_model.signed_by == "anna"
+    page.click("#list-recordings")
+    page.click("#recordings >> text=fetch")
+    expect(page.locator("#said")).to_contain_text("fetched into", timeout=20_000)
+    with page.expect_file_chooser() as asked:
+        page.click("#recordings >> text=by another model")
+    asked.value.set_files(other)
+    expect(page.locator("#replay-rows")).to_contain_text("-0.500 +0.250", timeout=20_000)
+    expect(page.locator("#replay-lines")).to_contain_text("differ by more than 0.1")
+    assert stands(board)
 
 
 def test_pictures_of_both_eyes_are_drawn(page: Page) -> None:

@@ -7,15 +7,19 @@ from pathlib import Path
 import pytest
 
 from mbot_agent.configuration import decode
+from mbot_protocol.v1.messages_pb2 import Decision, State
 from mbot_workstation.drives.drive_figures import figures
 from mbot_workstation.drives.recording_fetch import fetch, keep, list_recordings, remove
 from mbot_workstation.drives.replayed_drive import TOLERANCE, replay
 from mbot_workstation.link.remote_control import RemoteControl
 from mbot_workstation.recordings.recorded_drive import read_drive
+from mbot_workstation.telemetry.stream import TelemetryStream
 
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import seeing_model
-from .processes import Daemon, until
+from .processes import Daemon, until, workstation
+
+RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"
 
 pytestmark = pytest.mark.slow
 
@@ -98,3 +102,41 @@ def test_a_robot_told_so_records_nothing(daemon: Daemon, board: FakeBoard) -> No
     assert not found.enabled
     assert not found.drives
     assert not (daemon.directory / "recordings").exists()
+
+
+def test_a_recording_is_played_to_a_daemon_which_decides_about_the_same(tmp_path: Path) -> None:
+    recorded = read_drive(RECORDED)
+    then = [beat.decision.action.left for beat in recorded.decided]
+    daemon = Daemon(tmp_path, str(tmp_path / "board"))
+    where = ("--board", str(tmp_path / "board"), "--camera-port", str(daemon.camera_port))
+    arguments = ("virtual-robot", "--replay", str(RECORDED), *where)
+    with workstation(*arguments, log=tmp_path / "robot.log") as robot:
+        assert until(lambda: "ready" in robot.output, 20), robot.output
+        with daemon.start():
+            assert daemon.is_up()
+            daemon.push((RECORDED / "seeing.onnx").read_bytes())
+            daemon.run()
+            driven = heard_actions(daemon, 2 * len(then))
+            assert daemon.status().state == State.STATE_RUNNING
+            assert not daemon.status().faults
+        assert "played once" in robot.output
+    assert min(driven) == pytest.approx(min(then), abs=0.05)
+    assert max(driven) == pytest.approx(max(then), abs=0.05)
+
+
+def heard_actions(daemon: Daemon, wanted: int) -> list[float]:
+    """What the policy says of the left wheel in so many decisions."""
+    driven: list[float] = []
+    with daemon.link() as link, TelemetryStream(link) as stream:
+
+        def enough() -> bool:
+            decisions = [one.message for one in stream.poll(0.2)]
+            driven.extend(
+                one.action.left
+                for one in decisions
+                if isinstance(one, Decision) and one.HasField("action")
+            )
+            return len(driven) > wanted
+
+        assert until(enough, 40), daemon.log.read_text()
+    return driven

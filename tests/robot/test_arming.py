@@ -71,7 +71,7 @@ def test_no_sequence_of_events_moves_a_robot_without_a_word_after_the_last_stop(
             orders = orders.stopped(0, by="max" if event == "stop" else "", why="x")
             assert not orders.is_armed
             assert not orders.ready().is_armed
-            assert not orders.released().is_armed
+            assert not orders.released(0).is_armed
             with pytest.raises(RefusedError):
                 orders.armed(Mode.RUNNING, sent_before, 0)
         elif event in ("run", "wait", "drive"):
@@ -82,15 +82,24 @@ def test_no_sequence_of_events_moves_a_robot_without_a_word_after_the_last_stop(
             orders = orders.ready()
             assert orders.is_armed == was.is_armed
         else:
-            orders = orders.released()
+            orders = orders.released(9)
             assert orders.mode is not Mode.MANUAL
 
 
 def test_a_hand_that_lets_go_may_take_hold_again_and_nothing_else_moves() -> None:
-    orders = Orders(Mode.RUNNING).armed(Mode.MANUAL, 1, 0).released()
+    orders = Orders(Mode.RUNNING).armed(Mode.MANUAL, 1, 0).released(9)
     assert orders.mode is Mode.STOPPED
     assert orders.ready().mode is Mode.STOPPED
     assert orders.armed(Mode.MANUAL, 1, 0).mode is Mode.MANUAL
+
+
+def test_a_hand_that_let_go_is_remembered_until_something_else_is_why_it_stands() -> None:
+    orders = Orders(Mode.RUNNING).stopped(5, by="max").armed(Mode.MANUAL, 2, 0).released(9)
+    assert (orders.let_go_ns, orders.stop.by) == (9, "max")
+    assert orders.released(10) == orders
+    assert orders.stopped(11, by="anna").let_go_ns == 0
+    assert orders.armed(Mode.RUNNING, 2, 11).let_go_ns == 0
+    assert Orders(Mode.RUNNING).released(9).let_go_ns == 0
 
 
 def test_a_short_gap_is_forgiven_and_a_long_one_is_not() -> None:

@@ -10,6 +10,8 @@ from mbot_agent.command_service import LONGEST_EXPIRY_NS, CommandService
 from mbot_agent.configuration import Configuration
 from mbot_agent.faults import Fault
 from mbot_agent.models.policy import Policy
+from mbot_agent.network.wire_messages import wire_decision
+from mbot_protocol.mcore import STOP
 from mbot_protocol.schema import SCHEMA_VERSION
 from mbot_protocol.v1 import messages_pb2 as messages
 
@@ -146,6 +148,24 @@ def test_every_stop_counts_and_shows_everywhere(service: Service) -> None:
         assert service.status.last_stop.count == count
         assert service.status.last_stop.by == "max"
         assert service.bench.tick().stop_count == count
+
+
+def test_a_hand_that_let_go_is_told_apart_from_an_older_stop(service: Service) -> None:
+    service.stop(messages.Command(sender="max").SerializeToString())
+    assert service.status.let_go_monotonic_ns == 0
+    assert service.drive().accepted
+    assert service.status.let_go_monotonic_ns == 0
+    service.bench.helm.steer_by_hand(STOP, 0, service.bench.stops)  # as good as over
+    tick = service.bench.loop.tick(time.monotonic_ns())
+    status = service.status
+    assert status.state == messages.STATE_STOPPED
+    assert 0 < status.let_go_monotonic_ns <= status.now_monotonic_ns
+    assert (status.last_stop.by, status.last_stop.count) == ("max", service.bench.stops)
+    assert wire_decision(tick, "mbot-1", SESSION, ()).hand_let_go
+    service.stop(messages.Command(sender="anna").SerializeToString())
+    assert service.status.let_go_monotonic_ns == 0
+    tick = service.bench.loop.tick(time.monotonic_ns())
+    assert not wire_decision(tick, "mbot-1", SESSION, ()).hand_let_go
 
 
 @pytest.mark.parametrize("payload", [b"", b"\xff\xff", b"\x4a\xff", bytes(4000)])

@@ -34,6 +34,7 @@ def test_it_greets_and_goes_on_with_its_own_memory_and_what_the_wheels_were_told
         ReplayStep(PICTURE, False, (0.25, 1.0)),
     )
     assert (greeting.name, greeting.processor) == ("counting", "a processor")
+    assert greeting.view_deg == (55.3, 42.9)
     # Left: an eighth of the decisions remembered; right: what the left wheel was told.
     assert [answer.action for answer in found] == [(0.0, 0.0), (0.125, 0.5), (0.25, 0.25)]
     assert [answer.steps for answer in found] == [(0, 0), (31, 125), (62, 62)]

@@ -8,6 +8,7 @@ from mbot_agent.recording.beat_log import BeatLog
 from mbot_agent.recording.robot_facts import processor_name
 from mbot_agent.recording.segment import Segment
 from mbot_protocol.drive_record import ROBOT_METADATA, RobotFacts
+from mbot_protocol.mcore import STOP
 from mbot_workstation.recordings.whole_chunks import WholeChunks
 
 from .recording_bench import FACTS, Drive, to_message, written
@@ -69,6 +70,8 @@ def test_only_what_changes_is_told() -> None:
     assert list(log.changes(drive.tick())) == []
     drive.bench.run()
     assert [words for _, words in log.changes(drive.tick())] == ["now running"]
+    drive.bench.helm.steer_by_hand(STOP, 0, drive.bench.stops)
+    assert [words for _, words in log.changes(drive.tick())] == ["now stopped: the hand has let go"]
 
 
 def test_the_processor_is_named(tmp_path: Path) -> None:

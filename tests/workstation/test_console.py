@@ -16,7 +16,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.keys import CAMERA, MODELS, OBSERVATION, RECORDINGS
+from mbot_protocol.keys import CAMERA, MODELS, OBSERVATION, PUSH_BEGIN, RECORDINGS
+from mbot_protocol.policy_contract import LARGEST_MODEL_BYTES
 from mbot_protocol.v1.messages_pb2 import Fault, LastStop, Model, Notice, State, Status
 from mbot_protocol.v1.recordings_pb2 import RecordedDrive, RecordedFile, RecordingList
 from mbot_workstation.by_hand import hand
@@ -32,6 +33,7 @@ from mbot_workstation.console.robot_watch import RobotWatch
 from mbot_workstation.link.robot_link import RobotLink
 from mbot_workstation.telemetry.window import TelemetryWindow
 
+from ..robot.tiny_models import constant_model
 from .fake_robot import FakeRobot
 
 TOKEN = "a-token-for-tests"
@@ -46,9 +48,9 @@ class Served:
     def host(self) -> str:
         return f"127.0.0.1:{self.port}"
 
-    def ask(self, method: str, path: str, **headers: str) -> tuple[int, str]:
+    def ask(self, method: str, path: str, body: bytes = b"", **headers: str) -> tuple[int, str]:
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
-        connection.request(method, path, headers={"Host": self.host, **headers})
+        connection.request(method, path, body or None, headers={"Host": self.host, **headers})
         reply = connection.getresponse()
         found = reply.status, reply.read().decode()
         assert "default-src 'none'" in reply.headers.get(
@@ -225,6 +227,28 @@ def test_models_and_recordings_are_listed(served: Served, robot: FakeRobot) -> N
         assert "not for you" in hear(socket, "answer", done=False)["words"]
 
 
+def test_a_model_is_sent_from_the_page_and_not_from_another(
+    served: Served, robot: FakeRobot
+) -> None:
+    model = constant_model(0.5, 0.5)
+    origin = {"Origin": f"http://{served.host}"}
+    path = f"/{TOKEN}/push?name=my.onnx"
+    assert served.ask("POST", path, model, Origin="http://elsewhere")[0] == 403
+    assert served.ask("POST", "/another-token/push", model, **origin)[0] == 403
+    code, words = served.ask("POST", path, bytes(LARGEST_MODEL_BYTES + 1), **origin)
+    assert (code, "more than" in words) == (413, True)
+    assert PUSH_BEGIN.name not in robot.names()
+    code, text = served.ask("POST", path, model, **origin)
+    assert code == 200
+    lines = [json.loads(line) for line in text.splitlines()]
+    assert bytes(robot.staged) == model
+    assert [line["kind"] for line in lines[-2:]] == ["models", "answer"]
+    robot.replies[RECORDINGS.name] = lambda _data: RecordingList(schema_version=1, accepted=True)
+    for name in ("fetch", "replay"):
+        text = served.ask("POST", f"/{TOKEN}/{name}?drive=none", b"", **origin)[1]
+        assert "keeps no recording" in json.loads(text)["words"]
+
+
 def test_a_key_with_a_passphrase_is_named_and_not_asked_for(
     robot: FakeRobot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -252,6 +276,9 @@ def test_each_state_is_told_in_words() -> None:
     stop.why, stop.by = "the picture stands still", ""
     status = Status(state=State.STATE_STOPPED, last_stop=stop, now_monotonic_ns=61_000_000_000)
     assert shown(status)["headline"] == "Standing, stopped 60 s ago (the picture stands still)"
+    status.let_go_monotonic_ns = 60_000_000_000
+    assert shown(status)["headline"] == "Standing, the hand let go 1.0 s ago"
+    assert "the picture stands still" in shown(status)["stop_words"], "of the last stop, as ever"
     heads = {shown(Status(state=State.Name(state)))["headline"] for state in State.values()}
     assert len(heads) == len(State.values())
 

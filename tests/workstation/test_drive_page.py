@@ -17,6 +17,7 @@ from mbot_workstation.commands.subcommands import app
 from mbot_workstation.drives.drive_figures import HISTOGRAM_BINS, Latency, figures
 from mbot_workstation.drives.drive_film import RATE_HZ, film
 from mbot_workstation.drives.drive_page import drive_page
+from mbot_workstation.drives.driven_path import Place
 from mbot_workstation.recordings.recorded_drive import RecordedDrive, read_drive
 
 RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"
@@ -64,6 +65,28 @@ class Sources(HTMLParser):
         self.found += [
             value or "" for name, value in attrs if name in ("src", "href", "xlink:href")
         ]
+
+
+def test_a_path_is_drawn_where_it_is_known(drive: RecordedDrive) -> None:
+    began_ns = drive.beats[0].decision.unix_time_ns
+    places = [
+        Place(began_ns + n * 10**8, (0.1 * n, 0.5), 0.0, (1.0, 2.0 if n < 5 else 3.0))
+        for n in range(-3, 10)
+    ]
+    text = drive_page([figures(drive)], places)
+    assert 'points="0.000,-0.500 0.100,-0.500' in text, "from this drive's beginning on, y up"
+    assert text.count('fill="#c81e1e"') == 2
+    before = [replace(place, unix_time_ns=1) for place in places]
+    for none in ((), before):
+        assert "<h2>Path</h2>" not in drive_page([figures(drive)], none)
+
+
+def test_the_strip_has_every_picture_with_its_wheels(drive: RecordedDrive) -> None:
+    text = drive_page([figures(drive)])
+    assert text.count('class="bars"') == text.count("<img ") == len(drive.beats)
+    steps = drive.beats[0].decision.steps
+    left, right = round(100 * steps.left / 250), round(100 * steps.right / 250)
+    assert f'aria-label="left wheel {left} %, right wheel {right} %"' in text
 
 
 def test_the_page_needs_nothing_else(drive: RecordedDrive) -> None:

@@ -4,6 +4,7 @@ import json
 import struct
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,6 +18,8 @@ from mbot_protocol.v1.messages_pb2 import Decision, State, Wheels
 from mbot_workstation.commands.subcommands import app as workstation
 from mbot_workstation.drives.foxglove_bridge import FoxgloveBridge
 from mbot_workstation.telemetry.stream import Sample
+
+from .fake_robot import FakeRobot
 
 SUB_PROTOCOL = "foxglove.sdk.v1"
 MESSAGE_DATA = 1
@@ -80,6 +83,18 @@ def test_a_client_subscribes_and_gets_plain_topics() -> None:
     assert (beat["sequence"], beat["state"], beat["action_left"]) == (7, "running", 0.5)
     log = Log.FromString(heard["/mbot/mbot-1/log"][0])
     assert (log.message, log.name, log.level) == ("model none", "mbot-1", Log.INFO)
+
+
+def test_the_command_names_address_and_layout(
+    robot: FakeRobot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    command = ["view", "--foxglove", "--foxglove-port", "0", "--seconds", "0.2"]
+    result = CliRunner().invoke(workstation, [*command, "--robot", robot.address])
+    assert result.exit_code == 0, result.output
+    address, layout = (line.rpartition(": ")[2] for line in result.output.splitlines())
+    assert address.startswith("ws://127.0.0.1:")
+    assert "/mbot/mbot-1/telemetry" in Path(layout).read_text()
 
 
 def test_a_taken_port_is_one_line() -> None:

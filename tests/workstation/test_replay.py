@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError, MbotError
+from mbot_protocol.policy_contract import FULL_VIEW, FieldOfView, PolicyMetadata
 from mbot_workstation.commands.replay import DIFFERS
 from mbot_workstation.commands.subcommands import app
 from mbot_workstation.drives import replay_words
@@ -93,6 +94,45 @@ def test_what_another_model_would_have_done(drive: RecordedDrive, tmp_path: Path
     strip = replay_words.strip(found)
     assert strip.shape[1] == 8 + 6 * (TILE_PX + 8)
     assert len(np.unique(strip)) > 50
+
+
+def with_view(drive: RecordedDrive, horizontal_deg: float, vertical_deg: float) -> RecordedDrive:
+    """The same, by a robot that says which field of view its pictures show."""
+    beats = [
+        replace(
+            beat,
+            record=msgspec.structs.replace(
+                beat.record, view_horizontal_deg=horizontal_deg, view_vertical_deg=vertical_deg
+            ),
+        )
+        for beat in drive.beats
+        if beat.record is not None
+    ]
+    return replace(drive, beats=tuple(beats))
+
+
+def test_a_model_that_wants_to_see_another_view_is_noticed(
+    drive: RecordedDrive, tmp_path: Path
+) -> None:
+    other = tmp_path / "other.onnx"
+    wide = PolicyMetadata("wide", FieldOfView(80.0, 60.0)).to_properties()
+    other.write_bytes(constant_model(0.9, -0.9, metadata=wide))
+    found = replay(with_view(drive, 55.3, 42.9), [], other)
+    assert found.other_views == ((FULL_VIEW, FieldOfView(80.0, 60.0)),)
+    lines = list(replay_words.lines(found))
+    assert "  it wants to see 80 x 60 degrees, the pictures show 55.3 x 42.9 degrees:" in lines
+    assert max(len(line) for line in lines) <= 80
+    shown = {"shown_deg": [55.3, 42.9], "wanted_deg": [80.0, 60.0]}
+    assert replay_words.fields(found)["other_views"] == [shown]
+
+    assert replay(with_view(drive, 80, 60), [], other).other_views == ()
+    assert replay(with_view(drive, 55.3, 42.9), [MODEL]).other_views == ()
+    older = replay(drive, [], other)
+    assert older.other_views == ((None, FieldOfView(80.0, 60.0)),)
+    assert any("this older recording does not say" in line for line in replay_words.lines(older))
+    assert replay(drive, [MODEL]).other_views == (), "what drove has made them"
+    with pytest.raises(ConfigurationError, match="expected 1 to 170"):
+        replay(with_view(drive, 900, 60), [], other)
 
 
 def test_a_recording_that_cannot_be_replayed_says_why(drive: RecordedDrive, tmp_path: Path) -> None:

@@ -1,16 +1,22 @@
 """The Rerun viewer's side: without Rerun one line, with it a file that holds the drive."""
 
+import json
 import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
-from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.errors import ConfigurationError, UnreachableError
 from mbot_protocol.v1.messages_pb2 import Decision, Fault, State
 from mbot_workstation.commands.subcommands import app
 from mbot_workstation.commands.view_drives import ViewOptions
 from mbot_workstation.drives.rerun_view import RerunView, changes
+
+from .fake_robot import FakeRobot, free_port
+from .samples import decision, picture
 
 RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"
 
@@ -33,6 +39,59 @@ def test_what_changed_is_told_once() -> None:
         ("ERROR", "stuck: the picture stands still"),
         ("WARN", "stop 2"),
     ]
+
+
+def test_several_live_robots_and_a_map_are_in_one_view(robot: FakeRobot, tmp_path: Path) -> None:
+    map_file, path = tmp_path / "path.jsonl", tmp_path / "live.rrd"
+    place = {"unix_s": 1.0, "x": 0.25, "y": 0.5, "yaw": 0.0, "object": [1.0, 1.0, 0.0]}
+    map_file.write_text(json.dumps(place) + "\n")
+    stop = threading.Event()
+
+    def publish(to: FakeRobot) -> None:
+        sequence = 0
+        while not stop.wait(0.02):
+            sequence += 1
+            message = decision(sequence)
+            message.robot_id = to.robot_id
+            to.publish(message)
+            to.publish(picture(message.unix_time_ns))
+
+    with FakeRobot("mbot-2") as other, ThreadPoolExecutor(2) as pool:
+        pool.submit(publish, robot)
+        pool.submit(publish, other)
+        try:
+            addresses = ["--robot", robot.address, "--robot", other.address, "--seconds", "1.5"]
+            maps = ["--map", f"mbot-2={map_file}"]
+            result = CliRunner().invoke(app, ["view", *addresses, *maps, "--save", str(path)])
+        finally:
+            stop.set()
+    assert result.exit_code == 0, result.output
+    data = path.read_bytes()
+    for name in (
+        b"mbot-1/observation",
+        b"mbot-2/observation",
+        b"mbot-2/map/path",
+        b"mbot-2/wheels",
+    ):
+        assert name in data
+    assert b"mbot-1/map" not in data
+
+
+def test_a_robot_that_is_off_is_left_out_of_several(robot: FakeRobot, tmp_path: Path) -> None:
+    off = f"127.0.0.1:{free_port()}"
+    path = tmp_path / "live.rrd"
+    for addresses in ([off, robot.address], [robot.address, off]):
+        command = ["view", "--seconds", "0.2", "--save", str(path)]
+        for address in addresses:
+            command += ["--robot", address]
+        result = CliRunner().invoke(app, command)
+        assert result.exit_code == 0, result.output
+        assert "nothing listens there" in result.output
+    result = CliRunner().invoke(app, ["view", "--robot", off, "--save", str(path)])
+    assert isinstance(result.exception, UnreachableError)
+    wrong = ["--robot", robot.address, "--map", "mbot-9=a.jsonl"]
+    result = CliRunner().invoke(app, ["view", *wrong, "--save", str(path)])
+    assert "expected ROBOT=FILE with one of mbot-1" in str(result.exception)
 
 
 def test_a_recording_becomes_a_file_for_the_viewer(tmp_path: Path) -> None:

@@ -169,10 +169,21 @@ def test_a_notice_is_shown_beside_the_faults_and_made_safe() -> None:
     ]
 
 
+def test_a_hand_that_let_go_is_no_stop_by_anybody() -> None:
+    window = window_of(3)
+    stands = decision(3)
+    stands.state, stands.hand_let_go = State.STATE_STOPPED, True
+    window.add(Sample(stands, 2.0))
+    for text in (drawn(window), plain_line("mbot-1", window, LinkState.LIVE, 0)):
+        assert "stopped (the hand let go)" in text
+    stands.hand_let_go = False
+    assert "hand" not in plain_line("mbot-1", window, LinkState.LIVE, 0)
+
+
 def test_json_names_are_stable() -> None:
     fields = json.loads(json.dumps(decision_fields(decision(5))))
     assert list(fields) == [
-        "robot_id", "session_id", "sequence", "unix_time_ns", "state", "faults",
+        "robot_id", "session_id", "sequence", "unix_time_ns", "state", "hand_let_go", "faults",
         "started_monotonic_ns", "captured_ms", "due_ms", "observed_ms", "decided_ms",
         "written_ms", "acknowledged_ms", "action_left", "action_right", "step_left",
         "step_right", "board_m1", "board_m2", "model_sha256", "missed_ticks",

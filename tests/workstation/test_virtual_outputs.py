@@ -1,6 +1,7 @@
 """Where the virtual robot's port is found, and what is left of its drive."""
 
 import json
+import time
 from pathlib import Path
 
 import pytest
@@ -71,6 +72,7 @@ def test_a_trajectory_is_a_json_object_a_line(tmp_path: Path) -> None:
             )
         )
     moment, event = map(json.loads, path.read_text().splitlines())
+    assert moment.pop("unix_s") == pytest.approx(time.time(), abs=60)
     assert moment == {"t": 1.0, "x": 0.1, "y": 0.2, "yaw": 0.3, "object": [1, 2, 0.0]}
     assert event == {"t": 1.5, "event": Happening.TOUCH.value, "score": 1.9}
 

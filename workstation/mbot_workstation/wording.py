@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from mbot_protocol.v1.messages_pb2 import Fault, Notice, State, Status
+from mbot_protocol.v1.messages_pb2 import Decision, Fault, Notice, State, Status
 
 LONGEST_TEXT = 400
 """Longer texts from the wire are cut: an error is one line a person reads."""
@@ -55,6 +55,11 @@ def short_digest(sha256: str) -> str:
     return one_line(sha256)[:12] or "none"
 
 
+def decision_state(decision: Decision) -> str:
+    """A beat's state, and why it stands if a hand has let go."""
+    return state_word(decision.state) + (" (the hand let go)" if decision.hand_let_go else "")
+
+
 def size_words(size_bytes: int) -> str:
     """A file's size: "4.6 kB", "2.41 MB"."""
     return f"{size_bytes / 1e3:.1f} kB" if size_bytes < 1e6 else f"{size_bytes / 1e6:.2f} MB"
@@ -63,6 +68,14 @@ def size_words(size_bytes: int) -> str:
 def fault_lines(faults: Iterable[Fault | Notice]) -> list[str]:
     """Each fault or notice in one line: kind, what was found, what to do."""
     return [f"{one_line(fault.kind)}: {one_line(fault.detail)}" for fault in faults]
+
+
+def standing_words(status: Status) -> str:
+    """Why a robot stands that is `stopped`, and since when: a hand has let go, or a stop."""
+    if not status.let_go_monotonic_ns:
+        return stop_words(status)
+    ago_s = max(0.0, (status.now_monotonic_ns - status.let_go_monotonic_ns) / 1e9)
+    return f"the hand let go {duration(ago_s)} ago"
 
 
 def stop_words(status: Status) -> str:

@@ -36,7 +36,9 @@ def decide_again(policy: Policy, processor: str, asked: IO[bytes], answers: IO[b
     pilot = Pilot()
     pilot.use(policy)
     pilot.change_over()
-    send(answers, ReplayGreeting(policy.sha256, policy.metadata.name, processor))
+    wants = policy.metadata
+    view_deg = wants.view.horizontal_deg, wants.view.vertical_deg
+    send(answers, ReplayGreeting(policy.sha256, wants.name, processor, view_deg))
     try:
         while (step := receive(asked, ReplayStep)) is not None:
             send(answers, _answer(pilot, policy, step))

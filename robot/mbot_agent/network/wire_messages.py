@@ -60,6 +60,7 @@ def wire_decision(
         missed_ticks=tick.missed_ticks,
         model_sha256=tick.model_sha256,
         stop_count=tick.stop_count,
+        hand_let_go=tick.hand_let_go,
     )
     if tick.action is not None:
         decision.action.left, decision.action.right = tick.action.left, tick.action.right

@@ -21,7 +21,8 @@ class BeatLog:
             yield Log.INFO, f"model {tick.model_sha256[:12] or 'none'}"
         if before is None or before.state is not tick.state:
             level = Log.WARNING if tick.state is State.FAULT else Log.INFO
-            yield level, f"now {tick.state.value}"
+            why = ": the hand has let go" if tick.hand_let_go else ""
+            yield level, f"now {tick.state.value}{why}"
         for fault in tick.faults:
             if before is None or fault not in before.faults:
                 yield Log.ERROR, f"{fault.kind}: {fault.detail}"

@@ -237,6 +237,8 @@ def drive_record(tick: Tick, dropped_records: int) -> DriveRecord:
         told_left=told[0],
         told_right=told[1],
         memory=memory.state.astype(np.dtype("<f4")).tobytes() if memory is not None else b"",
+        view_horizontal_deg=tick.view.horizontal_deg if tick.view is not None else unset,
+        view_vertical_deg=tick.view.vertical_deg if tick.view is not None else unset,
         picture_age_ms=_ms(tick.captured_ns, tick.started_ns) if tick.captured_ns else unset,
         late_ms=_ms(tick.due_ns, tick.started_ns),
         observe_ms=_ms(tick.started_ns, tick.observed_ns) if seen else unset,

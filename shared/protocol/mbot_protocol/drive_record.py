@@ -34,6 +34,7 @@ class DriveRecord(msgspec.Struct, frozen=True):
         began_anew: the policy was asked with its memory zeroed.
         told_left, told_right: what the policy was told that the wheels did before, [-1, 1].
         memory: what the policy went on with, float32, little endian, shape as the model's.
+        view_horizontal_deg, view_vertical_deg: the field of view that the policy's picture shows.
         picture_age_ms: of the frame when the beat began.
         late_ms, observe_ms, decide_ms, write_ms, acknowledge_ms: how long each stage took.
         missed_ticks, stop_count, dropped_records: counted since the daemon's start; the last
@@ -55,6 +56,8 @@ class DriveRecord(msgspec.Struct, frozen=True):
     told_left: float = 0.0
     told_right: float = 0.0
     memory: bytes = b""
+    view_horizontal_deg: float | UnsetType = UNSET
+    view_vertical_deg: float | UnsetType = UNSET
     picture_age_ms: float | UnsetType = UNSET
     late_ms: float = 0.0
     observe_ms: float | UnsetType = UNSET

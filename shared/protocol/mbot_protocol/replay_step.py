@@ -14,11 +14,17 @@ LARGEST_BYTES = 1 << 20
 
 
 class ReplayGreeting(msgspec.Struct, frozen=True, array_like=True):
-    """Who decides: the model's digest and name, and what computes."""
+    """Who decides: the model's digest and name, what computes, and what the model wants to see.
+
+    Attributes:
+        view_deg: its field of view, horizontal and vertical; 0 from a program that does not tell.
+
+    """
 
     sha256: str
     name: str
     processor: str
+    view_deg: tuple[float, float] = (0.0, 0.0)
 
 
 class ReplayStep(msgspec.Struct, frozen=True, array_like=True):

@@ -20,6 +20,12 @@ class ReportOptions:
 
     recordings: list[Path] = _recording("Folders or files", "RECORDING...")
     output: Path = option(Path("drive.html"), "The page.", "--output", "-o", metavar="FILE.html")
+    maps: list[Path] | None = option(
+        None,
+        "Also draw the path that `virtual-robot --trajectory` wrote meanwhile. Repeatable.",
+        "--map",
+        metavar="FILE.jsonl",
+    )
     as_json: bool = json_option()
 
 
@@ -38,11 +44,13 @@ def report(options: ReportOptions) -> None:
     from mbot_protocol.errors import ConfigurationError
     from mbot_workstation.drives.drive_figures import figures
     from mbot_workstation.drives.drive_page import drive_page
+    from mbot_workstation.drives.driven_path import read_path
     from mbot_workstation.recordings.recorded_drive import read_drives
 
     drives = [figures(drive) for drive in read_drives(options.recordings)]
+    places = [place for path in options.maps or [] for place in read_path(path)]
     try:
-        atomic_file.replace(options.output, drive_page(drives).encode())
+        atomic_file.replace(options.output, drive_page(drives, places).encode())
     except OSError as error:
         raise ConfigurationError(f"can't write {options.output}: {error.strerror}") from None
     if options.as_json:

@@ -48,14 +48,13 @@ def replay(options: ReplayOptions) -> None:
     import typer
 
     from mbot_workstation.drives import replay_words
+    from mbot_workstation.drives.replayed_drive import models_near
     from mbot_workstation.drives.replayed_drive import replay as decide_again
     from mbot_workstation.pictures.picture_file import write_picture
     from mbot_workstation.recordings.recorded_drive import read_drive
 
-    here = Path()
-    models = [*here.glob("*.onnx"), *here.glob("models/*.onnx"), *here.glob("runs/*/*.onnx")]
     drive = read_drive(options.recording)
-    found = decide_again(drive, models, options.model)
+    found = decide_again(drive, models_near(Path()), options.model)
     if options.as_json:
         print(json.dumps(replay_words.fields(found), indent=2))
     else:

@@ -69,7 +69,7 @@ def _print_table(rows: list[dict[str, object]]) -> None:
         table.add_row(
             str(row["robot_id"]),
             str(row["address"]),
-            str(row["state"]),
+            str(row["state"]) + (" (the hand let go)" if row["hand_let_go"] else ""),
             escape(f"{name} {short_digest(digest)}".strip()),
             f"{row['decision_rate_hz']} Hz",
             str(row["missed_ticks"]),

@@ -12,6 +12,7 @@ from mbot_workstation.commands.enroll import enroll
 from mbot_workstation.commands.evaluate import evaluate
 from mbot_workstation.commands.explain import explain
 from mbot_workstation.commands.export import export
+from mbot_workstation.commands.fill_recording import fill_command
 from mbot_workstation.commands.flash import flash
 from mbot_workstation.commands.gap_report import gap_report
 from mbot_workstation.commands.identify import identify
@@ -79,6 +80,7 @@ app.command("drive", rich_help_panel=_DRIVE, context_settings=negative_numbers)(
 app.command("flash", rich_help_panel=_DRIVE)(flash)
 
 app.command("view", rich_help_panel=_LOOK)(view)
+recordings.command("fill")(fill_command)
 app.add_typer(recordings, name="recordings", rich_help_panel=_LOOK)
 app.command("report", rich_help_panel=_LOOK)(report)
 app.command("film", rich_help_panel=_LOOK)(film)

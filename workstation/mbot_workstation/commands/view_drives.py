@@ -4,10 +4,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mbot_workstation.commands.link_options import LinkOptions
+from mbot_workstation.commands.link_options import CertificateOptions, robots_option
 from mbot_workstation.commands.options import argument, option, with_options
 
 if TYPE_CHECKING:
+    from contextlib import ExitStack
+
     from mbot_workstation.drives.rerun_view import RerunView
     from mbot_workstation.link.robot_link import RobotLink
 
@@ -16,11 +18,19 @@ _PANEL = "Viewer"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ViewOptions(LinkOptions):
+class ViewOptions(CertificateOptions):
     """What `view` takes."""
 
+    robot: list[str] | None = robots_option()
+    robot_id: str | None = option(
+        None,
+        "That robot only, where several are alive behind one address.",
+        "--id",
+        metavar="ROBOT",
+    )
+
     recordings: list[Path] = argument(
-        "Recordings to look at; the robot itself, live, if not given.",
+        "Recordings to look at; robots themselves, live, if not given.",
         default=(),
         metavar="[RECORDING...]",
     )
@@ -37,22 +47,68 @@ class ViewOptions(LinkOptions):
     save: Path | None = option(
         None, "Write a file for the viewer instead.", "--save", panel=_PANEL, metavar="FILE.rrd"
     )
+    maps: list[Path] | None = option(
+        None,
+        "Draw a map of the path that a virtual robot writes by --trajectory; ROBOT=FILE where "
+        "several are looked at. Repeatable.",
+        "--map",
+        panel=_PANEL,
+        metavar="[ROBOT=]FILE.jsonl",
+    )
     seconds: float | None = option(
         None, "End by itself after N seconds.", "--seconds", metavar="N", min=0.1
     )
 
+    def opened(self, stack: "ExitStack") -> "list[RobotLink]":
+        """A link to each robot that answers, with a note for those that do not.
+
+        Raises:
+            ConfigurationError: an address, an identifier or a file is unusable.
+            UnreachableError: none does.
+
+        """
+        import sys
+
+        from mbot_protocol.errors import UnreachableError
+        from mbot_workstation.enrolment.enrolled_robots import find_destination, find_destinations
+        from mbot_workstation.link.fleet import each_robot
+        from mbot_workstation.link.robot_link import RobotLink
+
+        names, security = self.robot or [], self.security()
+        if self.robot_id is not None:
+            given = [find_destination(names[0] if names else "", self.robot_id, security)]
+        else:
+            given = find_destinations(names, security)
+        robots, problems = each_robot(given)
+        found: list[RobotLink] = []
+        for one in robots:
+            link = RobotLink(str(one.endpoint), one.robot_id, one.security)
+            try:
+                stack.enter_context(link).status()
+                found.append(link)
+            except UnreachableError as error:
+                problems.append(error)
+        if not found:
+            raise problems[0]
+        for problem in problems:
+            print(f"workstation: note: left out: {problem}", file=sys.stderr)
+        return found
+
 
 @with_options
 def view(options: ViewOptions) -> None:
-    """Look at a robot live, or at recorded drives, in the Rerun viewer.
+    """Look at robots live, or at recorded drives, in the Rerun viewer.
 
     What the policy saw, wheels, actions, latencies, stops, and what changed, in words. Needs the
     extra: `pip install -e '.[view]'`. Ctrl-C ends.
 
-    Examples: `workstation view --robot mbot-1.local`,
+    Examples: `workstation view --robot mbot-1.local`, `view --robot mbot-1 --robot mbot-2`,
     `workstation view drives/mbot-1/drive-0012-20261122-171501 --web`
     """
+    from contextlib import ExitStack, closing
+
     from mbot_protocol.errors import ConfigurationError
+    from mbot_workstation.drives.live_view import MapLog, follow
     from mbot_workstation.drives.rerun_view import RerunView
     from mbot_workstation.recordings.recorded_drive import read_drives
 
@@ -65,15 +121,24 @@ def view(options: ViewOptions) -> None:
         return
     if options.recordings:
         drives = read_drives(options.recordings)
-        with RerunView(list(dict.fromkeys(drive.robot_id for drive in drives))) as viewer:
+        robots = list(dict.fromkeys(drive.robot_id for drive in drives))
+        maps = _maps(options.maps or [], robots)
+        with RerunView(robots, maps) as viewer:
             _open(viewer, options)
             for drive in drives:
                 viewer.log_drive(drive)
+            for robot, path in maps.items():
+                with closing(MapLog(viewer, robot, path)) as one:
+                    one.log_all()
             _stay(options)
         return
-    with options.link() as link, RerunView([link.robot_id]) as viewer:
+    with ExitStack() as stack:
+        links = options.opened(stack)
+        robots = [link.robot_id for link in links]
+        maps = _maps(options.maps or [], robots)
+        viewer = stack.enter_context(RerunView(robots, maps))
         _open(viewer, options)
-        _follow(viewer, link, options.seconds)
+        follow(viewer, links, maps, options.seconds)
 
 
 def _open(viewer: "RerunView", options: ViewOptions) -> None:
@@ -93,18 +158,46 @@ def _open(viewer: "RerunView", options: ViewOptions) -> None:
 def _bridge(options: ViewOptions) -> None:
     """Hand a live robot on to Foxglove and Lichtblick."""
     import time
+    from contextlib import ExitStack
 
+    from mbot_protocol.errors import ConfigurationError
     from mbot_workstation.drives.foxglove_bridge import FoxgloveBridge
+    from mbot_workstation.drives.foxglove_layout import layout_file
     from mbot_workstation.telemetry.stream import TelemetryStream
 
     until_s = None if options.seconds is None else time.monotonic() + options.seconds
-    with options.link() as link, FoxgloveBridge(link.robot_id, options.foxglove_port) as bridge:
-        print(f"open connection in Foxglove or Lichtblick: {bridge.address}", flush=True)
+    with ExitStack() as stack:
+        links = options.opened(stack)
+        if len(links) > 1:
+            raise ConfigurationError(
+                f"--foxglove is for one robot, and there are {len(links)}: name one by --robot"
+            )
+        (link,) = links
+        bridge = stack.enter_context(FoxgloveBridge(link.robot_id, options.foxglove_port))
+        print(f"open connection in Foxglove or Lichtblick: {bridge.address}")
+        print(f"layout to import there: {layout_file(link.robot_id)}", flush=True)
         rate_hz = link.status().decision_rate_hz
-        with TelemetryStream(link, rate_hz, camera=True) as stream:
-            while until_s is None or time.monotonic() < until_s:
-                for sample in stream.poll(_POLL_S):
-                    bridge.take(sample)
+        stream = stack.enter_context(TelemetryStream(link, rate_hz, camera=True))
+        while until_s is None or time.monotonic() < until_s:
+            for sample in stream.poll(_POLL_S):
+                bridge.take(sample)
+
+
+def _maps(given: list[Path], robots: list[str]) -> dict[str, Path]:
+    """Whose map is in which file."""
+    from mbot_protocol.errors import ConfigurationError
+
+    found: dict[str, Path] = {}
+    for text in map(str, given):
+        robot, separator, name = text.partition("=")
+        if not separator and len(robots) == 1:
+            robot, name = robots[0], text
+        if robot not in robots or not name:
+            raise ConfigurationError(
+                f"--map is {text}, expected ROBOT=FILE with one of {', '.join(robots)}"
+            )
+        found[robot] = Path(name)
+    return found
 
 
 def _stay(options: ViewOptions) -> None:
@@ -115,28 +208,3 @@ def _stay(options: ViewOptions) -> None:
         until_s = None if options.seconds is None else time.monotonic() + options.seconds
         while until_s is None or time.monotonic() < until_s:
             time.sleep(_POLL_S)
-
-
-def _follow(viewer: "RerunView", link: "RobotLink", seconds: float | None) -> None:
-    """Log what the robot publishes."""
-    import time
-
-    from mbot_protocol.v1.messages_pb2 import Decision
-    from mbot_workstation.telemetry.stream import TelemetryStream
-
-    until_s = None if seconds is None else time.monotonic() + seconds
-    with TelemetryStream(link, link.status().decision_rate_hz, camera=True) as stream:
-        while until_s is None or time.monotonic() < until_s:
-            for sample in stream.poll(_POLL_S):
-                message = sample.message
-                if isinstance(message, Decision):
-                    viewer.log_decision(message)
-                else:
-                    time_ns = message.timestamp.ToNanoseconds()
-                    viewer.log_picture(
-                        link.robot_id,
-                        message.data,
-                        time_ns,
-                        exact=False,
-                        of_camera=sample.of_camera,
-                    )

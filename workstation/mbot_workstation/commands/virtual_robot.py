@@ -1,6 +1,6 @@
 """`workstation virtual-robot`: a robot without hardware, for the same daemon as on the Pi."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from mbot_workstation.simulation.scene_parameters import SceneParameters
     from mbot_workstation.variation.effects import RealWorldEffects
     from mbot_workstation.virtual.camera_stream import CameraSettings
+    from mbot_workstation.virtual.replay_session import ReplaySettings
     from mbot_workstation.virtual.stand_in import VirtualRobotSettings
     from mbot_workstation.virtual.virtual_session import Outputs
 
@@ -75,6 +76,15 @@ class VirtualRobotOptions:
         "--free-floor",
         panel=_TASK,
     )
+    replay: Path | None = option(
+        None,
+        "Nothing is simulated: its camera shows what this recording's robot saw, round and "
+        "round, and its board goes nowhere. Takes --board, --camera-port, --boot-seconds, "
+        "--seconds, --calibration, --size, --frame-rate, --json, --write-config, --ready-file.",
+        "--replay",
+        panel=_CAMERA,
+        metavar="RECORDING",
+    )
     calibration: Path | None = calibration_option()
     left_gain: float | None = option(
         None,
@@ -114,7 +124,7 @@ class VirtualRobotOptions:
     frame_rate: float = option(30.0, "", panel=_CAMERA, metavar="HZ", min=1, max=120)
     size: str | None = option(
         None,
-        "In pixels; 320 wide and of the camera's shape, 320x240, if not given.",
+        "In pixels; 320 wide and of the camera's shape, 320x240, if not given; 640 with --replay.",
         panel=_CAMERA,
         metavar="WIDTHxHEIGHT",
     )
@@ -213,16 +223,56 @@ def virtual_robot(options: VirtualRobotOptions) -> None:
     - `workstation virtual-robot --calibration calibration/mbot-1`
     - `workstation virtual-robot --right-gain 0.5 --record handicap.mp4 --seconds 60`
     - `workstation virtual-robot --firmware stock.hex` has a board with the real firmware
+    - `workstation virtual-robot --replay drives/mbot-1/drive-0012-20261122-171501`
     """
     from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles, read_files
     from mbot_workstation.commands.stop_signals import stop_signals
     from mbot_workstation.virtual.live_report import LiveReport
+    from mbot_workstation.virtual.replay_session import play
     from mbot_workstation.virtual.virtual_session import run_session
 
     files = read_files(options.calibration) if options.calibration else CalibrationFiles()
+    report = LiveReport(as_json=options.as_json)
+    if options.replay is not None:
+        played = _replay_settings(options, options.replay, files.robot.camera)
+        with stop_signals() as stop:
+            play(played, report, stop, options.seconds)
+        return
     settings, outputs = _settings(options, files), _outputs(options)
     with stop_signals() as stop:
-        run_session(settings, outputs, LiveReport(as_json=options.as_json), stop, options.seconds)
+        run_session(settings, outputs, report, stop, options.seconds)
+
+
+_WITH_REPLAY = {
+    "replay", "board", "camera_port", "boot_seconds", "seconds", "calibration", "size",
+    "frame_rate", "as_json", "write_config", "ready_file",
+}  # fmt: skip
+
+
+def _replay_settings(
+    options: VirtualRobotOptions, recording: Path, camera: "CameraModel"
+) -> "ReplaySettings":
+    from mbot_workstation.recordings.recorded_drive import read_drive
+    from mbot_workstation.virtual.replay_session import ReplaySettings
+
+    usual = VirtualRobotOptions()
+    for one in fields(options):
+        if one.name not in _WITH_REPLAY and getattr(options, one.name) != getattr(usual, one.name):
+            raise ConfigurationError(
+                f"--{one.name.replace('_', '-')} does nothing with --replay, which simulates "
+                "nothing: leave it out"
+            )
+    width_px, height_px = _size(options.size) if options.size else _default_size(camera, 640)
+    return ReplaySettings(
+        drive=read_drive(recording),
+        camera=camera.scaled_to(width_px, height_px),
+        frame_rate_hz=options.frame_rate,
+        camera_port=options.camera_port,
+        board_link=options.board or _default_board(),
+        boot_s=options.boot_seconds,
+        ready_file=options.ready_file,
+        daemon_config=options.write_config,
+    )
 
 
 def _settings(options: VirtualRobotOptions, files: "CalibrationFiles") -> "VirtualRobotSettings":
@@ -327,9 +377,9 @@ def _size(text: str) -> tuple[int, int]:
     )
 
 
-def _default_size(camera: "CameraModel") -> tuple[int, int]:
-    """The camera's shape at the size the daemon asks the Pi's camera for."""
-    return 320, max(16, round(320 * camera.height_px / camera.width_px))
+def _default_size(camera: "CameraModel", width_px: int = 320) -> tuple[int, int]:
+    """The camera's shape, by default at the size the daemon asks the Pi's camera for."""
+    return width_px, max(16, round(width_px * camera.height_px / camera.width_px))
 
 
 def _free(scene: "SceneParameters") -> "SceneParameters":

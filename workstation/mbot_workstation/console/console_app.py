@@ -7,12 +7,15 @@ has threads of its own and waits for none of them.
 import asyncio
 import itertools
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from importlib.resources import files
+from pathlib import Path
 from typing import Any, Self
 
 from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
@@ -20,10 +23,13 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from mbot_protocol.errors import MbotError
+from mbot_protocol.policy_contract import LARGEST_MODEL_BYTES
 from mbot_workstation.by_hand.hand import HandRepeat
 from mbot_workstation.by_hand.hand_drive import HandDrive
+from mbot_workstation.console.answer_lines import Line, Tell, in_lines
 from mbot_workstation.console.door import Door
 from mbot_workstation.console.errands import Errands
+from mbot_workstation.console.long_errands import LongErrands
 from mbot_workstation.console.page_messages import LetGo, read_message
 from mbot_workstation.console.robot_watch import RobotWatch
 from mbot_workstation.link.remote_control import RemoteControl
@@ -53,18 +59,24 @@ _NO_ENTRY = 1008
 class Console:
     """The application around an open link. A context manager."""
 
-    def __init__(self, link: RobotLink, door: Door) -> None:
+    def __init__(self, link: RobotLink, door: Door, drives: Path = Path("drives")) -> None:
+        """Let in whom the door lets in; recordings that are fetched go into `drives`."""
         self._link = link
         self._owners = itertools.count(1)
         self._outboxes: dict[int, tuple[asyncio.AbstractEventLoop, asyncio.Queue[Any]]] = {}
         self._watch = RobotWatch(link)
         self._hand = HandDrive(RemoteControl(link), self._tell)
         self._errands = Errands(link)
+        self._long = LongErrands(link, Path(), drives)
         self._stops = ThreadPoolExecutor(4, "stop")
+        self._takes_long = ThreadPoolExecutor(2, "long errand")
         self._others = ThreadPoolExecutor(4, "errand")
         self._parts = ExitStack()
         routes = [
             Route("/{token}/stop", self._stop, methods=["POST"]),
+            Route("/{token}/push", self._push, methods=["POST"]),
+            Route("/{token}/fetch", self._fetch, methods=["POST"]),
+            Route("/{token}/replay", self._replay, methods=["POST"]),
             WebSocketRoute("/{token}/live", self._live),
             Route("/{token}/{name:path}", _page_file),
         ]
@@ -73,6 +85,8 @@ class Console:
     def __enter__(self) -> Self:
         self._parts.callback(self._stops.shutdown, wait=False)
         self._parts.callback(self._others.shutdown, wait=False, cancel_futures=True)
+        self._parts.enter_context(self._long)
+        self._parts.callback(self._takes_long.shutdown, cancel_futures=True)
         self._parts.enter_context(self._watch)
         self._parts.enter_context(self._hand)
         return self
@@ -94,6 +108,26 @@ class Console:
         self._watch.look_now()
         took_ms = (time.monotonic() - began_s) * 1000
         return JSONResponse({"done": done, "words": words, "took_ms": round(took_ms, 1)})
+
+    async def _push(self, request: Request) -> Response:
+        """The body: a model file; it is signed, sent, and made active."""
+        data = await _body(request, LARGEST_MODEL_BYTES)
+        name = request.query_params.get("name", "")
+        return self._lines(lambda tell: self._long.push(name, data, tell))
+
+    async def _fetch(self, request: Request) -> Response:
+        """A drive brought here."""
+        drive = request.query_params.get("drive", "")
+        return self._lines(lambda tell: self._long.fetch(drive, tell))
+
+    async def _replay(self, request: Request) -> Response:
+        """A drive decided again; the body: by this model, if it is not empty."""
+        drive = request.query_params.get("drive", "")
+        other = await _body(request, LARGEST_MODEL_BYTES)
+        return self._lines(lambda tell: self._long.replay(drive, other, tell))
+
+    def _lines(self, work: Callable[[Tell], Line]) -> Response:
+        return in_lines(self._takes_long, work, HEADERS)
 
     async def _live(self, socket: WebSocket) -> None:
         """One page: it hears what is new, and is obeyed as long as it is there."""
@@ -183,6 +217,16 @@ class _Guarded:
         else:
             response = Response(f"{refusal}\n", 403, HEADERS, "text/plain")
             await response(scope, receive, send)
+
+
+async def _body(request: Request, most_bytes: int) -> bytes:
+    """What a request brings along; raises HTTPException if it is too large."""
+    gathered = bytearray()
+    async for piece in request.stream():
+        gathered += piece
+        if len(gathered) > most_bytes:
+            raise HTTPException(413, f"more than {most_bytes / 2**20:g} MiB", HEADERS)
+    return bytes(gathered)
 
 
 def _page_file(request: Request) -> Response:

@@ -14,7 +14,7 @@ from mbot_workstation.console.page_messages import (
 from mbot_workstation.drives.recording_fetch import list_recordings
 from mbot_workstation.link.remote_control import RemoteControl
 from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.models.key_choice import chooser
+from mbot_workstation.models.key_choice import ChooseKey, chooser
 from mbot_workstation.models.key_folder import KeyFolder
 from mbot_workstation.models.stored_models import activate, list_models, model_fields
 from mbot_workstation.wording import one_line, short_digest, size_words
@@ -36,10 +36,9 @@ class Errands:
             if isinstance(errand, RunRequest):
                 return {"kind": "answer", "words": self._run(errand.seen_stops), "done": True}
             if isinstance(errand, ListModels):
-                return _models(list_models(self._link))
+                return stored_models(list_models(self._link))
             if isinstance(errand, GoBack):
-                choose_key = chooser(KeyFolder(), "", _passphrase)
-                return _models(activate(self._link, choose_key, errand.sha256))
+                return stored_models(activate(self._link, signing_key(), errand.sha256))
             return self._recordings()
         except MbotError as error:
             return {"kind": "answer", "words": str(error), "done": False}
@@ -67,7 +66,13 @@ class Errands:
         return {"kind": "recordings", "drives": drives, "free": f"{found.free_bytes / 1e9:.1f} GB"}
 
 
-def _models(found: list[Model]) -> dict[str, Any]:
+def signing_key() -> ChooseKey:
+    """The person's own key that the robot trusts."""
+    return chooser(KeyFolder(), "", _passphrase)
+
+
+def stored_models(found: list[Model]) -> dict[str, Any]:
+    """The page's message of the models that a robot keeps."""
     return {
         "kind": "models",
         "models": [

@@ -8,6 +8,7 @@ from mbot_workstation.wording import (
     fault_lines,
     one_line,
     short_digest,
+    standing_words,
     state_word,
     stop_words,
 )
@@ -72,8 +73,7 @@ def _lost(status: Status | None, silence_s: float, problem: str) -> str:
 
 def _headline(status: Status) -> str:
     if status.state == State.STATE_STOPPED:
-        # Or a hand has let go since; then this is older.
-        return f"Standing, {stop_words(status)}" if status.last_stop.monotonic_ns else "Standing"
+        return f"Standing, {standing_words(status)}"
     return _HEADLINES.get(status.state, state_word(status.state))
 
 

@@ -10,7 +10,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Picture
 from mbot_workstation.pictures.film_tile import INK, Bar, blank, caption_px, draw_tile, write
 from mbot_workstation.recordings.recorded_drive import Beat, RecordedDrive
-from mbot_workstation.wording import state_word
+from mbot_workstation.wording import decision_state
 
 RATE_HZ = 10
 """A beat is shown for as long as it lasted; 20 beats a second are shown every other one."""
@@ -72,7 +72,7 @@ def _frame(drive: RecordedDrive, beat: Beat) -> Picture:
     height, width = SCALE * small.shape[0], SCALE * small.shape[1]
     nearest = cv2.INTER_NEAREST
     large = cast(Picture, cv2.resize(small, (width, height), interpolation=nearest))
-    words = f"{drive.since_s(beat):.1f} s  {state_word(decision.state)}"
+    words = f"{drive.since_s(beat):.1f} s  {decision_state(decision)}"
     write(large, words, (8, 128 * SCALE + 40), INK, 0.6)
     faults = ", ".join(fault.kind for fault in decision.faults)
     write(large, faults.encode("ascii", "replace").decode()[:50], (8, height - 16), INK, 0.5)

@@ -3,29 +3,40 @@
 import base64
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import jinja2
 
 from mbot_protocol.actions import STEP_LIMIT
 from mbot_workstation.drives.drive_figures import DriveFigures, Latency
-from mbot_workstation.pictures.film_tile import TILE_PX, Bar, blank, caption_px, draw_tile
+from mbot_workstation.drives.driven_path import DrivenPath, Place, Point
 from mbot_workstation.pictures.picture_file import encode_picture
 from mbot_workstation.wording import one_line, short_digest
 
 STRIP_TILES = 24
+"""Rows of 12, 8, 6 or 4 are full, whatever the page's width."""
+
 CHART_WIDTH, CHART_HEIGHT = 720, 120
 SHOWN = ("frame to motors", "decide", "tick late by")
 """Stages whose histograms are drawn; all of them stand in the table."""
 
+MAP_MARGIN_M = 0.25
+
 MOST_POINTS = 1500
 """Of a wheel's line: more than pixels across."""
 
-JPEG_QUALITY = 88
+JPEG_QUALITY = 92
 
 
-def drive_page(drives: Sequence[DriveFigures]) -> str:
-    """The whole page: one drive, or several below one another on the same scales."""
+def drive_page(drives: Sequence[DriveFigures], places: Sequence[Place] = ()) -> str:
+    """The whole page: one drive, or several below one another on the same scales.
+
+    Args:
+        drives: what happened in each.
+        places: where a robot was and when, as far as that is known; each drive takes its own time.
+
+    """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent),
         autoescape=True,
@@ -39,6 +50,7 @@ def drive_page(drives: Sequence[DriveFigures]) -> str:
         drives=drives,
         strips=[_strip(one) for one in drives],
         lines=[_lines(one) for one in drives],
+        maps=[_map(one, places) for one in drives],
         histograms=[
             [
                 (latency, _bars(latency, longest_ms[latency.name]), longest_ms[latency.name])
@@ -52,18 +64,81 @@ def drive_page(drives: Sequence[DriveFigures]) -> str:
     )
 
 
-def _strip(one: DriveFigures) -> list[str]:
-    """Pictures over the whole drive with both wheels, as addresses inside the page."""
-    found: list[str] = []
+@dataclass(frozen=True, slots=True)
+class Tile:
+    """One picture of the strip: an address inside the page, when, and both wheels in [-1, 1]."""
+
+    uri: str
+    since_s: float
+    left: float
+    right: float
+
+
+def _strip(one: DriveFigures) -> list[Tile]:
+    """Pictures over the whole drive, as the policy saw them: the page enlarges them."""
+    found: list[Tile] = []
     for beat in one.chosen(STRIP_TILES):
         picture, steps = beat.observation, beat.decision.steps
         if picture is not None:
-            bars = (Bar("L", steps.left / STEP_LIMIT), Bar("R", steps.right / STEP_LIMIT))
-            area = blank(TILE_PX + caption_px(len(bars)), TILE_PX)
-            draw_tile(area, picture, f"{one.drive.since_s(beat):.1f} s", bars)
-            encoded = base64.b64encode(encode_picture(area, ".jpg", JPEG_QUALITY)).decode()
-            found.append(f"data:image/jpeg;base64,{encoded}")
+            encoded = base64.b64encode(encode_picture(picture, ".jpg", JPEG_QUALITY)).decode()
+            found.append(
+                Tile(
+                    f"data:image/jpeg;base64,{encoded}",
+                    one.drive.since_s(beat),
+                    steps.left / STEP_LIMIT,
+                    steps.right / STEP_LIMIT,
+                )
+            )
     return found
+
+
+@dataclass(frozen=True, slots=True)
+class Map:
+    """A path from above, in metres, y down as SVG has it.
+
+    Attributes:
+        left, top, width, height: what is shown.
+        strips: points of polylines.
+        begin, end: of the path.
+        targets: places of the object.
+
+    """
+
+    left: float
+    top: float
+    width: float
+    height: float
+    strips: tuple[str, ...]
+    begin: Point
+    end: Point
+    targets: tuple[Point, ...]
+
+
+def _map(one: DriveFigures, places: Sequence[Place]) -> Map | None:
+    """A drive's own part of a path; None where nothing is known of it."""
+    first, last = (one.drive.beats[index].decision.unix_time_ns for index in (0, -1))
+    driven, targets = DrivenPath(longest=None), dict[Point, None]()
+    for place in places:
+        if first <= place.unix_time_ns <= last:
+            driven.add(place)
+            x_m, y_m = place.target
+            targets[round(x_m, 2), round(-y_m, 2)] = None
+    strips = [[(x_m, -y_m) for x_m, y_m in strip] for strip in driven.strips]
+    if not strips:
+        return None
+    points = [point for strip in strips for point in strip]
+    seen_x, seen_y = zip(*points, *targets, strict=True)
+    left, top = min(seen_x) - MAP_MARGIN_M, min(seen_y) - MAP_MARGIN_M
+    return Map(
+        left,
+        top,
+        max(seen_x) + MAP_MARGIN_M - left,
+        max(seen_y) + MAP_MARGIN_M - top,
+        tuple(" ".join(f"{x:.3f},{y:.3f}" for x, y in strip) for strip in strips),
+        points[0],
+        points[-1],
+        tuple(targets),
+    )
 
 
 def _lines(one: DriveFigures) -> dict[str, str]:

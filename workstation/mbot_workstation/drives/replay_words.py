@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from mbot_protocol.picture import Picture
+from mbot_protocol.policy_contract import FieldOfView
 from mbot_workstation.drives.replayed_drive import TOLERANCE, Redecided, Replay
 from mbot_workstation.pictures.film_tile import Bar, Tile, strip_of
 from mbot_workstation.wording import one_line, short_digest
@@ -20,6 +21,21 @@ COLUMNS = 6
 
 def lines(found: Replay) -> Iterator[str]:
     """What a person wants to know, most important first."""
+    yield from summary(found)
+    if differing := rows(found, MOST_ROWS):
+        yield ""
+        yield "     time  beat      then              now               differs by"
+        yield from (_row(one) for one in differing)
+
+
+def rows(found: Replay, most: int) -> list[Redecided]:
+    """The decisions that differ most and enough to be named, in the order of their making."""
+    worth = 0.0 if found.same_model else NOTABLE
+    return [one for one in worst(found.decisions, most) if one.difference > worth]
+
+
+def summary(found: Replay) -> Iterator[str]:
+    """How much differs, without the single decisions."""
     count, model = len(found.decisions), short_digest(found.model_sha256)
     yield f"{found.drive.name}: {count} decisions"
     if found.same_model:
@@ -41,25 +57,41 @@ def lines(found: Replay) -> Iterator[str]:
             yield f"  half of all by less than {np.median(finite):.2g}"
     if failed := sum(bool(one.failure) for one in found.decisions):
         yield f"  {failed} end in a failure of the model"
+    for views in found.other_views:
+        yield from _view_words(*views)
     if found.left_out:
         yield f"  {found.left_out} are left out: their picture is not in the recording"
-    rows = [one for one in worst(found.decisions, MOST_ROWS) if one.difference > _worth(found)]
-    if rows:
-        yield ""
-        yield "     time  beat      then              now               differs by"
-        yield from (_row(one) for one in rows)
 
 
-def _worth(found: Replay) -> float:
-    return 0.0 if found.same_model else NOTABLE
+def _view_words(shown: FieldOfView | None, wanted: FieldOfView) -> Iterator[str]:
+    wants = f"  it wants to see {_degrees(wanted)}"
+    if shown is None:
+        yield f"{wants};"
+        yield "  whether the pictures show that, this older recording does not say"
+    else:
+        yield f"{wants}, the pictures show {_degrees(shown)}:"
+        yield "  it would have seen others, so what differs here says little"
+
+
+def _degrees(view: FieldOfView) -> str:
+    return f"{view.horizontal_deg:g} x {view.vertical_deg:g} degrees"
 
 
 def _row(one: Redecided) -> str:
-    start = f"{one.since_s:7.1f} s  {one.beat.decision.sequence:<8d}"
-    then = f"{_wheels(one.action_then)}   "
-    if one.failure:
-        return f"{start}{then}{one_line(one.failure)[:40]}"
-    return f"{start}{then}{_wheels(one.action)}   {one.difference:.2g}"
+    time, beat, then, now, differs = cells(one)
+    return f"{time:>9s}  {beat:<8s}{then}   {now[:40]}   {differs}".rstrip()
+
+
+def cells(one: Redecided) -> tuple[str, str, str, str, str]:
+    """One decision in words: time, beat, action then and now (or why none), difference."""
+    failed = bool(one.failure)
+    return (
+        f"{one.since_s:.1f} s",
+        str(one.beat.decision.sequence),
+        _wheels(one.action_then),
+        one_line(one.failure) if failed else _wheels(one.action),
+        "" if failed else f"{one.difference:.2g}",
+    )
 
 
 def _wheels(action: tuple[float, float]) -> str:
@@ -84,6 +116,10 @@ def fields(found: Replay) -> dict[str, object]:
         "same_motor_bytes": found.same_motor_bytes,
         "largest_difference": _finite(found.largest_difference),
         "left_out": found.left_out,
+        "other_views": [
+            {"shown_deg": _pair(shown), "wanted_deg": _pair(wanted)}
+            for shown, wanted in found.other_views
+        ],
         "as_expected": found.is_as_expected,
         "differing": [
             {
@@ -98,6 +134,10 @@ def fields(found: Replay) -> dict[str, object]:
             if not one.is_exact
         ],
     }
+
+
+def _pair(view: FieldOfView | None) -> list[float] | None:
+    return [view.horizontal_deg, view.vertical_deg] if view is not None else None
 
 
 def _finite(value: float) -> float | None:

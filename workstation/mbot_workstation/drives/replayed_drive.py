@@ -10,12 +10,15 @@ from pathlib import Path
 from mbot_protocol.actions import Steps
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.mcore import Joystick
-from mbot_protocol.replay_step import ReplayAnswer, ReplayStep
+from mbot_protocol.policy_contract import FieldOfView
+from mbot_protocol.replay_step import ReplayAnswer, ReplayGreeting, ReplayStep
 from mbot_workstation.drives.decider import MOST_ASKED, Decider
 from mbot_workstation.recordings.recorded_drive import Beat, RecordedDrive
 
 TOLERANCE = 1e-5
 """Of an action on another processor, whose float32 adds up in another order."""
+
+MODEL_PLACES = ("*.onnx", "models/*.onnx", "runs/*/*.onnx")
 
 Progress = Callable[[int, int], None]
 Wheels = tuple[float, float]
@@ -74,6 +77,8 @@ class Replay:
         same_processor: whether it was computed on the same kind.
         decisions: in order.
         left_out: decisions that could not be asked again: their picture is not in the recording.
+        other_views: where the model wants to see another field of view than the recorded pictures
+            show: what they show (None: the recording does not say), and what it wants.
 
     """
 
@@ -84,6 +89,7 @@ class Replay:
     same_processor: bool
     decisions: tuple[Redecided, ...]
     left_out: int
+    other_views: tuple[tuple[FieldOfView | None, FieldOfView], ...] = ()
 
     @property
     def exact(self) -> int:
@@ -108,6 +114,11 @@ class Replay:
         if self.same_processor:
             return self.exact == len(self.decisions)
         return self.largest_difference <= TOLERANCE
+
+
+def models_near(here: Path) -> list[Path]:
+    """Where a model that drove may lie, from a folder on."""
+    return [path for places in MODEL_PLACES for path in sorted(here.glob(places))]
 
 
 def replay(
@@ -154,7 +165,26 @@ def replay(
         all(greeting.processor == facts.processor for greeting in greetings),
         tuple(found),
         len(decided) - len(usable),
+        _other_views(usable, {d: running[p].greeting for d, p in paths.items()}),
     )
+
+
+def _other_views(
+    beats: Sequence[Beat], greetings: dict[str, ReplayGreeting]
+) -> tuple[tuple[FieldOfView | None, FieldOfView], ...]:
+    """Pictures of another view are not what the model would have seen: no question to ask it."""
+    found: dict[tuple[FieldOfView | None, FieldOfView], None] = {}
+    for beat in beats:
+        digest = beat.decision.model_sha256
+        greeting = greetings[digest]
+        if not all(greeting.view_deg):
+            continue
+        shown, wanted = beat.view, FieldOfView(*greeting.view_deg)
+        if shown is None and greeting.sha256 == digest:
+            continue  # it was what drove, so its view is theirs
+        if shown != wanted:
+            found[shown, wanted] = None
+    return tuple(found)
 
 
 def _decided_again(

@@ -4,12 +4,14 @@ Rerun is the extra `[view]`; nothing else here imports it.
 """
 
 import importlib
+import math
 import os
 import signal
 import socket
 import subprocess
 import sys
 import time
+from collections.abc import Collection, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -17,13 +19,19 @@ from typing import Any
 from mbot_protocol.actions import STEP_LIMIT
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
+from mbot_workstation.drives.driven_path import Place, Point
 from mbot_workstation.recordings.recorded_drive import RecordedDrive
 from mbot_workstation.recordings.stage_times import span_ms
-from mbot_workstation.wording import one_line, short_digest, state_word
+from mbot_workstation.wording import decision_state, one_line, short_digest
 
 APPLICATION = "mbot"
 LATENCIES = ("frame to motors", "observe", "decide", "tick late by")
 LOOPBACK = "127.0.0.1"
+AHEAD_M = 0.2
+MAP_M = 1.5
+"""What the map shows at first, from the middle on; it can be moved and zoomed."""
+
+ROBOT_COLOR, TARGET_COLOR, PATH_COLOR = (90, 170, 255), (220, 50, 50), (230, 170, 60)
 START_WAIT_S = 20.0
 MEMORY_LIMIT = "512MiB"
 """What the server keeps for a viewer that connects later: hours of a robot."""
@@ -35,8 +43,8 @@ class RerunView:
     Each robot has its own branch, named by its id; times are the robot's wall clock.
     """
 
-    def __init__(self, robots: list[str]) -> None:
-        """Begin.
+    def __init__(self, robots: list[str], mapped: Collection[str] = ()) -> None:
+        """Begin, with a map for those robots whose place is known (`mapped`).
 
         Raises:
             ConfigurationError: Rerun is not installed.
@@ -51,7 +59,7 @@ class RerunView:
                 "checkout (it takes 700 MB)"
             ) from None
         self._blueprint = layout.Blueprint(
-            layout.Horizontal(*(_robot_view(layout, robot) for robot in robots)),
+            layout.Horizontal(*(_robot_view(layout, robot, robot in mapped) for robot in robots)),
             layout.BlueprintPanel(state="collapsed"),
             layout.SelectionPanel(state="collapsed"),
             layout.TimePanel(state="collapsed"),
@@ -147,6 +155,27 @@ class RerunView:
             log(f"{robot}/log", rerun.TextLog(words, level=level))
         self._before[robot] = decision
 
+    def log_place(self, robot: str, place: Place) -> None:
+        """Where a robot and its object are; the map's up is y, which Rerun draws downward."""
+        self._at(place.unix_time_ns)
+        (x_m, y_m), (target_x_m, target_y_m) = place.robot, place.target
+        ahead = math.cos(place.yaw_rad) * AHEAD_M, -math.sin(place.yaw_rad) * AHEAD_M
+        arrow = self._rerun.Arrows2D(
+            origins=[(x_m, -y_m)], vectors=[ahead], colors=[ROBOT_COLOR], radii=0.03
+        )
+        self._stream.log(f"{robot}/map/robot", arrow)
+        box = self._rerun.Boxes2D(
+            centers=[(target_x_m, -target_y_m)], sizes=[(0.06, 0.06)], colors=[TARGET_COLOR]
+        )
+        self._stream.log(f"{robot}/map/object", box)
+
+    def log_path(self, robot: str, time_ns: int, strips: Sequence[Sequence[Point]]) -> None:
+        """The lines it has driven so far."""
+        self._at(time_ns)
+        lines = [[(x_m, -y_m) for x_m, y_m in strip] for strip in strips]
+        drawn = self._rerun.LineStrips2D(lines, colors=[PATH_COLOR] * len(lines), radii=0.012)
+        self._stream.log(f"{robot}/map/path", drawn)
+
     def _at(self, time_ns: int) -> None:
         self._stream.set_time("robot_time", timestamp=time_ns / 1e9)
 
@@ -157,7 +186,7 @@ def changes(before: Decision | None, now: Decision) -> list[tuple[str, str]]:
     if before is None or before.model_sha256 != now.model_sha256:
         found.append(("INFO", f"model {short_digest(now.model_sha256)}"))
     if before is None or before.state != now.state:
-        found.append(("INFO", f"now {state_word(now.state)}"))
+        found.append(("INFO", f"now {decision_state(now)}"))
     known = {fault.kind for fault in before.faults} if before is not None else set[str]()
     found += [
         ("ERROR", f"{one_line(fault.kind)}: {one_line(fault.detail)}")
@@ -179,16 +208,21 @@ def _listens(port: int) -> bool:
         return probe.connect_ex((LOOPBACK, port)) == 0
 
 
-def _robot_view(layout: Any, robot: str) -> Any:
-    """One robot's part of the window: picture and log on the left, lines on the right."""
+def _robot_view(layout: Any, robot: str, has_map: bool) -> Any:
+    """One robot's part of the window: picture, map and log on the left, lines on the right."""
+    bounds = layout.VisualBounds2D(x_range=(-MAP_M, MAP_M), y_range=(-MAP_M, MAP_M))
+    map_view = layout.Spatial2DView(
+        origin=f"{robot}/map", name="path, metres", visual_bounds=bounds
+    )
     return layout.Horizontal(
         layout.Vertical(
             layout.Horizontal(
                 layout.Spatial2DView(origin=f"{robot}/camera", name=f"{robot}: camera, live only"),
                 layout.Spatial2DView(origin=f"{robot}/observation", name="as the policy sees"),
             ),
+            *([map_view] if has_map else []),
             layout.TextLogView(origin=f"{robot}/log", name="state, faults, stops"),
-            row_shares=[3, 2],
+            row_shares=[3, 4, 2] if has_map else [3, 2],
         ),
         layout.Vertical(
             layout.TimeSeriesView(origin=f"{robot}/wheels", name="wheels"),

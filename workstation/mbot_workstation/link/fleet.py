@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mbot_protocol.errors import MbotError, UnreachableError
 from mbot_protocol.v1.messages_pb2 import MotorMap, Status
@@ -39,6 +39,7 @@ class RobotReport:
             "address": self.address,
             "robot_id": self.robot_id or None,
             "state": state_word(status.state) if known else None,
+            "hand_let_go": bool(status.let_go_monotonic_ns) if known else None,
             "faults": [{"kind": f.kind, "detail": f.detail} for f in status.faults],
             "notices": [{"kind": n.kind, "detail": n.detail} for n in status.notices],
             "accepts_unsigned_models": status.accepts_unsigned_models if known else None,
@@ -74,15 +75,39 @@ def look_around(destinations: Sequence[Destination]) -> list[RobotReport]:
         return [report for reports in found for report in reports]
 
 
+def each_robot(
+    destinations: Sequence[Destination],
+) -> tuple[list[Destination], list[UnreachableError]]:
+    """One destination a robot: who is alive where no robot was named, each robot once.
+
+    Also why nobody is found at those addresses where nobody is.
+    """
+    unreachable: list[UnreachableError] = []
+    found: dict[str, Destination] = {}
+    for one in destinations:
+        try:
+            ids = [one.robot_id] if one.robot_id is not None else _alive(one)
+        except UnreachableError as error:
+            unreachable.append(error)
+            continue
+        for robot_id in ids:
+            found.setdefault(robot_id, replace(one, robot_id=robot_id))
+    return list(found.values()), unreachable
+
+
+def _alive(destination: Destination) -> list[str]:
+    with open_session(destination.endpoint, destination.security) as session:
+        if robots := alive_robots(session):
+            return robots
+    raise UnreachableError(f"no robot is alive at {destination.endpoint}")
+
+
 def _look_at(destination: Destination) -> list[RobotReport]:
     endpoint, security = destination.endpoint, destination.security
     if destination.robot_id is not None:
         return [_ask(endpoint, destination.robot_id, security)]
     try:
-        with open_session(endpoint, security) as session:
-            robots = alive_robots(session)
-        if not robots:
-            raise UnreachableError(f"no robot is alive at {endpoint}")
+        robots = _alive(destination)
     except MbotError as error:
         return [RobotReport(str(endpoint), "", None, str(error))]
     return [_ask(endpoint, robot_id, security) for robot_id in robots]

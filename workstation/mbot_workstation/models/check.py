@@ -47,11 +47,20 @@ def check_model(path: Path) -> CheckedModel:
         NewerSchemaError: it follows a newer contract.
 
     """
-    data = _read(path)
+    return check_model_data(_read(path), str(path))
+
+
+def check_model_data(data: bytes, name: str) -> CheckedModel:
+    """Compare what a model file holds with the policy contract.
+
+    Raises:
+        ContractError, NewerSchemaError: as `check_model`; `name` comes first in what they say.
+
+    """
     try:
         metadata = _check_contents(data)
     except ContractError as error:
-        raise type(error)(f"{path}: {error}") from None
+        raise type(error)(f"{name}: {error}") from None
     return CheckedModel(data, hashlib.sha256(data).hexdigest(), metadata)
 
 

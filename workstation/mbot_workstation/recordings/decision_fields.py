@@ -20,6 +20,7 @@ def decision_fields(decision: Decision) -> dict[str, Field]:
         "sequence": decision.sequence,
         "unix_time_ns": decision.unix_time_ns,
         "state": state_word(decision.state),
+        "hand_let_go": decision.hand_let_go,
         "faults": [{"kind": f.kind, "detail": f.detail} for f in decision.faults],
         "started_monotonic_ns": decision.started_monotonic_ns,
         **{f"{stage}_ms": time_ms for stage, time_ms in stage_ms(decision).items()},

@@ -8,6 +8,7 @@ import msgspec
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.message import DecodeError
+from msgspec import UNSET
 
 from mbot_protocol.drive_record import (
     DECISION_TOPIC,
@@ -20,6 +21,7 @@ from mbot_protocol.drive_record import (
 )
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Picture
+from mbot_protocol.policy_contract import FieldOfView
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.pictures.picture_file import decode_picture
 from mbot_workstation.recordings.whole_chunks import WholeChunks
@@ -46,6 +48,22 @@ class Beat:
     def observation(self) -> Picture | None:
         """What the policy saw, shape (64, 64, 3), RGB."""
         return decode_picture(self.encoded)
+
+    @property
+    def view(self) -> FieldOfView | None:
+        """What the policy's picture shows; None where the recording does not say.
+
+        Raises:
+            ConfigurationError: what it says is no field of view.
+
+        """
+        record = self.record
+        if record is None or record.view_horizontal_deg is UNSET:
+            return None
+        try:
+            return FieldOfView(record.view_horizontal_deg, record.view_vertical_deg or 0.0)
+        except ValueError as error:
+            raise ConfigurationError(f"beat {record.sequence} of the recording: {error}") from None
 
     @property
     def decided(self) -> bool:

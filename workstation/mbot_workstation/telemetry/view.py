@@ -13,7 +13,7 @@ from mbot_workstation.pictures.half_blocks import half_blocks
 from mbot_workstation.pictures.picture_file import decode_picture
 from mbot_workstation.telemetry.stream import LinkState
 from mbot_workstation.telemetry.window import TelemetryWindow
-from mbot_workstation.wording import fault_lines, one_line, short_digest, state_word
+from mbot_workstation.wording import decision_state, fault_lines, one_line, short_digest
 
 PICTURE_COLUMNS = 32
 BAR_CELLS = 10
@@ -69,7 +69,7 @@ def plain_line(robot_id: str, window: TelemetryWindow, link: LinkState, silence_
     silence = link_words(link, silence_s)
     if decision is None:
         return f"{robot_id}: {silence or 'waiting for the first decision'}"
-    parts = [f"{robot_id}: {state_word(decision.state)}", f"decision {decision.sequence}"]
+    parts = [f"{robot_id}: {decision_state(decision)}", f"decision {decision.sequence}"]
     if (rate_hz := window.decisions_per_s) is not None:
         parts.append(f"{rate_hz:.2f}/s")
     parts.append(f"steps {decision.steps.left:+d} {decision.steps.right:+d}")
@@ -97,7 +97,7 @@ def _faults(decision: Decision) -> list[RenderableType]:
 
 def _facts(decision: Decision, window: TelemetryWindow) -> Table:
     table = Table.grid(padding=(0, 2))
-    word = state_word(decision.state)
+    word = decision_state(decision)
     table.add_row("state", Text(word, style=_STATE_STYLES.get(decision.state, "bold")))
     wheels = (
         ("left", decision.action.left, decision.steps.left, decision.board_m1, "M1"),

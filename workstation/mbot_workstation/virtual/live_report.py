@@ -14,8 +14,8 @@ from mbot_workstation.virtual.live_world import TaskEvent, WorldStatus
 class LiveReport:
     """Writes to a stream, standard output if not told otherwise.
 
-    With `as_json` every line is an object with a `type`: ready, status, event, board_stopped or
-    result.
+    With `as_json` every line is an object with a `type`: ready, status, event, board_stopped,
+    played or result.
     """
 
     def __init__(self, *, as_json: bool, stream: TextIO | None = None) -> None:
@@ -82,6 +82,17 @@ class LiveReport:
                     "touches": status.result.touches,
                     "score": status.result.score,
                 },
+            )
+
+    def played(self, rounds: int, pictures: int, commands: int) -> None:
+        """A recording has been played to its end once more, and begins again."""
+        if self._as_json:
+            fields: dict[str, object] = {"rounds": rounds, "pictures": pictures}
+            self._json("played", fields | {"commands": commands})
+        else:
+            times = "once" if rounds == 1 else f"{rounds} times"
+            self._text(
+                f"played {times}, {pictures} pictures; the board obeyed {commands} commands so far"
             )
 
     def result(self, result: FetchResult) -> None:

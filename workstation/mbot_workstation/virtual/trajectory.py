@@ -1,6 +1,7 @@
 """The robot's path as JSON lines, for drawing it later."""
 
 import json
+import time
 from pathlib import Path
 from typing import Self
 
@@ -9,14 +10,17 @@ from mbot_workstation.virtual.live_world import TaskEvent, WorldStatus
 
 
 class TrajectoryWriter:
-    """Writes a line a moment: `t`, `x`, `y`, `yaw`, `object` [x, y, yaw], in s, m and rad.
+    """Writes a line a moment: `t`, `unix_s`, `x`, `y`, `yaw`, `object` [x, y, yaw].
+
+    In s, m and rad; `t` is the simulation's time, `unix_s` the wall clock's, as in recordings.
+    Lines are there for others to read as soon as they are written.
 
     What the task counts becomes a line with `t`, `event` and `score`.
     """
 
     def __init__(self, path: Path) -> None:
         try:
-            self._file = path.open("w", encoding="utf-8")
+            self._file = path.open("w", encoding="utf-8", buffering=1)
         except OSError as error:
             raise ConfigurationError(
                 f"can't write the trajectory to {path}: {error.strerror}"
@@ -28,6 +32,7 @@ class TrajectoryWriter:
         self._write(
             {
                 "t": round(status.time_s, 3),
+                "unix_s": round(time.time(), 3),
                 "x": round(robot.x_m, 4),
                 "y": round(robot.y_m, 4),
                 "yaw": round(robot.yaw_rad, 4),

@@ -4,7 +4,8 @@ import json
 import queue
 import threading
 import time
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -89,8 +90,7 @@ def run_session(
             robot.run_beside("window", lambda stopped: show(robot, stopped))
         ready = {"board": str(robot.board.path), "camera": robot.server.url}
         if outputs.ready_file is not None:
-            _write_json(outputs.ready_file, ready)
-            resources.callback(outputs.ready_file.unlink, missing_ok=True)
+            resources.enter_context(ready_file(outputs.ready_file, ready))
         if outputs.daemon_config is not None:
             deadman = settings.firmware is not None
             write_daemon_config(outputs.daemon_config, **ready, has_deadman=deadman)
@@ -136,6 +136,16 @@ def _follow(
         if over or stop.wait(POLL_S) or 0 < seconds <= time.monotonic() - began_s:
             return
         polls += 1
+
+
+@contextmanager
+def ready_file(path: Path, where: dict[str, str]) -> Iterator[None]:
+    """A file that exists while a robot is up, and says where its board and camera are."""
+    _write_json(path, where)
+    try:
+        yield
+    finally:
+        path.unlink(missing_ok=True)
 
 
 def _write_json(path: Path, fields: dict[str, object] | dict[str, str]) -> None:

@@ -232,6 +232,10 @@ at("run").addEventListener("click", () => {
   if (!runRefused) send({ do: "run", seen_stops: seenStops });
 });
 at("list-models").addEventListener("click", () => send({ do: "models" }));
+at("push-model").addEventListener("click", () => chosen((file) => {
+  askHere(`Send ${file.name} to ${at("robot").textContent} and make it active?`,
+    () => longErrand(`push?name=${encodeURIComponent(file.name)}`, file));
+}));
 at("list-recordings").addEventListener("click", () => send({ do: "recordings" }));
 
 function showModels(models) {
@@ -241,10 +245,10 @@ function showModels(models) {
     const back = node("button", "make active");
     back.disabled = model.active;
     back.addEventListener("click", () => {
-      if (confirm(`Make ${model.name} ${model.digest} active?`)) {
+      askHere(`Make ${model.name} ${model.digest} active?`, () => {
         say(`making ${model.name} active ...`, true);
         send({ do: "roll-back", sha256: model.sha256 });
-      }
+      });
     });
     return [standing, `${model.name} ${model.digest}`, model.size, day(model.stored_unix_time_ms), back];
   }));
@@ -253,11 +257,98 @@ function showModels(models) {
 function showRecordings({ drives, free }) {
   rows(at("recordings"), drives.map((drive) => [
     drive.open ? "recording" : drive.kept ? "kept" : "",
-    drive.name, `${drive.lasted_s} s`, drive.size, day(drive.started_unix_time_ms),
+    drive.name, `${drive.lasted_s} s`, drive.size, day(drive.started_unix_time_ms), actions(drive.name),
   ]));
   at("free").textContent = drives.length
-    ? `${free} free on its card. \`workstation recordings fetch\` brings them here.`
+    ? `${free} free on its card. "Fetch" brings a drive into the folder drives of this machine; `
+      + '"decide again" asks the model that drove once more, or another one.'
     : "The robot keeps no recordings.";
+}
+
+function actions(name) {
+  const made = document.createElement("span");
+  const drive = encodeURIComponent(name);
+  made.append(
+    button("fetch", () => longErrand(`fetch?drive=${drive}`)),
+    button("decide again", () => longErrand(`replay?drive=${drive}`)),
+    button("by another model ...", () => {
+      chosen((file) => longErrand(`replay?drive=${drive}`, file));
+    }),
+  );
+  return made;
+}
+
+// In the page: the browser's own confirm() would hold up STOP until it is answered.
+function askHere(words, yes) {
+  const row = node("p", `${words} `);
+  row.append(
+    button("yes", () => { row.remove(); yes(); }),
+    button("no", () => row.remove()),
+  );
+  at("questions").replaceChildren(row);
+  row.scrollIntoView({ block: "nearest" });
+}
+
+function button(words, press) {
+  const made = node("button", words);
+  made.type = "button";
+  made.addEventListener("click", press);
+  return made;
+}
+
+// --- what takes long: a request of its own, answered by lines while it goes on
+
+async function longErrand(path, body = null) {
+  const bar = document.createElement("progress");
+  const words = node("span", "asking ...");
+  const row = document.createElement("p");
+  row.append(bar, " ", words);
+  at("under-way").append(row);
+  try {
+    const reply = await fetch(path, { method: "POST", body });
+    if (!reply.ok) throw new Error(await reply.text());
+    for await (const line of lines(reply.body)) {
+      if (line.kind === "progress") {
+        bar.value = line.share;
+        words.textContent = line.words;
+      } else if (line.kind === "replay") showReplay(line);
+      else hear(line);
+    }
+  } catch (error) {
+    say(`${path.split("?")[0]}: ${error.message}; is \`workstation console\` still running?`, false);
+  } finally {
+    row.remove();
+  }
+}
+
+async function* lines(stream) {
+  const reader = stream.pipeThrough(new TextDecoderStream()).getReader();
+  let rest = "";
+  for (;;) {
+    const { done, value } = await reader.read();
+    if (done) return;
+    const parts = (rest + value).split("\n");
+    rest = parts.pop();
+    for (const part of parts) yield JSON.parse(part);
+  }
+}
+
+function showReplay(found) {
+  at("replay").hidden = false;
+  at("verdict").textContent = found.words;
+  at("verdict").classList.toggle("bad", !found.done);
+  list(at("replay-lines"), found.lines);
+  rows(at("replay-rows"), found.rows.length
+    ? [["time", "beat", "then: left, right", "now", "differs by"], ...found.rows] : []);
+  at("replay").scrollIntoView({ block: "nearest" });
+}
+
+function chosen(use) {
+  const input = document.createElement("input");
+  input.type = "file";
+  input.accept = ".onnx";
+  input.addEventListener("change", () => { if (input.files.length) use(input.files[0]); });
+  input.click();
 }
 
 function day(unixTimeMs) {

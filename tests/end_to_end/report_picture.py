@@ -1,0 +1,48 @@
+"""A picture of a drive's report: `python -m tests.end_to_end.report_picture FILE.png`.
+
+Half a minute of a virtual robot and the real daemon with the shipped policy, fetched from its card.
+"""
+
+import sys
+import time
+from pathlib import Path
+
+from mbot_workstation.drives.drive_figures import figures
+from mbot_workstation.drives.drive_page import drive_page
+from mbot_workstation.drives.driven_path import read_path
+from mbot_workstation.drives.recording_fetch import fetch, list_recordings
+from mbot_workstation.link.remote_control import RemoteControl
+from mbot_workstation.recordings.recorded_drive import read_drive
+
+from .browser import browser
+from .console_pictures import PATH_NAME, driven_robot
+from .processes import until
+
+DRIVEN_S = 28.0
+RECORDED_AFTERWARDS_S = 5.0
+WIDTH_PX, HEIGHT_PX = 1000, 900
+
+
+def main() -> None:
+    with driven_robot() as daemon, daemon.link() as link:
+        control = RemoteControl(link)
+        control.run()
+        time.sleep(DRIVEN_S)
+        control.stop()
+        assert until(lambda: not list_recordings(link).drives[0].open, 2 * RECORDED_AFTERWARDS_S)
+        folder = fetch(link, list_recordings(link).drives[0], daemon.directory)
+        places = read_path(daemon.directory / PATH_NAME)
+        page = daemon.directory / "drive.html"
+        page.write_text(drive_page([figures(read_drive(folder))], places))
+        draw(page, Path(sys.argv[1]))
+
+
+def draw(page: Path, into: Path) -> None:
+    with browser() as chromium:
+        opened = chromium.new_page(viewport={"width": WIDTH_PX, "height": HEIGHT_PX})
+        opened.goto(page.as_uri())
+        opened.screenshot(path=into, full_page=True)
+
+
+if __name__ == "__main__":
+    main()
