@@ -257,10 +257,9 @@ def test_the_command_makes_a_page_from_a_recording(recording: Path, tmp_path: Pa
 def test_a_robot_without_calibration_is_reported_as_such(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    where = tmp_path / "gap.html"
-    (tmp_path / "models").mkdir()
-    write_tolerances(tmp_path / "models" / "tolerance.json", tolerances())
-    monkeypatch.chdir(tmp_path)
+    where, ships = tmp_path / "gap.html", tmp_path / "tolerance.json"
+    write_tolerances(ships, tolerances())
+    monkeypatch.setattr("mbot_workstation.commands.gap_report.SHIPPED_MAP", ships)
     said = run_command(str(recording), "--calibration", str(tmp_path), "-o", str(where))
     assert "16 held-out runs" in said  # nothing was fitted, so all count
     assert "missing: no motion.toml" in said

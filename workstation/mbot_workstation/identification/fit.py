@@ -48,8 +48,8 @@ STARTS: tuple[tuple[dict[str, float], float], ...] = (
     (FRICTIONLESS, 0.5),
 )
 """What differs from what is usual, and the grip against the usual one. Friction that holds a wheel
-and a floor that lets it slip are not smooth: from what is usual alone four of five drives of a robot
-without friction descended into a valley of too much drag, the cost a third above the other one's."""
+and a floor that lets it slip are not smooth: from what is usual alone four of five drives of a
+robot without friction descended into a valley of too much drag, a third above the other's cost."""
 
 FADE_OF_SCATTER = 6**0.5
 """A battery that fades evenly over the runs makes them scatter by its fade over the root of 12.
