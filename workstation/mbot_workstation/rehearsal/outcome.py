@@ -66,11 +66,11 @@ def as_table(rows: Sequence[Row]) -> Table:
     for heading in ("truth", "nominal", "off by", "found", "off by"):
         table.add_column(heading, justify="right")
     for row in rows:
-        found = "not told" if row.found is None else f"{row.found:.{row.digits}f}"
+        found = "not told" if row.found is None else f"{row.found:z.{row.digits}f}"
         table.add_row(
             row.what,
-            f"{row.truth:.{row.digits}f}",
-            f"{row.nominal:.{row.digits}f}",
+            f"{row.truth:z.{row.digits}f}",
+            f"{row.nominal:z.{row.digits}f}",
             _error_words(row, row.nominal),
             found,
             _error_words(row, row.found),
