@@ -180,8 +180,8 @@ install_updater() {
             run install -m 0644 "$name" "$updater.new/mbot_update"
         done
         run mv "$updater.new/mbot_update/__main__.py" "$updater.new"
-        for name in __init__ atomic_file errors public_key release_archive release_ledger \
-            release_manifest; do
+        for name in __init__ atomic_file errors public_key release_archive release_contents \
+            release_ledger release_manifest; do
             run install -m 0644 "$checkout/shared/protocol/mbot_protocol/$name.py" \
                 "$updater.new/mbot_protocol"
         done

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from mbot_protocol.errors import MbotError, RefusedError
 from mbot_protocol.release_ledger import Outcome
-from mbot_update import update_steps
+from mbot_update import python_packages, update_steps
 from mbot_update.release_folders import ReleaseFolders
 from mbot_update.system import GoingDownError
 
@@ -59,6 +59,7 @@ def _act(action: str, release: str, folders: ReleaseFolders) -> Outcome | None:
     if action == "adopt":
         # Checked out and built by root: nothing is signed, and no floor is raised.
         if not folders.is_whole(release):
+            python_packages.leave_out(folders.release(release) / "venv")
             folders.finish(release)
         update_steps.recover(folders, keep=release)
         return update_steps.change_over(folders, release)

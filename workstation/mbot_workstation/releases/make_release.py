@@ -16,6 +16,7 @@ from pathlib import Path
 
 from mbot_protocol import release_archive, release_manifest
 from mbot_protocol.errors import ConfigurationError, MbotError
+from mbot_protocol.release_contents import size_on_disk
 from mbot_protocol.release_manifest import ReleaseManifest
 from mbot_workstation.models.key_folder import KeyFolder
 from mbot_workstation.models.signing_key import SigningKey
@@ -28,15 +29,13 @@ UPDATER_NEEDS = (
     "errors",
     "public_key",
     "release_archive",
+    "release_contents",
     "release_ledger",
     "release_manifest",
 )
 """Modules of the protocol that the updater uses: those with the standard library only."""
 
-PYC_SHARE = 1.3
-"""Compiled Python beside the source, and the virtual environment's own pip."""
-
-VENV_BYTES = 25 << 20
+VENV_BYTES = 4 << 20
 
 
 def make_release(
@@ -151,8 +150,8 @@ def _installed_bytes(wheels: Path) -> int:
     total = 0
     for path in wheels.iterdir():
         with zipfile.ZipFile(path) as wheel:
-            total += sum(entry.file_size for entry in wheel.infolist())
-    return int(total * PYC_SHARE) + VENV_BYTES
+            total += sum(size_on_disk(e.filename, e.file_size) for e in wheel.infolist())
+    return total + VENV_BYTES
 
 
 def _git(*arguments: str) -> str:
