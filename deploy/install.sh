@@ -151,9 +151,13 @@ install_packages() {
 look_at_service() {
     was_running=
     ! systemctl is-active --quiet "$service" 2>/dev/null || was_running=1
-    # Before there were releases.
-    [ ! -d "$application/venv" ] || fail "an older installation is in $application: first \
---uninstall, which keeps configuration and models"
+}
+
+# What there was before releases becomes one, and goes when a release has shown itself in its place.
+take_over() {
+    [ -d "$application/venv" ] && [ ! -L "$unit" ] || return 0
+    step "Taking over the installation in $application/venv"
+    update take-over || fail "nothing has changed, see above"
 }
 
 make_user() {
@@ -362,6 +366,7 @@ look_at_service
 make_user
 install_configuration
 install_updater
+take_over
 install_release
 install_service
 check_brltty

@@ -259,11 +259,21 @@ def test_a_failed_update_leaves_the_running_daemon_running_and_says_so(
     assert not [line for line in machine.asked() if re.match(r"systemctl (stop|restart)", line)]
 
 
-def test_an_installation_of_before_releases_is_pointed_out(machine: Machine) -> None:
-    (machine.root / "opt/mbot-agent/venv").mkdir(parents=True)
-    result = machine.install()
-    assert result.returncode == 1
-    assert "--uninstall" in result.stderr
+def test_an_installation_of_before_releases_is_taken_over(machine: Machine) -> None:
+    old = machine.root / "opt/mbot-agent/venv/bin/mbot-agent"
+    old.parent.mkdir(parents=True)
+    old.write_text("#!/bin/sh\n")
+    unit = machine.root / "etc/systemd/system/mbot-agent.service"
+    unit.parent.mkdir(parents=True)
+    unit.write_text("[Service]\n")
+    machine.configuration.parent.mkdir(parents=True)
+    machine.configuration.write_text('robot_id = "mine"\n')
+    machine.knows("active")
+    assert "Taking over" in machine.installed()
+    assert machine.configuration.read_text() == 'robot_id = "mine"\n'
+    assert unit.is_symlink()
+    assert not old.exists()  # what runs has shown itself
+    assert "Taking over" not in machine.installed()
 
 
 def test_a_release_that_is_none_is_refused(machine: Machine, tmp_path: Path) -> None:
