@@ -128,14 +128,16 @@ is_installed() {
 }
 
 install_packages() {
-    packages=python3-venv
+    # An archive's wheels are unpacked without pip.
+    packages=
+    [ -n "$archive" ] || packages=python3-venv
     [ -z "$picamera2" ] || packages="$packages python3-picamera2"
     missing=
     for package in $packages; do
         is_installed "$package" || missing="$missing $package"
     done
     if [ -z "$missing" ]; then
-        step "Packages: $packages are installed"
+        [ -z "$packages" ] || step "Packages: $packages are installed"
         return
     fi
     step "Packages:$missing"

@@ -20,6 +20,7 @@ from mbot_protocol.release_contents import size_on_disk
 from mbot_protocol.release_manifest import ReleaseManifest
 from mbot_workstation.models.key_folder import KeyFolder
 from mbot_workstation.models.signing_key import SigningKey
+from mbot_workstation.releases.debian_package import make_package
 from mbot_workstation.releases.robot_wheels import TARGETS, Target, fetch_wheels, requirement
 
 CHECKOUT = Path(__file__).parents[3]
@@ -185,6 +186,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--floor", type=int, help="smallest sequence taken afterwards (its own)")
     parser.add_argument("--sign-with", action="append", default=[], metavar="KEY")
     parser.add_argument("--target", action="append", default=[], metavar="SYSTEM-ARCHITECTURE")
+    parser.add_argument("--deb", action="store_true", help="a Debian package of each, too")
     parser.add_argument("--output", type=Path, default=CHECKOUT / "out/dist", metavar="DIR")
     return parser
 
@@ -210,13 +212,19 @@ def _main() -> int:
     output.mkdir(parents=True, exist_ok=True)
     for old in output.glob("mbot_agent-*"):
         old.unlink()
-    wheel = build_wheel(output, epoch_s=int(_git("log", "-1", "--format=%ct") or 0))
+    epoch_s = int(_git("log", "-1", "--format=%ct") or 0)
+    wheel = build_wheel(output, epoch_s=epoch_s)
     for target in TARGETS:
         if arguments.target and target.name not in arguments.target:
             continue
         cache = CHECKOUT / "out/dist-cache"
         archive = make_release(target, wheel, version, sequence, floor, signers, output, cache)
-        print(f"{archive} {archive.stat().st_size / 1e6:.0f} MB")
+        made = [archive]
+        if arguments.deb:
+            scripts = CHECKOUT / "deploy/debian"
+            made.append(make_package(archive, target, version, output, scripts, epoch_s))
+        for path in made:
+            print(f"{path} {path.stat().st_size / 1e6:.0f} MB")
     return 0
 
 
