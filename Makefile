@@ -7,7 +7,7 @@ FIRMWARE := out/firmware
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 .DEFAULT_GOAL := help
-.PHONY: help dist pins demo calibrate-demo demo-firmware test test-all test-pi check protocol firmware benchmark reliability reliability-quick mutants fuzz lock clean
+.PHONY: help dist deb pins demo calibrate-demo demo-firmware test test-all test-pi check protocol firmware benchmark reliability reliability-quick mutants fuzz lock clean
 
 help: ## Show this help
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -56,6 +56,9 @@ $(FIRMWARE)/mbot-deadman.hex: $(FIRMWARE)/mbot-deadman.elf
 
 dist: $(VENV)/.all ## Make wheel, sdist and signed releases for robots in out/dist; DIST='--sign-with KEY'
 	$(BIN)/python -m mbot_workstation.releases.make_release $(DIST)
+
+deb: $(VENV)/.all ## As dist, and a Debian package of each release
+	$(BIN)/python -m mbot_workstation.releases.make_release --deb $(DIST)
 
 pins: $(VENV)/.all ## Resolve anew which wheels a release has; writes deploy/requirements
 	rm -rf deploy/requirements out/dist-cache

@@ -128,14 +128,16 @@ is_installed() {
 }
 
 install_packages() {
-    packages=python3-venv
+    # An archive's wheels are unpacked without pip.
+    packages=
+    [ -n "$archive" ] || packages=python3-venv
     [ -z "$picamera2" ] || packages="$packages python3-picamera2"
     missing=
     for package in $packages; do
         is_installed "$package" || missing="$missing $package"
     done
     if [ -z "$missing" ]; then
-        step "Packages: $packages are installed"
+        [ -z "$packages" ] || step "Packages: $packages are installed"
         return
     fi
     step "Packages:$missing"
@@ -151,9 +153,13 @@ install_packages() {
 look_at_service() {
     was_running=
     ! systemctl is-active --quiet "$service" 2>/dev/null || was_running=1
-    # Before there were releases.
-    [ ! -d "$application/venv" ] || fail "an older installation is in $application: first \
---uninstall, which keeps configuration and models"
+}
+
+# What there was before releases becomes one, and goes when a release has shown itself in its place.
+take_over() {
+    [ -d "$application/venv" ] && [ ! -L "$unit" ] || return 0
+    step "Taking over the installation in $application/venv"
+    update take-over || fail "nothing has changed, see above"
 }
 
 make_user() {
@@ -180,8 +186,8 @@ install_updater() {
             run install -m 0644 "$name" "$updater.new/mbot_update"
         done
         run mv "$updater.new/mbot_update/__main__.py" "$updater.new"
-        for name in __init__ atomic_file errors public_key release_archive release_ledger \
-            release_manifest; do
+        for name in __init__ atomic_file errors public_key release_archive release_contents \
+            release_ledger release_manifest; do
             run install -m 0644 "$checkout/shared/protocol/mbot_protocol/$name.py" \
                 "$updater.new/mbot_protocol"
         done
@@ -362,6 +368,7 @@ look_at_service
 make_user
 install_configuration
 install_updater
+take_over
 install_release
 install_service
 check_brltty

@@ -86,9 +86,11 @@ def rehearse(configuration: Configuration) -> str:
 
     parts = (command_service, control_loop, model_service, zenoh_link)
     words = f"{len(parts)} parts are there"
-    store = ModelDirectory(configuration.models.path, configuration.models.keep)
-    active = store.activation.active
-    if not active:
+    models = configuration.models
+    # Nothing is made or written here: the updater lets a release on trial read only.
+    store = ModelDirectory(models.path, models.keep) if models.path.is_dir() else None
+    active = store.activation.active if store else ""
+    if not (store and active):
         return f"{words}, and no model"
     policy = Policy(store.read(active))
     for frame in policy.golden_frames()[:1]:

@@ -9,7 +9,7 @@ it: no battery, no temperature, no camera that was missing before.
 import time
 
 from mbot_update import system
-from mbot_update.release_folders import ReleaseFolders
+from mbot_update.release_folders import BEFORE_RELEASES, ReleaseFolders
 from mbot_update.system import Service
 
 TRY_S = 120.0
@@ -30,14 +30,22 @@ def would_not_run(folders: ReleaseFolders, version: str, old: str) -> str:
     What the old release can't do either, such as read a configuration with a mistake in it, is not
     held against the new one.
     """
+    if version == BEFORE_RELEASES:  # which did run, and knows no `try`
+        return ""
     why = _tried(folders, version)
-    if why and folders.is_whole(old) and _tried(folders, old):
+    if why and old != BEFORE_RELEASES and folders.is_whole(old) and _tried(folders, old):
         return ""
     return why
 
 
-def is_worse(before: Service) -> str:
-    """Restart the daemon; why that is worse than before, or nothing."""
+def is_worse(before: Service, old: str = "") -> str:
+    """Restart the daemon; why that is worse than before, or nothing.
+
+    Args:
+        before: how the old release was.
+        old: its version; one of before there were releases does not say its faults.
+
+    """
     if not system.restart():
         return "it did not get READY"
     first = system.service()
@@ -47,7 +55,7 @@ def is_worse(before: Service) -> str:
         now = system.service()
         if now.state != "active" or now.pid != first.pid:
             return "it got READY and died"
-        worse = _looked_at(now) - allowed
+        worse = frozenset[str]() if old == BEFORE_RELEASES else _looked_at(now) - allowed
         so_far_s = time.monotonic() - began_s
         if not worse and now.words and so_far_s >= STAYS_S:
             return ""

@@ -11,11 +11,11 @@ from pathlib import Path
 
 from mbot_protocol.errors import MbotError, RefusedError
 from mbot_protocol.release_ledger import Outcome
-from mbot_update import update_steps
+from mbot_update import before_releases, python_packages, update_steps
 from mbot_update.release_folders import ReleaseFolders
 from mbot_update.system import GoingDownError
 
-ACTIONS = ("work", "install", "adopt", "recover", "put-back", "rollback", "releases")
+ACTIONS = ("work", "take-over", "install", "adopt", "recover", "put-back", "rollback", "releases")
 
 
 def main() -> int:
@@ -52,6 +52,9 @@ def _act(action: str, release: str, folders: ReleaseFolders) -> Outcome | None:
     if action == "recover":
         update_steps.recover(folders)
         return None
+    if action == "take-over":
+        before_releases.take_over(folders)
+        return None
     if action == "put-back":
         return update_steps.put_back_by_itself(folders)
     if action == "rollback":
@@ -59,6 +62,7 @@ def _act(action: str, release: str, folders: ReleaseFolders) -> Outcome | None:
     if action == "adopt":
         # Checked out and built by root: nothing is signed, and no floor is raised.
         if not folders.is_whole(release):
+            python_packages.leave_out(folders.release(release) / "venv")
             folders.finish(release)
         update_steps.recover(folders, keep=release)
         return update_steps.change_over(folders, release)

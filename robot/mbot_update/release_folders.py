@@ -14,6 +14,8 @@ from mbot_protocol.errors import RefusedError
 from mbot_protocol.release_ledger import Ledger, read_ledger
 
 WHOLE = "whole"
+BEFORE_RELEASES = "0-before-releases"
+"""What an installation of before there were releases is called: `before_releases.py`."""
 
 
 class ReleaseFolders:
@@ -24,6 +26,7 @@ class ReleaseFolders:
         application: /opt/mbot-agent.
         incoming: a release's files before it is built; root's, whatever the daemon does.
         configuration: the robot's config.toml.
+        units: root's unit files.
         inbox: where the daemon puts an archive and a request for it.
 
     """
@@ -33,6 +36,7 @@ class ReleaseFolders:
         self.application = root / "opt/mbot-agent"
         self.incoming = self.application / "incoming"
         self.configuration = root / "etc/mbot-agent/config.toml"
+        self.units = root / "etc/systemd/system"
         self.inbox = root / "var/lib/mbot-agent/releases"
         self._ledger_path = self.application / "ledger.json"
         self._link = self.application / "current"
@@ -110,5 +114,7 @@ class ReleaseFolders:
             if path.name not in needed or not self.is_whole(path.name):
                 self.remove(path.name)
         shutil.rmtree(self.incoming, ignore_errors=True)
+        if self.current and not self.release(BEFORE_RELEASES).exists():
+            shutil.rmtree(self.application / "venv", ignore_errors=True)
         for path in self.application.glob(f"*{atomic_file.TEMPORARY}"):
             atomic_file.remove(path)

@@ -97,10 +97,33 @@ def start_without_waiting() -> None:
     _run(["systemctl", "--no-block", "start", SERVICE], 20)
 
 
+CONFINED = (
+    # No board and no camera, no network, not the running daemon's processes and files.
+    *("PrivateDevices=yes", "DevicePolicy=closed", "PrivateNetwork=yes", "PrivateTmp=yes"),
+    *("ProtectSystem=strict", "ProtectHome=yes", "ProtectProc=invisible", "PrivateIPC=yes"),
+    *("RestrictAddressFamilies=AF_UNIX", "InaccessiblePaths=-/run/dbus -/run/systemd/private"),
+    # As the daemon's unit.
+    *("NoNewPrivileges=yes", "CapabilityBoundingSet=", "RestrictSUIDSGID=yes"),
+    *("ProtectKernelTunables=yes", "ProtectKernelModules=yes", "ProtectKernelLogs=yes"),
+    *("ProtectControlGroups=yes", "ProtectClock=yes", "ProtectHostname=yes"),
+    *("RestrictNamespaces=yes", "RestrictRealtime=yes", "LockPersonality=yes"),
+    *("MemoryDenyWriteExecute=yes", "SystemCallArchitectures=native"),
+    *("SystemCallFilter=@system-service", "SystemCallFilter=~@privileged @resources"),
+    *("SystemCallErrorNumber=EPERM", "MemoryMax=320M", "TasksMax=128", "LimitCORE=0", "UMask=0077"),
+)
+"""What a release that has yet to show itself may do: read, and compute."""
+
+
 def as_daemon(command: list[str], timeout_s: float) -> subprocess.CompletedProcess[str]:
-    """A command with the daemon's user's rights."""
-    state = "STATE_DIRECTORY=/var/lib/mbot-agent"
-    return _run(["runuser", "-u", USER, "--", "env", state, *command], timeout_s)
+    """A command as the daemon's user, who may only read and compute in it.
+
+    It ends after that time, also if this process is killed meanwhile.
+    """
+    settings = [f"User={USER}", f"RuntimeMaxSec={timeout_s:.0f}", *CONFINED]
+    alone = ["systemd-run", "--quiet", "--wait", "--pipe", "--collect"]
+    alone += [f"--property={setting}" for setting in settings]
+    state = "--setenv=STATE_DIRECTORY=/var/lib/mbot-agent"
+    return _run([*alone, state, "--", *command], timeout_s + 20)
 
 
 def build(command: list[str], timeout_s: float) -> str:

@@ -12,7 +12,7 @@ from mbot_protocol.errors import MbotError, RefusedError
 from mbot_protocol.public_key import PublicKey
 from mbot_protocol.release_ledger import BUSY, Outcome
 from mbot_update import health_gate, system, taking_in
-from mbot_update.release_folders import ReleaseFolders
+from mbot_update.release_folders import BEFORE_RELEASES, ReleaseFolders
 
 DIED = "it died again and again after it had been accepted"
 
@@ -77,12 +77,15 @@ def change_over(folders: ReleaseFolders, version: str, number: str = "", floor: 
     folders.switch(version)
     system.reload_units()
     runs = before.state in ("active", "activating", "reloading")
-    if runs and old and (why := health_gate.is_worse(before)):
+    if runs and old and (why := health_gate.is_worse(before, old)):
         if not system.is_up():
             raise system.GoingDownError("the machine goes down: whoever recovers goes back")
         return _go_back(folders, version, number, why)
     outcome = Outcome(number, version, "installed", f"{version} runs" if runs else version)
-    folders.note(replace(folders.ledger.accepted(version, old, floor), outcome=outcome))
+    # One of before there were releases goes as soon as a release has shown itself in its place.
+    replaced = "" if old == BEFORE_RELEASES and runs else old
+    ledger = folders.ledger.accepted(version, replaced, floor)
+    folders.note(replace(ledger, outcome=outcome))
     folders.sweep()
     return outcome
 

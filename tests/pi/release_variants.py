@@ -26,6 +26,28 @@ if "run" in sys.argv:
 """
 """Later than the gate looks, and soon enough for systemd's start limit."""
 
+CURIOUS = """
+import os, socket, sys
+if "try" in sys.argv:
+    def reached(attempt):
+        try:
+            attempt()
+        except OSError:
+            return False
+        return True
+    attempts = {
+        "the network": lambda: socket.socket(socket.AF_INET, socket.SOCK_STREAM),
+        "systemd": lambda: socket.socket(socket.AF_UNIX).connect("/run/dbus/system_bus_socket"),
+        "the board": lambda: os.stat("/dev/ttyUSB0"),
+        "the models": lambda: open("/var/lib/mbot-agent/models/x", "w"),
+        "the inbox": lambda: open("/var/lib/mbot-agent/releases/request", "w"),
+        "the daemon": lambda: os.stat("/proc/1/cmdline"),
+    }
+    found = [name for name, attempt in attempts.items() if reached(attempt)]
+    raise SystemExit(f"as {os.getuid()} it reached {found}")
+"""
+"""Looks around where it is tried, and says what it could reach."""
+
 
 class Releases:
     """Makes releases for one system, all from one wheel."""

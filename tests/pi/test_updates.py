@@ -21,7 +21,7 @@ from ..end_to_end.processes import until
 from ..reliability.motion import FORWARD
 from .booted import CHECKOUT, INSIDE, Machine
 from .conftest import SERVICE, Robot
-from .release_variants import DYING, NOT_READY, NOT_STARTING, Releases
+from .release_variants import CURIOUS, DYING, NOT_READY, NOT_STARTING, Releases
 
 Record = Callable[[str, object], None]
 FOLDER = CHECKOUT / "out" / "pi-releases"
@@ -121,6 +121,15 @@ def test_one_that_does_not_import_never_replaces_what_runs(
     assert "does not import" in detail
     assert started.main_pid() == pid
     assert running(started) == SECOND
+
+
+def test_one_that_is_tried_reaches_nothing(started: Robot, releases: Releases) -> None:
+    started.machine.says("touch", "/dev/ttyUSB0")
+    phase, detail = sent(started, releases.make("0.1.0+curious", 3, KEY, CURIOUS))
+    started.machine.says("rm", "/dev/ttyUSB0")
+    assert phase == "refused"
+    user = started.machine.says("id", "-u", "mbot-agent")
+    assert f"as {user} it reached []" in detail
 
 
 def test_one_that_gets_no_ready_is_rolled_back_and_not_taken_again(

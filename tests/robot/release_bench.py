@@ -1,6 +1,8 @@
 """A robot's disk with releases on it, small archives, and a system that does as it is told."""
 
+import io
 import subprocess
+import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,9 +22,19 @@ SPARE = SigningKey.ephemeral("spare")
 COMPUTER = Computer("bookworm", "arm64", "3.11", 10**10)
 HEALTHY = Service("active", 7, "idle; no-model", "success", 0)
 
+
+def wheel(**files: bytes) -> bytes:
+    """A wheel's bytes, uncompressed; double underscores in a name are slashes."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        for name, content in files.items():
+            archive.writestr(zipfile.ZipInfo(f"{name.replace('__', '/')}.py"), content)
+    return packed.getvalue()
+
+
 FILES = {
     "requirements.txt": b"mbot-agent==0.1.0\n",
-    "wheels/mbot_agent-0.1.0-py3-none-any.whl": b"a wheel" * 300,
+    "wheels/mbot_agent-0.1.0-py3-none-any.whl": wheel(mbot_agent__main=b"# a wheel\n" * 300),
     "deploy/systemd/mbot-agent.service": b"[Service]\n",
     "deploy/install.sh": b"#!/bin/sh\n",
 }
@@ -79,7 +91,7 @@ class FakeSystem:
         self.before("build")
         if "venv" in command:
             (Path(command[-1]) / "bin").mkdir(parents=True)
-            (Path(command[-1]) / "bin/mbot-agent").write_text("#!/bin/sh\n")
+            (Path(command[-1]) / "lib/python3.11/site-packages").mkdir(parents=True)
         return ""
 
     def restart(self) -> bool:

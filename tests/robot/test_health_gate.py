@@ -36,6 +36,25 @@ def test_a_program_that_hangs_or_is_missing_has_failed() -> None:
     assert system.build(["/bin/sh", "-c", "echo why >&2; exit 3"], 5.0) == "why"
 
 
+def test_a_release_is_tried_without_devices_network_and_rights(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[list[str]] = []
+
+    def run(command: list[str], _: float) -> subprocess.CompletedProcess[str]:
+        asked.append(command)
+        return subprocess.CompletedProcess(command, 0, "", "")
+
+    monkeypatch.setattr(system, "_run", run)
+    system.as_daemon(["/x/mbot-agent", "try"], 120)
+    options, command = asked[0][: asked[0].index("--")], asked[0][asked[0].index("--") + 1 :]
+    assert command == ["/x/mbot-agent", "try"]
+    for setting in ("User=mbot-agent", "RuntimeMaxSec=120", "PrivateDevices=yes"):
+        assert f"--property={setting}" in options
+    for setting in ("PrivateNetwork=yes", "ProtectSystem=strict", "NoNewPrivileges=yes"):
+        assert f"--property={setting}" in options
+
+
 def test_release_keys_come_from_the_configuration(tmp_path: Path) -> None:
     path = tmp_path / "config.toml"
     path.write_text(f'[trust]\nkeys = ["x"]\nrelease_keys = ["{KEY.public.line}"]\n')

@@ -35,6 +35,7 @@ FAKES = {
     "id": 'cat "$FAKE/uid"\n',
     "modprobe": LOG + "exit 1\n",
     "runuser": LOG + 'while [ "$1" != -- ]; do shift; done\nshift\nexec "$@"\n',
+    "systemd-run": LOG + 'while [ "$1" != -- ]; do shift; done\nshift\nexec "$@"\n',
     "systemctl": '[ "$1" = is-active ] && { [ -e "$FAKE/active" ]; exit; }\n'
     '[ "$1" = show ] && { [ ! -e "$FAKE/active" ] ||'
     ' printf "ActiveState=active\\nMainPID=7\\nStatusText=idle\\n"; exit; }\n' + LOG,
@@ -48,7 +49,8 @@ FAKES = {
     # The system's interpreter (`-m venv ... DIR`, or the real updater) and the venv's (`-m pip`).
     "python3": f'[ "$1" != -I ] || exec {sys.executable} "$@"\n' + LOG + "case $2 in\n"
     "venv) for directory; do :; done\n"
-    'mkdir -p "$directory/bin" && cp "$0" "$directory/bin/python" ;;\n'
+    'mkdir -p "$directory/bin" "$directory/lib/python3.11/site-packages/pip"\n'
+    'cp "$0" "$directory/bin/python" ;;\n'
     'pip) [ ! -e "$FAKE/pip-fails" ] || exit 1\n'
     'cp "$FAKE/bin/venv-agent" "${0%/*}/mbot-agent" ;;\nesac\n',
 }
@@ -202,6 +204,12 @@ def test_second_install_changes_nothing_and_keeps_an_edited_configuration(
     assert "-m pip install" not in asked  # the same content is the same release
 
 
+def test_what_no_robot_needs_is_not_kept(machine: Machine) -> None:
+    machine.installed()
+    packages = machine.release / "venv/lib/python3.11/site-packages"
+    assert list(packages.iterdir()) == []  # pip was there
+
+
 def test_the_next_system_gets_a_release_of_its_own(machine: Machine) -> None:
     machine.installed()
     before = machine.release
@@ -225,7 +233,7 @@ def test_a_running_daemon_runs_on_until_it_is_restarted_with_the_new_release(
     assert index_of(asked, "python -m pip install") < index_of(asked, "systemctl restart")
     assert not [line for line in asked if line.startswith("systemctl stop")]
     assert "was running and runs again" in output
-    assert "runuser" in "\n".join(asked)
+    assert "systemd-run" in "\n".join(asked)
     assert not [line for line in asked if line.endswith("mbot-agent check")]  # it has the board
 
 
@@ -251,11 +259,21 @@ def test_a_failed_update_leaves_the_running_daemon_running_and_says_so(
     assert not [line for line in machine.asked() if re.match(r"systemctl (stop|restart)", line)]
 
 
-def test_an_installation_of_before_releases_is_pointed_out(machine: Machine) -> None:
-    (machine.root / "opt/mbot-agent/venv").mkdir(parents=True)
-    result = machine.install()
-    assert result.returncode == 1
-    assert "--uninstall" in result.stderr
+def test_an_installation_of_before_releases_is_taken_over(machine: Machine) -> None:
+    old = machine.root / "opt/mbot-agent/venv/bin/mbot-agent"
+    old.parent.mkdir(parents=True)
+    old.write_text("#!/bin/sh\n")
+    unit = machine.root / "etc/systemd/system/mbot-agent.service"
+    unit.parent.mkdir(parents=True)
+    unit.write_text("[Service]\n")
+    machine.configuration.parent.mkdir(parents=True)
+    machine.configuration.write_text('robot_id = "mine"\n')
+    machine.knows("active")
+    assert "Taking over" in machine.installed()
+    assert machine.configuration.read_text() == 'robot_id = "mine"\n'
+    assert unit.is_symlink()
+    assert not old.exists()  # what runs has shown itself
+    assert "Taking over" not in machine.installed()
 
 
 def test_a_release_that_is_none_is_refused(machine: Machine, tmp_path: Path) -> None:

@@ -135,6 +135,7 @@ class FakeRobot:
             decision_rate_hz=10.0,
             active_model=self.active,
             software_version="0.1.0",
+            release="0.1.0+7.abcd",
             notices=self.notices,
             trusted_keys=self.trusted_keys,
             accepts_unsigned_models=not self.trusted_keys,

@@ -255,6 +255,8 @@ def test_robots_lists_the_living_and_names_the_unreachable(robot: FakeRobot) -> 
     assert table.returncode == 0
     assert "mbot-1" in table.stdout
     assert "old aaaaaaaaaaaa" in table.stdout
+    assert alive["release"] == "0.1.0+7.abcd"
+    assert "0.1.0+7.abcd" in table.stdout
 
 
 def test_robots_shows_who_takes_unsigned_models(robot: FakeRobot) -> None:

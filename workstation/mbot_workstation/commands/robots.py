@@ -59,7 +59,7 @@ def _print_table(rows: list[dict[str, object]]) -> None:
     if not rows:
         return
     table = Table(box=None, padding=(0, 2, 0, 0))
-    for heading in ("robot", "address", "state", "model", "rate", "missed", "board"):
+    for heading in ("robot", "address", "state", "model", "rate", "missed", "board", "release"):
         table.add_column(heading)
     for row in rows:
         digest = str(row["model_sha256"] or "")
@@ -74,6 +74,7 @@ def _print_table(rows: list[dict[str, object]]) -> None:
             f"{row['decision_rate_hz']} Hz",
             str(row["missed_ticks"]),
             escape(board + guard),
+            escape(one_line(str(row["release"] or f"none ({row['software_version']})"))),
         )
     console = Console()
     console.print(table, width=None if console.is_terminal else 200)

@@ -56,6 +56,7 @@ class RobotReport:
             "right_motor": _motor_fields(status.right_motor),
             "camera": status.camera or None,
             "software_version": status.software_version or None,
+            "release": status.release or None,
             "error": self.error or None,
         }
 

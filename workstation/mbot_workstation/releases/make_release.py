@@ -16,9 +16,11 @@ from pathlib import Path
 
 from mbot_protocol import release_archive, release_manifest
 from mbot_protocol.errors import ConfigurationError, MbotError
+from mbot_protocol.release_contents import size_on_disk
 from mbot_protocol.release_manifest import ReleaseManifest
 from mbot_workstation.models.key_folder import KeyFolder
 from mbot_workstation.models.signing_key import SigningKey
+from mbot_workstation.releases.debian_package import make_package
 from mbot_workstation.releases.robot_wheels import TARGETS, Target, fetch_wheels, requirement
 
 CHECKOUT = Path(__file__).parents[3]
@@ -28,15 +30,13 @@ UPDATER_NEEDS = (
     "errors",
     "public_key",
     "release_archive",
+    "release_contents",
     "release_ledger",
     "release_manifest",
 )
 """Modules of the protocol that the updater uses: those with the standard library only."""
 
-PYC_SHARE = 1.3
-"""Compiled Python beside the source, and the virtual environment's own pip."""
-
-VENV_BYTES = 25 << 20
+VENV_BYTES = 4 << 20
 
 
 def make_release(
@@ -151,8 +151,8 @@ def _installed_bytes(wheels: Path) -> int:
     total = 0
     for path in wheels.iterdir():
         with zipfile.ZipFile(path) as wheel:
-            total += sum(entry.file_size for entry in wheel.infolist())
-    return int(total * PYC_SHARE) + VENV_BYTES
+            total += sum(size_on_disk(e.filename, e.file_size) for e in wheel.infolist())
+    return total + VENV_BYTES
 
 
 def _git(*arguments: str) -> str:
@@ -186,6 +186,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--floor", type=int, help="smallest sequence taken afterwards (its own)")
     parser.add_argument("--sign-with", action="append", default=[], metavar="KEY")
     parser.add_argument("--target", action="append", default=[], metavar="SYSTEM-ARCHITECTURE")
+    parser.add_argument("--deb", action="store_true", help="a Debian package of each, too")
     parser.add_argument("--output", type=Path, default=CHECKOUT / "out/dist", metavar="DIR")
     return parser
 
@@ -211,13 +212,19 @@ def _main() -> int:
     output.mkdir(parents=True, exist_ok=True)
     for old in output.glob("mbot_agent-*"):
         old.unlink()
-    wheel = build_wheel(output, epoch_s=int(_git("log", "-1", "--format=%ct") or 0))
+    epoch_s = int(_git("log", "-1", "--format=%ct") or 0)
+    wheel = build_wheel(output, epoch_s=epoch_s)
     for target in TARGETS:
         if arguments.target and target.name not in arguments.target:
             continue
         cache = CHECKOUT / "out/dist-cache"
         archive = make_release(target, wheel, version, sequence, floor, signers, output, cache)
-        print(f"{archive} {archive.stat().st_size / 1e6:.0f} MB")
+        made = [archive]
+        if arguments.deb:
+            scripts = CHECKOUT / "deploy/debian"
+            made.append(make_package(archive, target, version, output, scripts, epoch_s))
+        for path in made:
+            print(f"{path} {path.stat().st_size / 1e6:.0f} MB")
     return 0
 
 
