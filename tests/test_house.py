@@ -19,7 +19,6 @@ SOURCE = (
 LONGEST_FUNCTION = 60
 
 RUN_BY_OTHERS_TESTS = {
-    "mbot_agent.daemon",
     "mbot_agent.models.model_notices",
     "mbot_workstation.demo.demo_run",
     "mbot_workstation.maneuvers.telemetry_recorder",
