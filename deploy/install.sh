@@ -30,7 +30,7 @@ command_link=$root/usr/local/bin/mbot-agent
 
 usage() {
     cat <<'USAGE'
-usage: sudo deploy/install.sh [--dry-run] [--without-picamera2] [RELEASE.tar]
+usage: sudo deploy/install.sh [--dry-run] [--without-picamera2] [--config FILE] [RELEASE.tar]
        sudo deploy/install.sh --uninstall [--purge] [--dry-run]
 
 Installs mbot-agent from this checkout, or from a release that `make dist` has made, or updates it;
@@ -40,6 +40,7 @@ one that does not run is not started.
 
   --dry-run            print what would be done, change nothing (needs no root)
   --without-picamera2  for a camera OpenCV opens (USB, URL); also accepts a PC (amd64)
+  --config FILE        a configuration to begin with; one that exists is left alone
   --uninstall          remove the program; keep configuration, models and user
   --purge              with --uninstall: remove those too
   --help               this text
@@ -73,6 +74,7 @@ dry_run=
 uninstall=
 purge=
 archive=
+first_configuration=
 picamera2=1
 
 while [ $# -gt 0 ]; do
@@ -81,6 +83,11 @@ while [ $# -gt 0 ]; do
         --without-picamera2) picamera2= ;;
         --uninstall) uninstall=1 ;;
         --purge) purge=1 ;;
+        --config)
+            [ -f "${2:-}" ] || fail "there is no configuration '${2:-}'" 2
+            first_configuration=$2
+            shift
+            ;;
         --help | -h) usage && exit 0 ;;
         -*) fail "unknown option '$1', see --help" 2 ;;
         *)
@@ -250,14 +257,21 @@ robot_id() {
     echo "${id:-mbot-1}"
 }
 
+# Not for everybody: a camera's address may hold a password.
+put_configuration() {
+    run install -D -m 0640 "$1" "$configuration/config.toml"
+    run chown "root:$user" "$configuration/config.toml"
+}
+
 install_configuration() {
     if [ -e "$configuration/config.toml" ]; then
         step "Configuration: $configuration/config.toml is kept"
+    elif [ -n "$first_configuration" ]; then
+        step "Configuration: $configuration/config.toml is $first_configuration"
+        put_configuration "$first_configuration"
     else
         step "Configuration: $configuration/config.toml for the robot '$(robot_id)'"
-        # Not for everybody: a camera's address may hold a password.
-        run install -D -m 0640 "$checkout/deploy/config.toml" "$configuration/config.toml"
-        run chown "root:$user" "$configuration/config.toml"
+        put_configuration "$checkout/deploy/config.toml"
         run sed -i "s/^robot_id = .*/robot_id = \"$(robot_id)\"/" "$configuration/config.toml"
         [ "$(robot_id)" != raspberrypi ] ||
             note "that is every Pi's name: with a second robot, change robot_id there"

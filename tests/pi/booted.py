@@ -47,16 +47,17 @@ class Machine:
     """One machine, booted; a context manager.
 
     Attributes:
+        root: its disk, seen from here.
         devpts: where its serial ports are made, seen from here.
 
     """
 
     def __init__(self, release: str, directory: Path) -> None:
         self.release = release
-        self._root = directory / release
+        self.root = directory / release
         self._log = directory / f"{release}.console"
         subprocess.run(
-            ["cp", "-a", "--reflink=auto", str(base_root(release)), str(self._root)], check=True
+            ["cp", "-a", "--reflink=auto", str(base_root(release)), str(self.root)], check=True
         )
 
     def __enter__(self) -> Self:
@@ -67,7 +68,7 @@ class Machine:
         with self._log.open("wb") as console:
             self._nspawn = subprocess.Popen(
                 [
-                    *("systemd-nspawn", "-q", "-D", str(self._root), "--boot", "--register=no"),
+                    *("systemd-nspawn", "-q", "-D", str(self.root), "--boot", "--register=no"),
                     *("--keep-unit", "--system-call-filter=@memlock", "--console=pipe"),
                     *("--resolv-conf=copy-host", "--hostname=mbot-pi", *bound),
                     "systemd.show_status=0",
@@ -122,11 +123,11 @@ class Machine:
 
     def write(self, path: str, text: str) -> None:
         """Replace a file's content; owner and mode stay."""
-        (self._root / path.lstrip("/")).write_text(text)
+        (self.root / path.lstrip("/")).write_text(text)
 
     def read(self, path: str) -> str:
         """A file's content."""
-        return (self._root / path.lstrip("/")).read_text()
+        return (self.root / path.lstrip("/")).read_text()
 
     def files(self) -> set[str]:
         """Everything on its disk but this checkout, logs, caches and systemd's own."""

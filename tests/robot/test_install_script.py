@@ -204,6 +204,20 @@ def test_second_install_changes_nothing_and_keeps_an_edited_configuration(
     assert "-m pip install" not in asked  # the same content is the same release
 
 
+def test_a_first_configuration_is_put_there_as_it_is_and_only_once(
+    machine: Machine, tmp_path: Path
+) -> None:
+    own = tmp_path / "own.toml"
+    for text in ('robot_id = "mine"\n', 'robot_id = "other"\n'):
+        own.write_text(text)
+        machine.installed("--config", str(own))
+        assert machine.configuration.read_text() == 'robot_id = "mine"\n'
+    assert machine.configuration.stat().st_mode & 0o777 == 0o640
+    assert f"chown root:mbot-agent {machine.configuration}" in machine.asked()
+    refused = machine.install("--config", str(tmp_path / "none.toml"))
+    assert (refused.returncode, len(refused.stderr.splitlines())) == (2, 1)
+
+
 def test_what_no_robot_needs_is_not_kept(machine: Machine) -> None:
     machine.installed()
     packages = machine.release / "venv/lib/python3.11/site-packages"
@@ -375,7 +389,7 @@ def test_dry_run_needs_no_root_and_changes_nothing(machine: Machine) -> None:
 
 def test_help_names_every_option(machine: Machine) -> None:
     output = machine.installed("--help")
-    for option in ("--dry-run", "--without-picamera2", "--uninstall", "--purge"):
+    for option in ("--dry-run", "--without-picamera2", "--config", "--uninstall", "--purge"):
         assert option in output
 
 

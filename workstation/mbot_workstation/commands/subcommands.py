@@ -26,6 +26,7 @@ from mbot_workstation.commands.push_model import push_model
 from mbot_workstation.commands.recordings import app as recordings
 from mbot_workstation.commands.replay import replay
 from mbot_workstation.commands.robots import robots
+from mbot_workstation.commands.setup_card import setup_card
 from mbot_workstation.commands.study import study
 from mbot_workstation.commands.telemetry import telemetry
 from mbot_workstation.commands.track_robot import track
@@ -93,6 +94,7 @@ app.command("rollback", rich_help_panel=_MODELS)(rollback)
 app.command("update", rich_help_panel=_MODELS)(update)
 app.add_typer(keys, name="keys", rich_help_panel=_MODELS)
 app.command("enroll", rich_help_panel=_MODELS)(enroll)
+app.command("setup-card", rich_help_panel=_MODELS)(setup_card)
 
 app.command("train", rich_help_panel=_TRAIN)(train)
 app.command("training-curve", rich_help_panel=_TRAIN)(training_curve)

@@ -67,8 +67,8 @@ class Errands:
 
 
 def signing_key() -> ChooseKey:
-    """The person's own key that the robot trusts."""
-    return chooser(KeyFolder(), "", _passphrase)
+    """The person's own key that the robot trusts, or the one that `push-model` would take."""
+    return chooser(KeyFolder(), os.environ.get("MBOT_SIGNING_KEY", ""), _passphrase)
 
 
 def stored_models(found: list[Model]) -> dict[str, Any]:

@@ -137,7 +137,7 @@ def put_updater(folder: Path) -> None:
 
 def _put_deploy_files(staging: Path) -> None:
     put_updater(staging / "updater")
-    for name in ("systemd", "udev", "modules-load.d", "sysusers.d"):
+    for name in ("systemd", "udev", "modules-load.d", "sysusers.d", "first-boot"):
         shutil.copytree(CHECKOUT / "deploy" / name, staging / "deploy" / name)
     for name in ("install.sh", "config.toml"):
         shutil.copyfile(CHECKOUT / "deploy" / name, staging / "deploy" / name)
