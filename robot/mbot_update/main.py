@@ -31,6 +31,9 @@ def main() -> int:
         if arguments.action == "releases":
             _show(folders, as_json=arguments.json)
             return 0
+        if arguments.action == "put-back" and not update_steps.has_given_up():
+            print("systemd starts the daemon again by itself")
+            return 0
         with _alone(folders):
             outcome = _act(arguments.action, arguments.release, folders)
     except MbotError as error:

@@ -5,6 +5,7 @@ the ledger names where it came from; whoever finds that name there later goes ba
 the old release is what a boot starts, until the one write that accepts the new one.
 """
 
+import time
 from dataclasses import replace
 from typing import IO
 
@@ -13,6 +14,9 @@ from mbot_protocol.public_key import PublicKey
 from mbot_protocol.release_ledger import BUSY, Outcome
 from mbot_update import health_gate, system, taking_in
 from mbot_update.release_folders import BEFORE_RELEASES, ReleaseFolders
+
+GIVES_UP_WITHIN_S = 3.0
+"""More than the unit's RestartSec: the last start follows a death by that, and is refused."""
 
 DIED = "it died again and again after it had been accepted"
 
@@ -114,6 +118,20 @@ def recover(folders: ReleaseFolders, keep: str = "") -> None:
         if system.service().state not in ("", "inactive"):
             system.restart()
     folders.sweep(keep)
+
+
+def has_given_up() -> bool:
+    """Whether systemd will not start the daemon again by itself.
+
+    From version 254 on systemd takes OnFailure= for every end of a daemon that it is about to start
+    again, before only for the last one.
+    """
+    until_s = time.monotonic() + GIVES_UP_WITHIN_S
+    while system.service().state != "failed":
+        if time.monotonic() >= until_s:
+            return False
+        time.sleep(0.2)
+    return True
 
 
 def put_back_by_itself(folders: ReleaseFolders) -> Outcome:

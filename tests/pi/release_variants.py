@@ -50,10 +50,16 @@ if "try" in sys.argv:
 
 
 class Releases:
-    """Makes releases for one system, all from one wheel."""
+    """Makes releases for one system, all from one wheel.
+
+    Attributes:
+        system: such as "bookworm".
+
+    """
 
     def __init__(self, folder: Path, system: str) -> None:
         folder.mkdir(parents=True, exist_ok=True)
+        self.system = system
         self._folder = folder
         self._target = next(t for t in TARGETS if t.name == f"{system}-amd64")
         self._wheel = build_wheel(folder, epoch_s=1, sdist=False)

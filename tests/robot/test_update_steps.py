@@ -256,3 +256,17 @@ def _recovered(robot: Robot, found: set[tuple[str, str]]) -> None:
         folders.versions()
     )
     found.add((folders.current, ledger.outcome.phase))
+
+
+def test_a_daemon_that_is_about_to_be_started_again_is_not_put_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """systemd 254 and newer ask after every death."""
+    robot = Robot(tmp_path, monkeypatch)
+    monkeypatch.setattr(update_steps, "GIVES_UP_WITHIN_S", 0.3)
+    for state in ("activating", "active", "inactive"):
+        robot.system.service = replace(HEALTHY, state=state)
+        assert not update_steps.has_given_up()
+    states = iter([replace(HEALTHY, state="activating"), replace(HEALTHY, state="failed")])
+    monkeypatch.setattr(update_steps.system, "service", lambda: next(states))
+    assert update_steps.has_given_up()
