@@ -203,8 +203,9 @@ def test_a_child_that_does_not_start_is_no_fault_of_the_model(
 
 
 def test_a_model_has_the_time_that_is_configured() -> None:
+    # On a busy machine twice what its process took to start counts.
     with pytest.raises(
-        ContractError, match=r"took more than 1 s.*models.dry_run_s|ended by signal"
+        ContractError, match=r"took more than \d s.*models.dry_run_s|ended by signal"
     ):
         dry_run(slow(5000), RATE_HZ, model_s=1.0)
 
