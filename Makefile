@@ -30,7 +30,7 @@ test-all: $(VENV)/.all ## Run all tests: those too that run real programs in rea
 	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile
 	$(BIN)/pytest -m slow
 
-test-pi: $(VENV)/.all ## Install on booted Bookworm and Trixie machines and break things there, updates included; wants root, 25 minutes
+test-pi: $(VENV)/.all ## Install on booted Bookworm and Trixie machines and break things there, updates included; wants root, 30 minutes
 	$(BIN)/pytest tests/pi -v -n 0 --timeout 600
 
 check: $(VENV)/.all ## Lint, format, types, imports
