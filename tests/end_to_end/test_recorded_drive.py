@@ -3,6 +3,7 @@
 import signal
 import time
 from pathlib import Path
+from statistics import median
 
 import pytest
 
@@ -120,8 +121,12 @@ def test_a_recording_is_played_to_a_daemon_which_decides_about_the_same(tmp_path
             assert daemon.status().state == State.STATE_RUNNING
             assert not daemon.status().faults
         assert "played once" in robot.output
-    assert min(driven) == pytest.approx(min(then), abs=0.05)
-    assert max(driven) == pytest.approx(max(then), abs=0.05)
+    # Not to the beat: the daemon's beats fall elsewhere between the recording's pictures, and where
+    # the last one is followed by the first its memory knows of a jump that never was. Pictures
+    # that stand still would have it settle.
+    assert median(driven) == pytest.approx(median(then), abs=0.1)
+    assert max(driven) - min(driven) > 0.7 * (max(then) - min(then))
+    assert all(min(then) - 0.3 < one < max(then) + 0.3 for one in driven)
 
 
 def heard_actions(daemon: Daemon, wanted: int) -> list[float]:
