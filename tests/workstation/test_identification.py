@@ -13,7 +13,11 @@ from mbot_workstation.identification.handicap import handicap
 from mbot_workstation.identification.model import simulate_run
 from mbot_workstation.identification.motion_file import motion_calibration
 from mbot_workstation.identification.result import Identification
-from mbot_workstation.identification.result_words import backward_lines, error_lines
+from mbot_workstation.identification.result_words import (
+    backward_lines,
+    error_lines,
+    misfit_lines,
+)
 from mbot_workstation.recordings.maneuver import maneuver_named
 from mbot_workstation.recordings.run import CommandSeries, Recording, Run
 from mbot_workstation.recordings.track import Array, Track
@@ -176,6 +180,14 @@ def test_a_weak_motor_turns_the_robot_as_slowly_as_it_does() -> None:
     for told in ((1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (1.0, -1.0)):
         _, rate, _ = simulated_rates(found.robot, *told)
         assert rate == pytest.approx(truth.steady(*told)[1], rel=0.02)
+
+
+def test_what_the_model_misses_by_far_is_said(found: Identification) -> None:
+    assert misfit_lines(found) == []
+    first, *others = found.misfits
+    off = replace(first, left=0.011, right=-0.034)
+    (line,) = misfit_lines(replace(found, misfits=(off, *others)))
+    assert line.startswith(f"the model misses {first.maneuver} (3.4 %) every time, more than 2 %")
 
 
 def test_the_trim_drives_straight(found: Identification) -> None:

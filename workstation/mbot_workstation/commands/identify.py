@@ -202,6 +202,7 @@ def _show(
         error_lines,
         error_table,
         handicap_lines,
+        misfit_lines,
         parameter_table,
         steady_table,
         undetermined_lines,
@@ -217,6 +218,8 @@ def _show(
         console.print(f"  {line}", highlight=False, markup=False, soft_wrap=True)
     print()
     console.print(steady_table(found))
+    for line in misfit_lines(found):
+        print(line)
     print()
     console.print(error_table(found))
     for line in error_lines(found):

@@ -15,6 +15,10 @@ from mbot_workstation.identification.held_out import LEAST_TURNS_RAD, heading_sh
 from mbot_workstation.identification.result import Estimate, Identification, RunError
 from mbot_workstation.simulation.parameter_table import BY_NAME
 
+NOTEWORTHY_MISFIT = 0.02
+"""Of the faster wheel's speed: the bar that a calibrated robot's speeds are held to
+(docs/results/identification.md)."""
+
 TELLING_SHARE = 0.01
 """Of a motor's strength: a difference between forward and backward worth telling."""
 
@@ -121,6 +125,21 @@ def steady_table(found: Identification) -> Table:
             "" if missed is None else f"{100 * missed.size:.1f} %",
         )
     return table
+
+
+def misfit_lines(found: Identification) -> list[str]:
+    """Where the model can't follow the robot; nothing where it can."""
+    missed = sorted(found.misfits, key=lambda one: one.size, reverse=True)
+    names = [
+        f"{one.maneuver} ({100 * one.size:.1f} %)" for one in missed if one.size > NOTEWORTHY_MISFIT
+    ]
+    if not names:
+        return []
+    return [
+        f"the model misses {', '.join(names)} every time, more than {100 * NOTEWORTHY_MISFIT:.0f} "
+        "% of a wheel's speed: expect the simulation to be off by as much; are all runs of one "
+        "robot, on one floor, with its motor maps as recorded?"
+    ]
 
 
 def handicap_lines(uneven: Handicap) -> list[str]:
