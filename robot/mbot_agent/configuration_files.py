@@ -16,10 +16,10 @@ from mbot_protocol.calibration import (
     CAMERA_FILE,
     MOTION_FILE,
     CameraCalibration,
-    MotionCalibration,
-    MotorCalibration,
+    MotorMapping,
+    MotorMappings,
     read_camera,
-    read_motion,
+    read_motor_mappings,
 )
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.toml_file import read_toml
@@ -43,7 +43,7 @@ def calibrated(configuration: Configuration, origin: Path) -> Configuration:
     if not configuration.calibration:
         return configuration
     folder = origin.parent / configuration.calibration
-    camera, motion = read_camera(folder), read_motion(folder)
+    camera, motion = read_camera(folder), read_motor_mappings(folder)
     if camera is None and motion is None:
         raise ConfigurationError(
             f"{folder} holds neither {CAMERA_FILE} nor {MOTION_FILE}: copy this robot's "
@@ -78,7 +78,7 @@ def _with_camera(
 
 
 def _with_motion(
-    configuration: Configuration, motion: MotionCalibration, origin: Path, folder: Path
+    configuration: Configuration, motion: MotorMappings, origin: Path, folder: Path
 ) -> Configuration:
     motors = configuration.motors
     for side, motor in (("left", motors.left), ("right", motors.right)):
@@ -96,7 +96,7 @@ def _with_motion(
     return msgspec.structs.replace(configuration, motors=changed)
 
 
-def _mapped(motor: M, calibration: MotorCalibration) -> M:
+def _mapped(motor: M, calibration: MotorMapping) -> M:
     return msgspec.structs.replace(
         motor, trim=calibration.trim, dead_band=calibration.dead_band_compensation
     )

@@ -1,4 +1,3 @@
-import math
 from pathlib import Path
 
 import cv2
@@ -11,11 +10,9 @@ from mbot_protocol.actions import MotorMap, Steps, WheelMaps
 from mbot_protocol.calibration import (
     CAMERA_FILE,
     MOTION_FILE,
-    Interval,
-    MotionCalibration,
-    MotorCalibration,
+    MotorMappings,
     read_camera,
-    read_motion,
+    read_motor_mappings,
 )
 from mbot_protocol.camera_model import CameraModel, nominal_pi_camera
 from mbot_protocol.errors import ConfigurationError
@@ -54,6 +51,8 @@ dead_band_compensation = 45
 gain = 0.95
 dead_band = 47
 time_constant_ms = 105.0
+trim = 1.0
+dead_band_compensation = 40
 [intervals."left_motor.gain"]
 low = 1.04
 high = 1.06
@@ -69,27 +68,22 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_both_files_are_read(folder: Path) -> None:
-    camera, motion = read_camera(folder), read_motion(folder)
+def test_a_camera_is_read(folder: Path) -> None:
+    camera = read_camera(folder)
     assert camera is not None
-    assert motion is not None
     assert camera.model() == CameraModel(
         2028, 1520, 1936.5, 1934.0, 1020.25, 751.0, (-0.11, 0.05, 0.0005, -0.0003, 0.0)
     )
-    assert motion.wheel_maps() == WheelMaps(MotorMap(True, 0.9, 45), MotorMap(False, 1.0, 40))
-    assert motion.wheel_maps().to_board(Steps(250, 250)) == Joystick(-230, 255)
-    assert motion.intervals == {"left_motor.gain": Interval(1.04, 1.06)}
-    assert motion.undetermined == {"free_speed_rpm": "scales with both gains"}
 
 
 def test_what_is_missing_is_none_but_a_missing_folder_is_a_mistake(tmp_path: Path) -> None:
     assert read_camera(tmp_path) is None
-    assert read_motion(tmp_path) is None
+    assert read_motor_mappings(tmp_path) is None
     with pytest.raises(ConfigurationError, match=r"no calibration folder .*nowhere"):
         read_camera(tmp_path / "nowhere")
     (tmp_path / "file").touch()
     with pytest.raises(ConfigurationError, match="no calibration folder"):
-        read_motion(tmp_path / "file")
+        read_motor_mappings(tmp_path / "file")
 
 
 CAMERA_MISTAKES = [
@@ -128,17 +122,22 @@ def test_a_mistake_names_file_key_and_value_in_one_line(
     assert "\n" not in message
 
 
+def test_of_the_motion_the_daemon_reads_how_to_drive_the_motors_only(folder: Path) -> None:
+    path = folder / MOTION_FILE
+    newer = MOTION_TEXT.replace("gain = 1.05", "gain = 1.05\nof_a_later_release = 3.0")
+    path.write_text(newer.replace("load_loss = 0.03", "another = 'x'"))
+    read = read_motor_mappings(folder)
+    assert read is not None
+    assert read.wheel_maps() == WheelMaps(MotorMap(True, 0.9, 45), MotorMap(False, 1.0, 40))
+    assert read.wheel_maps().to_board(Steps(250, 250)) == Joystick(-230, 255)
+
+
 MOTION_MISTAKES = [
-    ("wheel_radius_m = 0.0319", "wheel_radius_m = 31.9", "wheel_radius_m is 31.9, expected 0.005"),
-    ("track_m = 0.117", "track_m = 117", "track_m is 117"),
-    ("latency_ms = 31.0", "latency_ms = -1", "latency_ms is -1"),
-    ("gain = 1.05", "gain = 105", "left_motor: gain is 105"),
-    ("gain = 1.05", "gian = 1.05", "left_motor.gian is unknown (line 10); did you mean gain?"),
     ("trim = 0.9", "trim = 1.2", "left_motor: trim is 1.2"),
+    ("trim = 0.9", "trim = nan", "left_motor: trim is nan"),
+    ("trim = 0.9", "trimm = 0.9", "left_motor.trim is missing; add it to [left_motor] (line 9)"),
     ("trim = 0.9", "trim = 0.17", "dead_band_compensation is 45, expected below 255 x trim"),
-    ("dead_band = 47", "dead_band = 'much'", "right_motor.dead_band is 'much'"),
-    ("time_constant_ms = 105.0", "time_constant_ms = 0.105", "time_constant_ms is 0.105"),
-    ("low = 1.04", "low = 1.5", "low, high are 1.5, 1.06"),
+    ("[right_motor]", "[rihgt_motor]", "right_motor is missing"),
 ]
 
 
@@ -149,16 +148,9 @@ def test_a_mistake_in_the_motion_names_its_side(
     assert MOTION_TEXT.count(old) == 1
     (folder / MOTION_FILE).write_text(MOTION_TEXT.replace(old, new))
     with pytest.raises(ConfigurationError) as caught:
-        read_motion(folder)
+        read_motor_mappings(folder)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_a_value_out_of_range_is_refused_when_it_is_made_too() -> None:
-    with pytest.raises(ValueError, match="dead_band is 300"):
-        MotorCalibration(gain=1.0, dead_band=300, time_constant_ms=90)
-    with pytest.raises(ValueError, match="low <= high"):
-        Interval(math.nan, 1.0)
 
 
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -167,7 +159,7 @@ def test_no_file_is_so_broken_that_it_is_no_clear_error(tmp_path: Path, content:
     path = tmp_path / MOTION_FILE
     path.write_bytes(content)
     with pytest.raises(ConfigurationError) as caught:
-        read_toml(path, MotionCalibration)
+        read_toml(path, MotorMappings)
     assert str(path) in str(caught.value)
 
 

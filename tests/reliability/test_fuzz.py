@@ -23,7 +23,7 @@ from mbot_agent.configuration_files import Enrolment
 from mbot_agent.models.activation import Activation
 from mbot_protocol.access_rules import split_common_name
 from mbot_protocol.actions import to_steps
-from mbot_protocol.calibration import CameraCalibration, MotionCalibration
+from mbot_protocol.calibration import CameraCalibration, MotorMappings
 from mbot_protocol.errors import MbotError
 from mbot_protocol.golden_frames import PROPERTY, read_golden_frames
 from mbot_protocol.mcore import Acknowledgement, ReplyParser
@@ -36,6 +36,7 @@ from mbot_protocol.toml_file import read_toml
 from mbot_protocol.v1 import messages_pb2 as messages
 from mbot_workstation.link.address import parse_address
 from mbot_workstation.recordings.drive_mcap import Recording, read_recording
+from mbot_workstation.simulation.motion_calibration import MotionCalibration
 
 from ..protocol.test_model_manifest import MANIFEST, SIGNED
 from ..robot.test_jpeg_picture import PICTURE, jpeg
@@ -244,8 +245,13 @@ def test_models() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "text"),
-    [(CameraCalibration, CAMERA), (MotionCalibration, MOTION), (Enrolment, ENROLMENT)],
-    ids=["camera.toml", "motion.toml", "enrolment.toml"],
+    [
+        (CameraCalibration, CAMERA),
+        (MotionCalibration, MOTION),
+        (MotorMappings, MOTION),
+        (Enrolment, ENROLMENT),
+    ],
+    ids=["camera.toml", "motion.toml", "motion.toml on the robot", "enrolment.toml"],
 )
 def test_toml_files(kind: type, text: str, memory_file: Path) -> None:
     def read(content: bytes) -> None:

@@ -144,7 +144,8 @@ latency_ms = 31.0
 made_on = "2026-11-21"
 left_motor = { gain = 1.05, dead_band = 52.5, time_constant_ms = 95, trim = 0.9, \
 dead_band_compensation = 45 }
-right_motor = { gain = 0.95, dead_band = 47, time_constant_ms = 105 }
+right_motor = { gain = 0.95, dead_band = 47, time_constant_ms = 105, trim = 1.0, \
+dead_band_compensation = 40 }
 """.replace("\\\n", "")
 
 

@@ -1,11 +1,6 @@
 """One calibrated robot that differs from the nominal one in everything."""
 
-from mbot_protocol.calibration import (
-    CameraCalibration,
-    Interval,
-    MotionCalibration,
-    MotorCalibration,
-)
+from mbot_protocol.calibration import CameraCalibration
 from mbot_workstation.calibration_files.body_calibration import (
     BodyCalibration,
     Component,
@@ -13,6 +8,11 @@ from mbot_workstation.calibration_files.body_calibration import (
     Weighing,
 )
 from mbot_workstation.calibration_files.light_calibration import LightCalibration
+from mbot_workstation.simulation.motion_calibration import (
+    Interval,
+    MotionCalibration,
+    MotorCalibration,
+)
 
 CAMERA = CameraCalibration(
     width_px=2028,

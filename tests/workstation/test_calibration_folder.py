@@ -1,5 +1,6 @@
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,14 +15,7 @@ from msgspec import Struct
 from mbot_agent.configuration import Configuration
 from mbot_agent.configuration_files import calibrated
 from mbot_protocol.actions import MotorMap
-from mbot_protocol.calibration import (
-    CameraCalibration,
-    Interval,
-    MotionCalibration,
-    MotorCalibration,
-    read_camera,
-    read_motion,
-)
+from mbot_protocol.calibration import CameraCalibration, read_camera
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.calibration_files.calibration_folder import (
     CalibrationFiles,
@@ -33,6 +27,13 @@ from mbot_workstation.calibration_files.calibration_folder import (
     write_motion,
 )
 from mbot_workstation.calibration_files.toml_writer import write_toml
+from mbot_workstation.simulation.motion_calibration import (
+    Interval,
+    MotionCalibration,
+    MotorCalibration,
+    read_motion,
+)
+from mbot_workstation.simulation.parameter_table import OF_A_MOTOR, OF_THE_ROBOT, Parameter
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.training.drivers.contestants import driver
@@ -74,12 +75,16 @@ def test_what_is_written_is_read_again(folder: Path) -> None:
     assert "size_m = [0.16, 0.08, 0.03]\n" in (folder / "body.toml").read_text()
 
 
+def within_limits(known: Sequence[Parameter]) -> dict[str, st.SearchStrategy[float]]:
+    return {
+        one.file_key: st.floats(one.file_factor * one.low, one.file_factor * one.high)
+        for one in known
+    }
+
+
 motors = st.builds(
     MotorCalibration,
-    gain=st.floats(0.05, 3),
-    dead_band=st.floats(0, 200),
-    time_constant_ms=st.floats(5, 2000),
-    backward_share=st.floats(0.2, 3),
+    **within_limits(OF_A_MOTOR),
     trim=st.floats(0.8, 1),
     dead_band_compensation=st.integers(0, 200),
 )
@@ -87,13 +92,8 @@ motions = st.builds(
     MotionCalibration,
     left_motor=motors,
     right_motor=motors,
-    free_speed_rpm=st.floats(10, 1000),
-    wheel_radius_m=st.floats(0.005, 0.15),
-    track_m=st.floats(0.03, 0.6),
-    wheel_friction=st.floats(0.02, 3),
-    load_loss=st.floats(0, 0.9),
+    **within_limits(OF_THE_ROBOT),
     latency_ms=st.floats(0, 1000),
-    turning_drag_n_m=st.floats(0, 1),
     made_on=st.dates().map(lambda day: day.isoformat()),
     intervals=st.dictionaries(
         st.text(max_size=20),
@@ -257,7 +257,7 @@ def test_ranges_only_ever_become_narrower_and_keep_the_robot(
     gain: float, share: float, intervals: dict[str, Interval]
 ) -> None:
     motor = msgspec.structs.replace(
-        MOTION.left_motor, gain=gain, dead_band=200 * share, time_constant_ms=5 + 1900 * share
+        MOTION.left_motor, gain=gain, dead_band=178 * share, time_constant_ms=6 + 990 * share
     )
     motion = msgspec.structs.replace(MOTION, left_motor=motor, intervals=intervals)
     files = CalibrationFiles(motion=motion)

@@ -8,7 +8,6 @@ import pytest
 import typer
 from typer.testing import CliRunner, Result
 
-from mbot_protocol.calibration import MotionCalibration, MotorCalibration, read_motion
 from mbot_protocol.errors import ConfigurationError, MbotError
 from mbot_workstation.calibration_files.calibration_folder import (
     CalibrationFiles,
@@ -20,6 +19,11 @@ from mbot_workstation.identification.result import Identification
 from mbot_workstation.recordings.recording_folder import read_recording, write_recording
 from mbot_workstation.recordings.run import Recording
 from mbot_workstation.recordings.track import Track
+from mbot_workstation.simulation.motion_calibration import (
+    MotionCalibration,
+    MotorCalibration,
+    read_motion,
+)
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.training.evaluation import trim_trial
 from mbot_workstation.training.evaluation.episodes import Estimate, Trial
@@ -185,11 +189,13 @@ def test_a_trim_that_costs_little_is_not_tried(
 @pytest.mark.slow
 def test_a_policy_drives_the_robot_both_ways() -> None:
     """The servo never saw a weak motor: trimmed it gets there, alone it drives in circles."""
-    weak = MotorCalibration(0.5, 50, 90)
+    weak = MotorCalibration(gain=0.5)
 
     def motion(trim: float) -> MotionCalibration:
-        strong = MotorCalibration(1.0, 50, 90, trim=trim)
-        return MotionCalibration(strong, weak, 120, 0.0325, 0.115, 0.9, 0.02, 15, "2026-11-22")
+        strong = MotorCalibration(gain=1.0, trim=trim)
+        return MotionCalibration(
+            left_motor=strong, right_motor=weak, latency_ms=15, made_on="2026-11-22"
+        )
 
     trimmed, alone = motion(0.55), motion(1.0)
     tried = trim_trial.try_trim("servo", CalibrationFiles(), trimmed, alone, episodes=8)

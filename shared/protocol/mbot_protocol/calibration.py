@@ -1,8 +1,8 @@
 """One robot's calibration, as far as both sides read it: its camera and how it moves.
 
 A calibration is a folder, one a robot. `workstation` writes it; simulation, training, virtual
-robot and daemon read the same files. What is missing stays nominal. Here are the two files the
-daemon needs too; body and light are `mbot_workstation.calibration`'s.
+robot and daemon read the same files. What is missing stays nominal. Here is what the daemon needs
+too; the rest of motion.toml, body and light are the workstation's alone.
 """
 
 import math
@@ -97,39 +97,22 @@ class CameraCalibration(Struct, frozen=True, forbid_unknown_fields=True):
         )
 
 
-class MotorCalibration(Struct, frozen=True, forbid_unknown_fields=True):
-    """One motor with its gear, and how the daemon drives it.
+class MotorMapping(Struct, frozen=True):
+    """How the daemon drives one motor. motion.toml's other keys are the simulation's: a file with
+    one that this release does not know is read all the same.
 
     Attributes:
-        gain: strength against the nominal motor.
-        dead_band: the board speed, of 255, up to which the wheel stands.
-        time_constant_ms: of the wheel's speed after a step.
-        bend: exponent of the duty beyond the dead band.
-        backward_share: strength when it turns the wheel backward, against forward.
-        dry_friction: share of the nominal motor's torque at standstill that holds the wheel.
-        trim, dead_band_compensation: the daemon's `MotorMap` for this motor.
+        trim, dead_band_compensation: see `MotorMap`.
 
     Raises:
         ValueError: a value is out of its range.
 
     """
 
-    gain: float
-    dead_band: float
-    time_constant_ms: float
-    bend: float = 1.0
-    dry_friction: float = 0.0
-    backward_share: float = 1.0
-    trim: float = 1.0
-    dead_band_compensation: int = 40
+    trim: float
+    dead_band_compensation: int
 
     def __post_init__(self) -> None:
-        check_range("gain", self.gain, 0.05, 3)
-        check_range("backward_share", self.backward_share, 0.2, 3)
-        check_range("dead_band", self.dead_band, 0, 200)
-        check_range("bend", self.bend, 0.2, 3)
-        check_range("time_constant_ms", self.time_constant_ms, 5, 2000)
-        check_range("dry_friction", self.dry_friction, 0, 0.9)
         check_range("trim", self.trim, 0.05, 1)
         check_range("dead_band_compensation", self.dead_band_compensation, 0, 200)
         if self.dead_band_compensation >= SPEED_LIMIT * self.trim:
@@ -143,84 +126,11 @@ class MotorCalibration(Struct, frozen=True, forbid_unknown_fields=True):
         return MotorMap(is_reversed, self.trim, self.dead_band_compensation)
 
 
-class Interval(Struct, frozen=True, forbid_unknown_fields=True):
-    """Where a value lies with 95 % confidence.
+class MotorMappings(Struct, frozen=True):
+    """motion.toml as the daemon reads it."""
 
-    Raises:
-        ValueError: its ends are not finite or in the wrong order.
-
-    """
-
-    low: float
-    high: float
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low <= self.high):
-            raise ValueError(f"low, high are {self.low}, {self.high}, expected low <= high")
-
-
-class MotionCalibration(Struct, frozen=True, forbid_unknown_fields=True):
-    """motion.toml: motors and wheels, identified from driven manoeuvres.
-
-    Attributes:
-        left_motor, right_motor: see `MotorCalibration`.
-        free_speed_rpm: of a wheel with gain 1 at full duty, without load.
-        wheel_radius_m: effective.
-        track_m: between the wheels' centres, effective.
-        wheel_friction: of the wheels on the floor, sliding.
-        load_loss: share of the free speed lost under the robot's own load.
-        rolling_drag_n: force with which caster and bearings resist driving.
-        turning_drag_n_m: torque with which caster and tyres resist a turn.
-        turning_knee_rad_s: turn rate from which on they do so in full.
-        battery_sag: share of the voltage lost while both motors drive at full duty.
-        battery_fade: share of their strength that a session takes from a fresh battery.
-        mass_ahead_m: the robot's centre of mass ahead of the axle; None is what its body makes.
-        inertia_scale: its moments of inertia against what its body makes.
-        latency_ms: from a command's sending until the wheels' voltage changes.
-        made_on: ISO date.
-        intervals: of parameters, by name.
-        undetermined: parameter -> why the recordings can't tell it.
-
-    Raises:
-        ValueError: a value is out of its range.
-
-    """
-
-    left_motor: MotorCalibration
-    right_motor: MotorCalibration
-    free_speed_rpm: float
-    wheel_radius_m: float
-    track_m: float
-    wheel_friction: float
-    load_loss: float
-    latency_ms: float
-    made_on: str
-    mass_ahead_m: float | None = None
-    inertia_scale: float = 1.0
-    rolling_drag_n: float = 0.0
-    turning_drag_n_m: float = 0.0
-    turning_knee_rad_s: float = 2.5
-    battery_sag: float = 0.0
-    battery_fade: float = 0.0
-    intervals: dict[str, Interval] = {}
-    undetermined: dict[str, str] = {}
-
-    def __post_init__(self) -> None:
-        check_range("free_speed_rpm", self.free_speed_rpm, 10, 1000)
-        check_range("wheel_radius_m", self.wheel_radius_m, 0.005, 0.15)
-        check_range("track_m", self.track_m, 0.03, 0.6)
-        check_range("wheel_friction", self.wheel_friction, 0.02, 3)
-        check_range("load_loss", self.load_loss, 0, 0.9)
-        check_range("latency_ms", self.latency_ms, 0, 1000)
-        if self.mass_ahead_m is not None:
-            check_range("mass_ahead_m", self.mass_ahead_m, -0.05, 0.1)
-        check_range("inertia_scale", self.inertia_scale, 0.2, 5)
-        check_range("rolling_drag_n", self.rolling_drag_n, 0, 10)
-        check_range("turning_drag_n_m", self.turning_drag_n_m, 0, 1)
-        check_range("turning_knee_rad_s", self.turning_knee_rad_s, 0.1, 20)
-        check_range("battery_sag", self.battery_sag, 0, 0.9)
-        check_range("battery_fade", self.battery_fade, 0, 0.9)
-        check_date(self.made_on)
+    left_motor: MotorMapping
+    right_motor: MotorMapping
 
     def wheel_maps(self) -> WheelMaps:
         """What the daemon does with a policy's steps. M1 is on the left and runs backwards."""
@@ -240,14 +150,14 @@ def read_camera(folder: Path) -> CameraCalibration | None:
     return read_part(folder, CAMERA_FILE, CameraCalibration)
 
 
-def read_motion(folder: Path) -> MotionCalibration | None:
-    """The motion's calibration in a folder; None if it has none.
+def read_motor_mappings(folder: Path) -> MotorMappings | None:
+    """The daemon's part of the motion's calibration in a folder; None if it has none.
 
     Raises:
         ConfigurationError: there is no such folder, or the file is unusable.
 
     """
-    return read_part(folder, MOTION_FILE, MotionCalibration)
+    return read_part(folder, MOTION_FILE, MotorMappings)
 
 
 def read_part(folder: Path, name: str, kind: type[T]) -> T | None:

@@ -1,6 +1,7 @@
 """The calibration folder of one robot: its files, and the simulated robot they describe.
 
-camera.toml, motion.toml   both sides read them: `mbot_protocol.calibration`
+camera.toml                both sides read it: `mbot_protocol.calibration`
+motion.toml                both sides; of the motion the daemon reads how to drive the motors only
 body.toml, light.toml      the simulation's alone
 rooms/*.jpg, *.png         panoramas of this robot's rooms
 """
@@ -14,16 +15,14 @@ from mbot_protocol.calibration import (
     CAMERA_FILE,
     MOTION_FILE,
     CameraCalibration,
-    MotionCalibration,
     read_camera,
-    read_motion,
     read_part,
 )
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.calibration_files.body_calibration import BODY_FILE, BodyCalibration
 from mbot_workstation.calibration_files.light_calibration import LIGHT_FILE, LightCalibration
 from mbot_workstation.calibration_files.toml_writer import write_toml
-from mbot_workstation.simulation.parameter_table import PARAMETERS, Parameter, exactly
+from mbot_workstation.simulation.motion_calibration import MotionCalibration, read_motion
 from mbot_workstation.simulation.robot_parameters import (
     BoxBody,
     CameraMount,
@@ -73,7 +72,7 @@ class CalibrationFiles(Struct, frozen=True, forbid_unknown_fields=True):
         if self.camera is not None:
             robot = replace(robot, camera=self.camera.model())
         if self.motion is not None:
-            robot = _with_motion(robot, self.motion)
+            robot = self.motion.robot(robot)
         return robot
 
     @property
@@ -241,19 +240,3 @@ def _with_body(robot: RobotParameters, body: BodyCalibration) -> RobotParameters
         values = {name: getattr(mount, name) for name in mount.__struct_fields__}
         changed = replace(changed, camera_mount=CameraMount(**values))
     return changed
-
-
-def _with_motion(robot: RobotParameters, motion: MotionCalibration) -> RobotParameters:
-    values = {one.name: motion_value(motion, one) for one in PARAMETERS}
-    known = {name: number for name, number in values.items() if number is not None}
-    return replace(exactly(robot, known), wheel_maps=motion.wheel_maps())
-
-
-def motion_value(motion: MotionCalibration, parameter: Parameter) -> float | None:
-    """A parameter of a motion.toml, in the model's unit; None if it leaves it to the body."""
-    holder: object = motion
-    *sections, field = parameter.file_key.split(".")
-    for section in sections:
-        holder = getattr(holder, section)
-    number: float | None = getattr(holder, field)
-    return None if number is None else number / parameter.file_factor

@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbot_protocol.actions import WheelMaps
-    from mbot_protocol.calibration import MotionCalibration
     from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
     from mbot_workstation.identification.handicap import Handicap
     from mbot_workstation.identification.result import Identification
     from mbot_workstation.recordings.run import Recording
+    from mbot_workstation.simulation.motion_calibration import MotionCalibration
     from mbot_workstation.simulation.robot_parameters import RobotParameters
     from mbot_workstation.training.evaluation.trim_trial import TrimTrial
 

@@ -130,10 +130,10 @@ def run(options: RunOptions) -> None:
     import time
 
     from mbot_protocol.actions import WheelMaps
-    from mbot_protocol.calibration import read_motion
     from mbot_workstation.maneuvers.maneuver_session import SessionSettings, check_ready
     from mbot_workstation.maneuvers.robot_time import measure_robot_time
     from mbot_workstation.maneuvers.session_journal import Journal
+    from mbot_workstation.simulation.motion_calibration import read_motion
 
     if options.output is not None and options.resume is not None:
         raise ConfigurationError("--output and --resume exclude each other")

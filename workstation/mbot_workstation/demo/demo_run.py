@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from mbot_protocol.calibration import read_camera, read_motion
+from mbot_protocol.calibration import read_camera
 from mbot_protocol.errors import (
     ConfigurationError,
     MbotError,
@@ -26,6 +26,7 @@ from mbot_workstation.models.push import push
 from mbot_workstation.models.signing_key import SigningKey
 from mbot_workstation.recordings.drive_mcap import Recording
 from mbot_workstation.recordings.stage_times import percentile
+from mbot_workstation.simulation.motion_calibration import read_motion
 from mbot_workstation.telemetry.output import Output
 from mbot_workstation.telemetry.stream import Sample, TelemetryStream
 

@@ -8,11 +8,9 @@ from pathlib import Path
 import jinja2
 import numpy as np
 
-from mbot_protocol.calibration import MotionCalibration
 from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.picture import Picture
 from mbot_workstation.calibration.camera.camera_quality import view_deg
-from mbot_workstation.calibration_files.calibration_folder import motion_value
 from mbot_workstation.gap_report import plots
 from mbot_workstation.gap_report.compare import CALIBRATED, NOMINAL, PATHS, SETTLED_S
 from mbot_workstation.gap_report.figures import Driving, at_end, path_error
@@ -20,6 +18,7 @@ from mbot_workstation.gap_report.report import GapReport
 from mbot_workstation.gap_report.verdict import HALF_WAY, Word
 from mbot_workstation.identification.left_out import grouped
 from mbot_workstation.pictures.picture_file import encode_picture
+from mbot_workstation.simulation.motion_calibration import MotionCalibration, motion_value
 from mbot_workstation.simulation.parameter_table import PARAMETERS, value
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.variation.presets import measured

@@ -3,8 +3,12 @@
 from datetime import date
 
 from mbot_protocol.actions import WheelMaps
-from mbot_protocol.calibration import Interval, MotionCalibration, MotorCalibration
 from mbot_workstation.identification.result import Identification
+from mbot_workstation.simulation.motion_calibration import (
+    Interval,
+    MotionCalibration,
+    MotorCalibration,
+)
 from mbot_workstation.simulation.parameter_table import BY_NAME, PARAMETERS, value
 
 

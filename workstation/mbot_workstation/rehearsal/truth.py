@@ -9,7 +9,7 @@ from pathlib import Path
 
 import msgspec
 
-from mbot_protocol.calibration import CameraCalibration, MotionCalibration, MotorCalibration
+from mbot_protocol.calibration import CameraCalibration
 from mbot_protocol.picture import Picture
 from mbot_workstation.calibration_files.body_calibration import (
     BodyCalibration,
@@ -27,6 +27,7 @@ from mbot_workstation.calibration_files.calibration_folder import (
 )
 from mbot_workstation.calibration_files.light_calibration import LightCalibration
 from mbot_workstation.pictures.picture_file import write_picture
+from mbot_workstation.simulation.motion_calibration import MotionCalibration, MotorCalibration
 from mbot_workstation.simulation.robot_parameters import NOMINAL_BODIES
 from mbot_workstation.simulation.room_generator import generate_room
 

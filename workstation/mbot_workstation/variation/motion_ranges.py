@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from mbot_protocol.calibration import Interval, MotionCalibration
+from mbot_workstation.simulation.motion_calibration import Interval, MotionCalibration
 from mbot_workstation.variation.effects import EffectRanges, RealWorldEffects
 
 CAUTION = 3.0

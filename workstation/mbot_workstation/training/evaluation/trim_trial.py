@@ -5,8 +5,8 @@ from typing import Any
 
 import msgspec
 
-from mbot_protocol.calibration import MotionCalibration
 from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
+from mbot_workstation.simulation.motion_calibration import MotionCalibration
 from mbot_workstation.training.drivers.contestants import title
 from mbot_workstation.training.evaluation.episodes import Estimate, Trial, evaluate, score
 from mbot_workstation.training.worlds.lessons import LESSONS
