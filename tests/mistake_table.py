@@ -147,7 +147,7 @@ MISTAKES = (
     Mistake(
         "a local enrolment without a configuration",
         "workstation enroll --here none.toml",
-        "workstation: can't read none.toml: [Errno 2] No such file or directory: 'none.toml'",
+        "workstation: can't read none.toml: No such file or directory",
     ),
     Mistake(
         "a board that another virtual robot uses",

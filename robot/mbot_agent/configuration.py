@@ -24,6 +24,7 @@ from mbot_protocol.keys import DEFAULT_ENDPOINT, Right, check_robot_id
 from mbot_protocol.mcore import BAUD_RATE
 from mbot_protocol.policy_contract import DECISION_RATE_HZ
 from mbot_protocol.public_key import PublicKey
+from mbot_protocol.text_file import text_if_any
 from mbot_protocol.toml_file import decode_toml
 
 log = logging.getLogger(__name__)
@@ -337,14 +338,11 @@ def load(path: Path) -> Configuration:
         ConfigurationError: it is missing, no TOML, or a setting is unknown or out of range.
 
     """
-    try:
-        text = path.read_text()
-    except FileNotFoundError:
+    text = text_if_any(path)
+    if text is None:
         raise ConfigurationError(
             f"no configuration at {path}: copy deploy/config.toml there, or name one by --config"
-        ) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"cannot read {path}: {error}") from None
+        )
     return decode(text, str(path))
 
 

@@ -83,7 +83,7 @@ def test_what_is_missing_or_damaged_is_named(folder: KeyFolder) -> None:
     with pytest.raises(ConfigurationError, match=r"anna\.pub: .*is no signing key"):
         folder.public_keys()
     (folder.path / "anna.pub").unlink()
-    with pytest.raises(ConfigurationError, match="cannot read"):
+    with pytest.raises(ConfigurationError, match="can't read"):
         folder.public_key("anna")
     (folder.path / "anna.pem").write_text("-----BEGIN PRIVATE KEY-----\nAAAA\n")
     with pytest.raises(ConfigurationError, match="it is damaged"):

@@ -462,7 +462,7 @@ def maneuvers(robot: FakeRobot, *arguments: str) -> subprocess.CompletedProcess[
     )
 
 
-SHORT = ("run", "--yes", "--seconds", "0.3", "--pause", "0", "--repetitions", "1")
+SHORT = ("run", "--yes", "--seconds", "0.3", "--pause", "0", "--repetitions", "2")
 
 
 def test_the_command_records_and_resumes(robot: FakeRobot, tmp_path: Path) -> None:
@@ -470,7 +470,7 @@ def test_the_command_records_and_resumes(robot: FakeRobot, tmp_path: Path) -> No
     only = ("--maneuver", "forward-forward", "--maneuver", "backward-backward")
     run = maneuvers(robot, *SHORT, *only, "--output", str(folder))
     assert run.returncode == 0, run.stderr
-    assert "2 of 2: backward-backward, repetition 1, kept as run 2" in run.stdout
+    assert "4 of 4: backward-backward, repetition 2, kept as run 4" in run.stdout
     assert sorted(path.name for path in folder.iterdir()) == [
         "commands.csv",
         "recording.toml",
@@ -480,10 +480,17 @@ def test_the_command_records_and_resumes(robot: FakeRobot, tmp_path: Path) -> No
     assert (again.returncode, "--resume" in again.stderr) == (2, True)
     more = maneuvers(robot, *SHORT, *only, "--resume", str(folder), "--maneuver", "neutral-forward")
     assert more.returncode == 0, more.stderr
-    assert "3 runs are in" in more.stdout
+    assert "6 runs are in" in more.stdout
     assert (folder / "telemetry-2.mcap").exists()
     done = maneuvers(robot, *SHORT, *only, "--resume", str(folder))
     assert (done.returncode, "recorded already" in done.stdout) == (0, True)
+
+
+def test_what_could_not_be_identified_is_not_driven(robot: FakeRobot, tmp_path: Path) -> None:
+    run = maneuvers(robot, "run", "--yes", "--repetitions", "1", "--output", str(tmp_path / "rec"))
+    assert (run.returncode, "--repetitions is 1, expected 2 or more" in run.stderr) == (2, True)
+    assert robot.received == []
+    assert not (tmp_path / "rec").exists()
 
 
 def test_nothing_moves_unless_somebody_agrees(robot: FakeRobot, tmp_path: Path) -> None:
@@ -557,7 +564,7 @@ def in_a_terminal(robot: FakeRobot, *arguments: str) -> Iterator[tuple[int, Call
 
 
 def test_in_a_terminal_it_asks_and_obeys_keys(robot: FakeRobot, tmp_path: Path) -> None:
-    arguments = ("run", "--seconds", "0.3", "--pause", "0.3", "--repetitions", "1")
+    arguments = ("run", "--seconds", "0.3", "--pause", "0.3", "--repetitions", "2")
     with in_a_terminal(robot, *arguments, "--output", str(tmp_path / "rec")) as (keyboard, shown):
         assert until(lambda: "may the robot drive?" in shown())
         assert drives(robot) == []

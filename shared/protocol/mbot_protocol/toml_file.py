@@ -7,6 +7,7 @@ from typing import TypeVar
 import msgspec
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.text_file import read_text
 
 T = TypeVar("T")
 
@@ -20,13 +21,7 @@ def read_toml(path: Path, kind: type[T]) -> T:
         ConfigurationError: it can't be read, is no TOML, or a key is unknown, missing or unusable.
 
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise ConfigurationError(f"{path} is no text, expected a TOML file") from None
-    return decode_toml(text, kind, str(path))
+    return decode_toml(read_text(path), kind, str(path))
 
 
 def decode_toml(text: str, kind: type[T], origin: str) -> T:

@@ -137,6 +137,11 @@ def run(options: RunOptions) -> None:
 
     if options.output is not None and options.resume is not None:
         raise ConfigurationError("--output and --resume exclude each other")
+    if options.repetitions < 2:
+        raise ConfigurationError(
+            f"--repetitions is {options.repetitions}, expected 2 or more: `workstation identify` "
+            "holds half of every manoeuvre's runs out to judge its result"
+        )
     chosen = (
         [maneuver_named(name) for name in options.maneuver] if options.maneuver else list(MANEUVERS)
     )
@@ -179,11 +184,6 @@ def _announce(left: list[Planned], settings: "SessionSettings") -> None:
         f"where the robot starts: {floor.ahead_m:g} m ahead, {floor.behind_m:g} m behind, "
         f"{floor.left_m:g} m to its left, {floor.right_m:g} m to its right"
     )
-    if max(one.repetition for one in left) < 2:
-        print(
-            "note: `workstation identify` needs every manoeuvre twice: half of them judge the "
-            "result; --repetitions 2 or more, or go on later by --resume"
-        )
 
 
 def _may_drive() -> bool:

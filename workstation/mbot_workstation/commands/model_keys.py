@@ -131,20 +131,23 @@ def trust(options: TrustOptions) -> None:
     Example: `workstation keys trust robot.toml`
     """
     from mbot_protocol.errors import ConfigurationError
+    from mbot_protocol.text_file import read_text
     from mbot_workstation.models.key_folder import KeyFolder
     from mbot_workstation.models.trusting_configuration import with_trusted_key
 
     folder = KeyFolder()
     key = folder.public_key(options.name or _only_name(folder, "--key NAME"))
+    text = read_text(options.configuration)
     try:
-        text = options.configuration.read_text()
         changed = with_trusted_key(text, key, str(options.configuration))
         if changed == text:
             print(f"{options.configuration} trusts {key.name} already")
             return
         atomic_file.save(options.configuration, changed.encode())
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"cannot change {options.configuration}: {error}") from None
+    except OSError as error:
+        raise ConfigurationError(
+            f"can't change {options.configuration}: {error.strerror}"
+        ) from None
     print(f"{options.configuration} now trusts {key.name}; restart mbot-agent to make it so")
 
 

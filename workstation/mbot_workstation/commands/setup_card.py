@@ -49,6 +49,7 @@ def setup_card(options: SetupCardOptions) -> None:
     Example: `workstation setup-card /media/rosa/bootfs --robot mbot-1 --release RELEASE.tar`
     """
     from mbot_protocol.access_rules import Kind
+    from mbot_protocol.text_file import read_text
     from mbot_workstation.enrolment.membership import Enrolment
     from mbot_workstation.releases.boot_card import (
         PI_CAMERA,
@@ -63,7 +64,7 @@ def setup_card(options: SetupCardOptions) -> None:
     check_boot_partition(options.boot)
     manifest = check_release_file(options.release).manifest
     keys, release_keys = _keys(options.release_key or [])
-    text = _read(options.config) if options.config else own_configuration(options.release)
+    text = read_text(options.config) if options.config else own_configuration(options.release)
     configuration = configured(text, options.robot, keys, release_keys, options.camera)
     hand_overs = Enrolment().robot(options.robot, options.hosts or ())
     robot = next(h for h in hand_overs if (h.kind, h.name) == (Kind.ROBOT, options.robot))
@@ -97,12 +98,3 @@ def _keys(release_keys: list[str]) -> tuple[list[str], list[str]]:
         raise ConfigurationError(f"there is no key {missing[0]!r}, only {', '.join(known)}")
     models = [line for name, line in known.items() if name not in release_keys]
     return models or list(known.values()), [known[name] for name in release_keys]
-
-
-def _read(path: Path) -> str:
-    from mbot_protocol.errors import ConfigurationError
-
-    try:
-        return path.read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"cannot read {path}: {error}") from None

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from mbot_protocol import atomic_file
 from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.text_file import read_text
 from mbot_workstation.enrolment.bundles import enrolment_toml
 from mbot_workstation.enrolment.certificates import Identity
 from mbot_workstation.enrolment.roll import Roll
@@ -20,9 +21,9 @@ def robot_id_in(configuration: Path) -> str:
 
     """
     try:
-        robot_id = tomllib.loads(configuration.read_text()).get("robot_id")
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ConfigurationError(f"can't read {configuration}: {error}") from None
+        robot_id = tomllib.loads(read_text(configuration)).get("robot_id")
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"{configuration} is no valid TOML: {error}") from None
     if not isinstance(robot_id, str):
         raise ConfigurationError(f"{configuration} has no robot_id; is it a robot's configuration?")
     return robot_id

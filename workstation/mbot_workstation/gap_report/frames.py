@@ -11,6 +11,7 @@ import numpy as np
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Picture
+from mbot_protocol.text_file import read_text
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.gap_report.compare import ComparedRun
 from mbot_workstation.gap_report.simulated_view import Place, RealFrame
@@ -53,12 +54,9 @@ def read_frames(folder: Path) -> tuple[RealFrame, ...]:
     """
     path = folder / FRAMES_FILE
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no text"
-        raise ConfigurationError(
-            f"can't read {path}: {reason}; expected the columns {COLUMNS}"
-        ) from None
+        lines = read_text(path).splitlines()
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{error}; expected the columns {COLUMNS}") from None
     reader = csv.DictReader(lines, skipinitialspace=True)
     names = reader.fieldnames or ()
     if not {"file", *ROBOT} <= set(names) <= {"file", *ROBOT, *CUBE}:

@@ -12,6 +12,7 @@ from pathlib import Path
 from mbot_protocol import atomic_file
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.public_key import PublicKey, check_key_name
+from mbot_protocol.text_file import read_text
 from mbot_workstation.models.signing_key import SigningKey
 
 _PROTECTED = b"ENCRYPTED PRIVATE KEY"
@@ -82,10 +83,9 @@ class KeyFolder:
                 f"no key {name!r} in {self.path}: `workstation keys list` shows those there are"
             )
         path = self._file(name, "pub")
+        text = read_text(path)
         try:
-            return PublicKey(PublicKey.parse(path.read_text()).raw, name)
-        except (OSError, UnicodeDecodeError) as error:
-            raise ConfigurationError(f"cannot read {path}: {error}") from None
+            return PublicKey(PublicKey.parse(text).raw, name)
         except ConfigurationError as error:
             raise ConfigurationError(f"{path}: {error}") from None
 

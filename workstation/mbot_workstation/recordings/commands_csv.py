@@ -10,6 +10,7 @@ import numpy as np
 
 from mbot_protocol import atomic_file
 from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.text_file import read_text
 from mbot_workstation.recordings.maneuver import Maneuver, maneuver_named
 from mbot_workstation.recordings.run import CommandSeries
 
@@ -66,11 +67,7 @@ def write_commands(path: Path, runs: Iterable[CommandedRun]) -> None:
 
 
 def _rows(path: Path) -> Iterable[_Row]:
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no text"
-        raise ConfigurationError(f"can't read {path}: {reason}") from None
+    lines = read_text(path).splitlines()
     reader = csv.reader(lines)
     header = tuple(name.strip() for name in next(reader, []))
     if header != HEADER:

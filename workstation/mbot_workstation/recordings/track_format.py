@@ -8,6 +8,7 @@ import msgspec
 from msgspec import Meta, Struct
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.text_file import text_if_any
 
 TRACK_FORMAT_FILE = "track.toml"
 
@@ -84,12 +85,9 @@ def read_track_format(folder: Path) -> TrackFormat | None:
 
     """
     path = folder / TRACK_FORMAT_FILE
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
+    text = text_if_any(path)
+    if text is None:
         return None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"can't read {path}: {error}") from None
     try:
         return track_format(tomllib.loads(text))
     except (tomllib.TOMLDecodeError, ValueError) as error:  # msgspec's error is a ValueError

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.text_file import read_text
 from mbot_workstation.recordings.raw_track import RawTrack
 from mbot_workstation.recordings.track import Array
 from mbot_workstation.recordings.track_format import Column, TrackFormat
@@ -51,12 +52,7 @@ def read_table(path: Path, form: TrackFormat) -> RawTrack:
 
 
 def _table(path: Path) -> _Table:
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise ConfigurationError(f"can't read {path}: it is no text") from None
+    text = read_text(path)
     numbered = [
         (number, line)
         for number, line in enumerate(text.splitlines(), start=1)

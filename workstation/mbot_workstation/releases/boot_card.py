@@ -17,6 +17,7 @@ from pathlib import Path
 from mbot_protocol import atomic_file
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.keys import check_robot_id
+from mbot_protocol.text_file import text_if_any
 from mbot_workstation.releases.boot_hook import FOLDER, hook
 
 RESERVE_BYTES = 8 << 20
@@ -100,7 +101,7 @@ def check_boot_partition(boot: Path) -> str:
         ConfigurationError: this folder is none.
 
     """
-    cmdline = _text(boot / "cmdline.txt")
+    cmdline = text_if_any(boot / "cmdline.txt")
     if cmdline is None or not (boot / "config.txt").is_file() or "root=" not in cmdline:
         raise ConfigurationError(
             f"{boot} is no boot partition of Raspberry Pi OS (cmdline.txt with root=, config.txt): "
@@ -117,7 +118,7 @@ def prepare(boot: Path, content: CardContent) -> str:
 
     """
     cmdline = check_boot_partition(boot)
-    added = hook(cmdline, _text(boot / "firstrun.sh"), _text(boot / "user-data"))
+    added = hook(cmdline, text_if_any(boot / "firstrun.sh"), text_if_any(boot / "user-data"))
     folder = boot / FOLDER
     try:
         shutil.rmtree(folder, ignore_errors=True)
@@ -159,12 +160,3 @@ def _member(release: Path, name: str) -> bytes:
                 f"{release} has no {name}: make it anew with `make dist`, for first boots"
             )
         return file.read()
-
-
-def _text(path: Path) -> str | None:
-    try:
-        return path.read_text()
-    except (FileNotFoundError, NotADirectoryError):
-        return None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"cannot read {path}: {error}") from None
