@@ -129,7 +129,16 @@ def _dispatch(arguments: "argparse.Namespace", journal: "Journal") -> int:
 
         print(rehearse(configuration))
         return 0
-    from mbot_agent import daemon
+    from importlib import import_module
+
+    from mbot_agent.process import small_memory
+
+    small_memory.share_one_pool()
+    with small_memory.without_openssl():
+        from mbot_agent import daemon
+
+        if configuration.camera.source.startswith("http://"):
+            import_module("http.client")  # before the camera's thread finds OpenSSL with it
 
     daemon.run(configuration, journal.drain)
     return 0
