@@ -1,17 +1,21 @@
 import json
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+import torch
 
 from mbot_workstation.commands.train import _train_until_stopped as train_until_stopped
 from mbot_workstation.training.evaluation import checkpoint_choice
 from mbot_workstation.training.evaluation.checkpoint_choice import choose_checkpoint
 from mbot_workstation.training.evaluation.episodes import EpisodeResult, Score, Trial, score
+from mbot_workstation.training.learning.checkpoint import STATE_FILE, read_weights
 from mbot_workstation.training.learning.learner import LearnerSettings
 from mbot_workstation.training.learning.policy_source import find_source
 from mbot_workstation.training.learning.progress_display import LineDisplay
 from mbot_workstation.training.learning.run_directory import RunDirectory, first_candidate
+from mbot_workstation.training.learning.trained_policy import trained_policy
 from mbot_workstation.training.learning.training_config import TrainingConfig
 from mbot_workstation.training.learning.training_run import begin_run
 
@@ -42,7 +46,11 @@ def rewards(monkeypatch: pytest.MonkeyPatch, by_name: dict[str, float]) -> list[
         trials.append(trial)
         return score([EpisodeResult(by_name[checkpoint.name], 10, 1, True)])
 
+    def averaged(folder: Path, checkpoints: Sequence[Path]) -> None:
+        (folder / STATE_FILE).write_text(" ".join(one.name for one in checkpoints))
+
     monkeypatch.setattr(checkpoint_choice, "_tried", tried)
+    monkeypatch.setattr(checkpoint_choice, "write_average", averaged)
     return trials
 
 
@@ -53,21 +61,35 @@ def choose(run: RunDirectory, stop: threading.Event | None = None) -> None:
 def test_the_last_fifth_is_kept_and_tried_and_the_best_is_the_policy(
     run: RunDirectory, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    trials = rewards(monkeypatch, {"000000056": 2.5, "000000064": 2.0})
+    trials = rewards(monkeypatch, {"000000056": 2.5, "000000064": 2.0, "average": 2.2})
     choose(run)
     assert find_source(run.path).checkpoint.name == "000000056"
     assert run.last_checkpoint().name == "000000064"  # what --resume goes on from
-    assert len(trials) == 2
-    assert trials[0] == trials[1]  # the same robots and rooms for all
-    assert "checkpoint 000000056 is the policy: mean reward 2.50" in capsys.readouterr().err
+    assert len(trials) == 3
+    assert trials[0] == trials[1] == trials[2]  # the same robots and rooms for all
+    assert "000000056 is the policy: mean reward 2.50" in capsys.readouterr().err
     choose(run)
-    assert len(trials) == 2  # once is enough
+    assert len(trials) == 3  # once is enough
+
+
+def test_the_average_of_those_tried_may_be_the_policy(
+    run: RunDirectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rewards(monkeypatch, {"000000056": 2.5, "000000064": 2.0, "average": 2.7})
+    choose(run)
+    chosen = find_source(run.path)
+    assert chosen.checkpoint == run.average
+    assert find_source(run.average) == chosen
+    assert (run.average / STATE_FILE).read_text() == "000000056 000000064"
+    assert run.last_checkpoint().name == "000000064"  # what --resume goes on from
+    run.add_checkpoint(72, lambda _folder: None, kept_from=56)
+    assert find_source(run.path).checkpoint.name == "000000072"
 
 
 def test_what_was_trained_since_is_not_left_behind(
     run: RunDirectory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rewards(monkeypatch, {"000000056": 2.5, "000000064": 2.0})
+    rewards(monkeypatch, {"000000056": 2.5, "000000064": 2.0, "average": 2.2})
     choose(run)
     run.add_checkpoint(72, lambda _folder: None, kept_from=56)
     assert find_source(run.path).checkpoint.name == "000000072"
@@ -97,7 +119,13 @@ def test_a_whole_run_ends_with_a_choice_by_driving(
     made = begin_run(tmp_path / "run", SHORT)
     assert train_until_stopped(made, SHORT).reason == "steps"
     noted = json.loads(made.choice_file.read_text())
-    assert set(noted["tried"]) == {"000000056", "000000064"}
+    assert set(noted["tried"]) == {"000000056", "000000064", "average"}
     best = max(noted["tried"], key=lambda name: noted["tried"][name][0])
     assert noted["chosen"] == best == find_source(made.path).checkpoint.name
     assert all(low <= mean <= high for mean, low, high in noted["tried"].values())
+    last, before, mean = (read_weights(one) for one in (*made.checkpoints()[-2:], made.average))
+    assert set(mean) == set(last)
+    for name, value in mean.items():
+        torch.testing.assert_close(value, (last[name] + before[name]) / 2)
+    assert any(not torch.equal(last[name], before[name]) for name in mean)
+    assert trained_policy(made.average).provenance["checkpoint"] == "average"

@@ -1,17 +1,19 @@
-"""Which checkpoint of a run becomes its policy: the best in rooms that training never shows.
+"""What of a run becomes its policy: the best in rooms that training never shows.
 
-The last one is not always it: what an update does to a trained policy is partly luck.
+The last checkpoint is not always it: what an update does to a trained policy is partly luck. The
+mean of the last ones has less of it.
 """
 
 import threading
 from dataclasses import asdict, astuple
+from functools import partial
 from pathlib import Path
 
 from mbot_protocol.policy_contract import PolicyMetadata
 from mbot_workstation.training.drivers.contestants import Driver
 from mbot_workstation.training.drivers.onnx_policy import OnnxPolicy
 from mbot_workstation.training.evaluation.episodes import Score, Trial, evaluate_driver, score
-from mbot_workstation.training.learning.checkpoint import read_weights
+from mbot_workstation.training.learning.checkpoint import read_weights, write_average
 from mbot_workstation.training.learning.policy_graph import policy_graph
 from mbot_workstation.training.learning.policy_source import Choice, noted_choice
 from mbot_workstation.training.learning.progress_display import Display
@@ -31,7 +33,7 @@ EPISODES = 96
 def choose_checkpoint(
     run: RunDirectory, config: TrainingConfig, display: Display, stop: threading.Event
 ) -> None:
-    """Try a finished run's last checkpoints and note the best in its folder.
+    """Try a finished run's last checkpoints and their average, and note the best in its folder.
 
     Nothing is chosen where there is nothing to choose from, or when someone says stop meanwhile.
     """
@@ -43,8 +45,10 @@ def choose_checkpoint(
     ]
     noted = noted_choice(run)
     known = set(noted.tried) if noted else set[str]()
-    if len(candidates) < 2 or known == {checkpoint.name for checkpoint in candidates}:
+    names = {checkpoint.name for checkpoint in (*candidates, run.average)}
+    if len(candidates) < 2 or known == names:
         return
+    candidates.append(run.add_average(partial(write_average, checkpoints=tuple(candidates))))
     trial = Trial(
         config.stages()[-1],
         config.ranges(),
@@ -59,10 +63,10 @@ def choose_checkpoint(
     for number, checkpoint in enumerate(candidates, 1):
         if stop.is_set():
             return
-        display.say(f"trying checkpoint {number} of {len(candidates)}: {checkpoint.name}")
+        display.say(f"trying {number} of {len(candidates)}: {checkpoint.name}")
         scores[checkpoint.name] = _tried(checkpoint, trial)
     best = max(scores, key=lambda name: scores[name].reward.mean)
-    display.say(f"checkpoint {best} is the policy: mean reward {scores[best].reward.mean:.2f}")
+    display.say(f"{best} is the policy: mean reward {scores[best].reward.mean:.2f}")
     choice = Choice(best, {name: astuple(one.reward) for name, one in scores.items()}, EPISODES)
     write_json(run.choice_file, asdict(choice))
 

@@ -7,7 +7,9 @@ nothing here ever opens them. Only the weights and the optimiser are read, as pl
 
 import io
 import pickle
+import shutil
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +23,9 @@ from mbot_workstation.training.learning.curriculum import CurriculumState
 from mbot_workstation.training.learning.picture_ppo import PicturePPO
 
 MODEL_FILE, STATE_FILE = "model.zip", "state.json"
+
+_WEIGHTS = "policy.pth"
+"""In `MODEL_FILE`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +105,25 @@ def read_state(folder: Path) -> CheckpointState:
 
 def read_weights(folder: Path) -> dict[str, torch.Tensor]:
     """The policy's weights by name; raises as `read_state`."""
-    return _read_tensors(folder, "policy.pth")
+    return _read_tensors(folder, _WEIGHTS)
+
+
+def write_average(folder: Path, checkpoints: Sequence[Path]) -> None:
+    """Put the mean of some checkpoints' weights into a folder, with the last one's state.
+
+    Without an optimiser's state: training goes on from checkpoints.
+
+    Raises:
+        ConfigurationError: one of them is damaged.
+
+    """
+    weights = [read_weights(checkpoint) for checkpoint in checkpoints]
+    mean = {name: torch.stack([one[name] for one in weights]).mean(0) for name in weights[-1]}
+    data = io.BytesIO()
+    torch.save(mean, data)
+    with zipfile.ZipFile(folder / MODEL_FILE, "w") as archive:
+        archive.writestr(_WEIGHTS, data.getvalue())
+    shutil.copy(checkpoints[-1] / STATE_FILE, folder / STATE_FILE)
 
 
 def restore_learner(folder: Path, learner: PicturePPO, *, with_optimizer: bool) -> None:

@@ -1,4 +1,4 @@
-"""Where a trained policy's weights are: a run's chosen checkpoint, or a certain one."""
+"""Where a trained policy's weights are: what was chosen of a run, or a certain checkpoint."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,8 +22,8 @@ class Choice:
     """What was chosen; JSON as it is.
 
     Attributes:
-        chosen: the checkpoint's name.
-        tried: mean reward of an episode with its 95 % interval, by the checkpoint's name.
+        chosen: the checkpoint's name, or the average's.
+        tried: mean reward of an episode with its 95 % interval, by name.
         episodes: of each.
 
     """
@@ -57,7 +57,8 @@ def chosen_checkpoint(run: RunDirectory) -> Path:
     choice = noted_choice(run)
     if choice is None or last.name not in choice.tried:
         return last
-    return next((one for one in run.checkpoints() if one.name == choice.chosen), last)
+    candidates = [*run.checkpoints(), run.average]
+    return next((one for one in candidates if one.name == choice.chosen), last)
 
 
 def noted_choice(run: RunDirectory) -> Choice | None:

@@ -107,7 +107,12 @@ class RunDirectory:
         folder = self.path / "checkpoints"
         if not folder.is_dir():
             return []
-        return sorted(entry for entry in folder.iterdir() if entry.suffix != UNFINISHED)
+        return sorted(entry for entry in folder.iterdir() if entry.name.isdecimal())
+
+    @property
+    def average(self) -> Path:
+        """The mean of its last checkpoints, once it has been chosen from: not to go on from."""
+        return self.path / "checkpoints" / "average"
 
     def last_checkpoint(self) -> Path:
         """The checkpoint to go on from.
@@ -135,9 +140,20 @@ class RunDirectory:
             ConfigurationError: the disk is full or gone; the checkpoints before are whole.
 
         """
-        folder = self.path / "checkpoints"
-        final = folder / f"{step:09d}"
-        unfinished = final.with_suffix(UNFINISHED)
+        final = self.path / "checkpoints" / f"{step:09d}"
+        self._add(final, write)
+        for old in self.checkpoints()[:-KEPT_CHECKPOINTS]:
+            if kept_from is None or int(old.name) < kept_from:
+                shutil.rmtree(old)
+        return final
+
+    def add_average(self, write: Callable[[Path], None]) -> Path:
+        """Add the average, or put it in the place of an older one; as `add_checkpoint`."""
+        self._add(self.average, write)
+        return self.average
+
+    def _add(self, final: Path, write: Callable[[Path], None]) -> None:
+        folder, unfinished = final.parent, final.with_suffix(UNFINISHED)
         shutil.rmtree(unfinished, ignore_errors=True)
         try:
             unfinished.mkdir(parents=True)
@@ -154,10 +170,6 @@ class RunDirectory:
             raise ConfigurationError(
                 f"can't save a checkpoint in {folder}: {reason}; make room there, then {then}"
             ) from None
-        for old in self.checkpoints()[:-KEPT_CHECKPOINTS]:
-            if kept_from is None or int(old.name) < kept_from:
-                shutil.rmtree(old)
-        return final
 
 
 def first_candidate(steps: int) -> int:

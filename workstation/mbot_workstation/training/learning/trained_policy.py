@@ -85,6 +85,7 @@ def _provenance(source: Source, config: TrainingConfig, state: CheckpointState) 
         "run": source.run.path.resolve().name,
         "seed": config.seed,
         "steps": state.step,
+        "checkpoint": source.checkpoint.name,
         "wall_s": round(state.wall_s),
         "robots": config.robots,
         "preset": config.preset,
