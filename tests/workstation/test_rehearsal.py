@@ -236,11 +236,11 @@ def test_the_true_robot_is_driven_by_the_real_daemon(line: CommandLine) -> None:
     with robot_pair(line, truth, "track.csv") as address:
         line.run(
             *("workstation", "maneuvers", "run", "--robot", address, "--yes", "--pause", "0"),
-            *("--seconds", "1.5", "--repetitions", "1", "--maneuver", "backward-forward"),
+            *("--seconds", "1.5", "--repetitions", "2", "--maneuver", "backward-forward"),
             *("--output", "recording"),
         )
-    (run,) = read_commands(line.folder / "recording" / "commands.csv")
-    assert run.maneuver == "backward-forward"
+    runs = read_commands(line.folder / "recording" / "commands.csv")
+    assert [run.maneuver for run in runs] == ["backward-forward"] * 2
     assert read_info(line.folder / "recording").robot_id == ROBOT_ID
     track = read_track(line.folder / "track.csv", PRESETS["triad-openvr"])
     assert track.yaw_rad.max() > 3  # to the left, at 6 rad/s for 1.5 s
