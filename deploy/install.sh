@@ -193,11 +193,10 @@ install_updater() {
             run install -m 0644 "$name" "$updater.new/mbot_update"
         done
         run mv "$updater.new/mbot_update/__main__.py" "$updater.new"
-        for name in __init__ atomic_file errors public_key release_archive release_contents \
-            release_ledger release_manifest; do
+        while read -r name; do
             run install -m 0644 "$checkout/shared/protocol/mbot_protocol/$name.py" \
                 "$updater.new/mbot_protocol"
-        done
+        done <"$checkout/deploy/updater-modules.txt"
     fi
     run rm -rf "$updater"
     run mv "$updater.new" "$updater"
