@@ -196,7 +196,7 @@ install_updater() {
         while read -r name; do
             run install -m 0644 "$checkout/shared/protocol/mbot_protocol/$name.py" \
                 "$updater.new/mbot_protocol"
-        done <"$checkout/deploy/updater-modules"
+        done <"$checkout/deploy/updater-modules.txt"
     fi
     run rm -rf "$updater"
     run mv "$updater.new" "$updater"

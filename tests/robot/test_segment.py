@@ -1,3 +1,5 @@
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +36,25 @@ def test_a_file_is_what_any_library_reads(tmp_path: Path) -> None:
     }
     assert robot.name == ROBOT_METADATA
     assert RobotFacts.from_strings(robot.metadata) == FACTS
+
+
+def test_a_file_is_written_where_there_are_no_compressors(tmp_path: Path) -> None:
+    code = """
+import sys
+from pathlib import Path
+sys.modules |= {"lz4": None, "zstandard": None}
+from mbot_agent.recording.segment import Segment
+from mbot_protocol.drive_record import RobotFacts
+facts = RobotFacts("mbot-1", 1, "0", "arm64", 2.5, False, 1.0, 0, False, 1.0, 0)
+segment = Segment(Path(sys.argv[1]), facts)
+segment.write_log(1, "now running", 7)
+segment.close()
+"""
+    path = tmp_path / "000.mcap"
+    done = subprocess.run([sys.executable, "-c", code, str(path)], check=False)
+    assert done.returncode == 0
+    with path.open("rb") as file:
+        assert len(list(make_reader(file).iter_messages())) == 1
 
 
 def test_what_is_synced_can_be_read_while_the_file_is_open(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """What the daemon leaves for root, and why nothing of it is believed."""
 
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -11,7 +12,7 @@ import pytest
 from mbot_protocol.errors import RefusedError
 from mbot_update import main, taking_in, update_steps
 from mbot_workstation.models.signing_key import SigningKey
-from mbot_workstation.releases.make_release import put_updater
+from mbot_workstation.releases.make_release import UPDATER_MODULES, put_updater
 
 from .release_bench import Robot, archive
 
@@ -114,11 +115,13 @@ def test_a_build_that_fails_leaves_nothing(
 def test_the_updater_runs_with_the_systems_python_alone(tmp_path: Path) -> None:
     put_updater(tmp_path / "updater")
     (tmp_path / "opt/mbot-agent/releases").mkdir(parents=True)
-    command = [sys.executable, "-I", "-S", "-B", str(tmp_path / "updater")]
+    command = [sys.executable, "-I", "-S", "-B", "-X", "importtime", str(tmp_path / "updater")]
     command += ["--root", str(tmp_path), "releases", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert '"releases": []' in done.stdout
+    imported = set(re.findall(r"\| +mbot_protocol\.(\w+)$", done.stderr, re.MULTILINE))
+    assert imported | {"__init__"} == set(UPDATER_MODULES.read_text().split())
     names = {path.name for path in (tmp_path / "updater/mbot_update").glob("*.py")}
     assert Path(main.__file__).name in names
 

@@ -27,11 +27,12 @@ from mbot_workstation.releases.robot_wheels import TARGETS
 KEY, SPARE = SigningKey.ephemeral("first"), SigningKey.ephemeral("spare")
 
 
-def wheel(folder: Path, name: str) -> Path:
+def wheel(folder: Path, name: str, *files: str) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / name
     with zipfile.ZipFile(path, "w") as file:
-        file.writestr(zipfile.ZipInfo("a.py"), "x = 1\n" * 1000)
+        for inside in files or ("a.py",):
+            file.writestr(zipfile.ZipInfo(inside), "x = 1\n" * 1000)
     return path
 
 
@@ -176,10 +177,27 @@ def test_an_updater_that_does_nothing_is_pointed_out(monkeypatch: pytest.MonkeyP
         send_release.wait_for_outcome(FakeLink(None), "a1", lambda _: None)  # type: ignore[arg-type]
 
 
+def test_a_wheel_of_which_a_robot_keeps_nothing_is_not_pinned(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def download(_: object, folder: Path, __: object) -> None:
+        wheel(folder, "lz4-4.4.5-py3-none-any.whl", "lz4/frame.py", "lz4-4.4.5.dist-info/RECORD")
+        wheel(folder, "mcap-1.6.0-py3-none-any.whl", "mcap/writer.py")
+
+    (tmp_path / "pyproject.toml").symlink_to(make_release.CHECKOUT / "pyproject.toml")
+    monkeypatch.setattr(robot_wheels, "_download", download)
+    folder = robot_wheels.fetch_wheels(TARGETS[0], tmp_path, tmp_path / "cache")
+    assert [path.name for path in folder.iterdir()] == ["mcap-1.6.0-py3-none-any.whl"]
+    pins = (tmp_path / "deploy/requirements/bookworm-arm64.txt").read_text()
+    assert "mcap==1.6.0" in pins
+    assert "lz4" not in pins
+
+
 def test_each_target_has_its_pins(tmp_path: Path) -> None:
     for target in TARGETS:
         pins = make_release.CHECKOUT / "deploy/requirements" / f"{target.name}.txt"
         lines = [line for line in pins.read_text().splitlines() if not line.startswith("#")]
         assert any(line.startswith("onnxruntime==") for line in lines)
+        assert not [line for line in lines if line.startswith(("lz4==", "zstandard=="))]
         assert all("--hash=sha256:" in line for line in lines)
     assert robot_wheels.requirement(wheel(tmp_path, "a_b-1-py3-none-any.whl")).startswith("a-b==1 ")

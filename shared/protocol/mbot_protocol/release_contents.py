@@ -9,7 +9,8 @@ _FOLDERS = (
     *("pip", "setuptools", "pkg_resources", "_distutils_hack"),
     # Of our own wheel: the other side.
     *("mbot_workstation", "mbot_update"),
-    # Compressors, which mcap imports only if they are there. Robots record uncompressed.
+    # Compressors, which mcap imports only if they are there. Robots record uncompressed; releases
+    # leave their wheels out.
     *("zstandard", "lz4"),
     # For building extensions, and converting and judging models.
     *("numpy/distutils", "numpy/f2py", "numpy/core/include", "numpy/_core/include"),

@@ -24,9 +24,8 @@ from mbot_workstation.releases.debian_package import make_package
 from mbot_workstation.releases.robot_wheels import TARGETS, Target, fetch_wheels, requirement
 
 CHECKOUT = Path(__file__).parents[3]
-UPDATER_NEEDS = CHECKOUT / "deploy/updater-modules"
-"""Modules of the protocol that the updater uses, a line each, for the installing script too: those
-with the standard library only."""
+UPDATER_MODULES = CHECKOUT / "deploy/updater-modules.txt"
+"""Modules of the protocol that the updater uses: those with the standard library only."""
 
 VENV_BYTES = 4 << 20
 
@@ -118,7 +117,7 @@ def build_wheel(folder: Path, *, epoch_s: int, sdist: bool = True) -> Path:
 def put_updater(folder: Path) -> None:
     """What root's updater consists of: a folder that Python runs."""
     (folder / "mbot_protocol").mkdir(parents=True)
-    for name in UPDATER_NEEDS.read_text().split():
+    for name in UPDATER_MODULES.read_text().split():
         source = CHECKOUT / "shared/protocol/mbot_protocol" / f"{name}.py"
         shutil.copyfile(source, folder / "mbot_protocol" / source.name)
     (folder / "mbot_update").mkdir()

@@ -9,10 +9,12 @@ import re
 import subprocess
 import sys
 import tomllib
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
 from mbot_protocol.errors import MbotError, UnreachableError
+from mbot_protocol.release_contents import is_needed
 
 _GLIBC_MINORS = {"bookworm": 36, "trixie": 41}
 _PYTHONS = {"bookworm": "3.11", "trixie": "3.13"}
@@ -63,6 +65,9 @@ def fetch_wheels(target: Target, checkout: Path, cache: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     if not pins.is_file():
         _download(target, folder, _wanted(target, checkout, cache))
+        for wheel in folder.glob("*.whl"):
+            if not holds_needed_files(wheel):
+                wheel.unlink()
         pins.parent.mkdir(parents=True, exist_ok=True)
         pins.write_text(
             _pins(folder, f"# Wheels of a robot: {target.name}. `make pins` writes it.\n")
@@ -79,6 +84,12 @@ def requirement(wheel: Path) -> str:
     """A line for pip that takes this very file."""
     name, version = wheel.name.split("-")[:2]
     return f"{name.replace('_', '-').lower()}=={version} --hash=sha256:{digest(wheel)}"
+
+
+def holds_needed_files(wheel: Path) -> bool:
+    """Whether a robot keeps anything of a wheel; what a library wants, it may do without."""
+    with zipfile.ZipFile(wheel) as archive:
+        return any(is_needed(name) for name in archive.namelist())
 
 
 def digest(path: Path) -> str:
