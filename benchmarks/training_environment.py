@@ -27,7 +27,7 @@ from mbot_workstation.simulation.engine import mujoco
 from mbot_workstation.simulation.robot_mjcf import ROBOT_CAMERA
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.simulation.scene_mjcf import CUBE, build_model
+from mbot_workstation.simulation.scene_mjcf import build_model, object_name
 from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.training.worlds.fast_physics import TRAINING_TIMESTEP_S
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
@@ -55,7 +55,7 @@ class PlainEnv(gymnasium.Env[Any, Any]):
         self.renderer = mujoco.Renderer(self.model, 64, 64)
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
             self.renderer.scene.flags[flag] = False
-        self.cube = self.model.body(CUBE).mocapid[0]
+        self.cube = self.model.body(object_name()).mocapid[0]
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

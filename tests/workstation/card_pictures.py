@@ -14,10 +14,11 @@ from mbot_workstation.simulation.engine import mujoco
 from mbot_workstation.simulation.isp import IspSettings
 from mbot_workstation.simulation.pose import ORIGIN
 from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.simulation.scene_mjcf import CUBE
-from mbot_workstation.simulation.scene_parameters import Cube, Light, SceneParameters
+from mbot_workstation.simulation.scene_mjcf import object_name
+from mbot_workstation.simulation.scene_parameters import Light, SceneParameters
 from mbot_workstation.simulation.sensor_noise import SensorNoise
 from mbot_workstation.simulation.simulation import Simulation
+from mbot_workstation.simulation.target_object import Shape, TargetObject
 from mbot_workstation.targets.layouts import card_page, card_place
 from mbot_workstation.targets.png import draw
 from mbot_workstation.targets.sheet import PAPERS
@@ -68,19 +69,20 @@ def photographs(
     framed: bool = True,
 ) -> list[Picture]:
     """RGB pictures of the robot's camera, with noise."""
-    scene = SceneParameters(cube=Cube(EDGE_M, (LEVEL, LEVEL, LEVEL)), light=light)
+    card = TargetObject("card", Shape.CUBE, EDGE_M, EDGE_M, (LEVEL, LEVEL, LEVEL))
+    scene = SceneParameters(objects=(card,), light=light)
     simulation = Simulation(ROBOT, scene)
     start = simulation.snapshot()
-    card = simulation.model.body(CUBE).mocapid[0]
+    place = simulation.model.body(object_name()).mocapid[0]
     noise = SensorNoise(WIDTH_PX, HEIGHT_PX, seed=1)
     taken = []
     with CameraRenderer(simulation, WIDTH_PX, HEIGHT_PX, isp=IspSettings(gains=gains)) as renderer:
         for facing in facings:
             places, turns = start.moved_pos.copy(), start.moved_quat.copy()
-            places[card] = MIDDLE_M - facing.axes @ [-EDGE_M / 2, 0, EDGE_M / 2]
+            places[place] = MIDDLE_M - facing.axes @ [-EDGE_M / 2, 0, EDGE_M / 2]
             quaternion = np.empty(4)
             mujoco.mju_mat2Quat(quaternion, facing.axes.ravel())
-            turns[card] = quaternion
+            turns[place] = quaternion
             picture = renderer.picture(replace(start, moved_pos=places, moved_quat=turns))
             taken.append(noise.apply(_with_frame(picture, facing) if framed else picture))
     return taken

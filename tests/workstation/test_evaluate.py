@@ -138,6 +138,10 @@ def test_the_command_prints_json_and_a_table() -> None:
     assert (servo["contestant"], servo["preset"], servo["episodes"]) == ("servo", "nominal", 2)
     assert oracle["share_of_oracle"] == 1.0
     assert oracle["reward"]["low"] <= oracle["reward"]["mean"] <= oracle["reward"]["high"]
+    (ball,) = json.loads(
+        invoke("oracle", *options, "--object", "models/objects/green-ball.toml", "--json")
+    )
+    assert ball["touches"]["mean"] == 1
     table = invoke("oracle", *options, "--preset", "slippery")
     assert "slippery" in table
     assert "100 %" in table

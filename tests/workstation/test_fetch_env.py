@@ -10,7 +10,10 @@ from stable_baselines3.common.env_checker import check_env as check_sb3_env
 
 from mbot_workstation.simulation.fetch_task import Happening
 from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_workstation.simulation.scene_parameters import SceneParameters
+from mbot_workstation.simulation.target_object import Shape, TargetObject
 from mbot_workstation.training.worlds.fetch_env import ENV_ID, FetchEnv
+from mbot_workstation.training.worlds.fetch_info import target_from_robot
 from mbot_workstation.training.worlds.fetch_world import FetchWorld
 from mbot_workstation.training.worlds.lessons import (
     BLUR_LESSON,
@@ -314,3 +317,35 @@ def test_the_robot_is_the_one_it_was_given() -> None:
     environment.reset(seed=0)
     assert environment.world.simulation.robot.wheel_radius_m == 0.030
     environment.close()
+
+
+def test_of_several_kinds_of_object_one_at_a_time_is_seen_and_touched_where_it_stands() -> None:
+    kinds = (
+        TargetObject("ball", Shape.BALL, 0.2, 0.2, (30, 200, 50)),
+        TargetObject("post", Shape.CYLINDER, 0.04, 0.3, (25, 60, 220)),
+    )
+    made = replace(settings("1"), scene=SceneParameters(objects=kinds))
+    driven = FetchWorld(made)
+    driven.seed(np.random.default_rng(0))
+    touched_at_m: dict[int, list[float]] = {0: [], 1: []}
+    grey = [np.full_like(room, 128) for room in ROOMS]
+    with RobotEye(grey, scene=made.scene) as eye:
+        for _ in range(8):
+            driven.begin(made.lesson)
+            kind, ended = driven.kind, False
+            while not ended:
+                ahead_m, left_m = target_from_robot(driven)
+                picture = eye.observe(driven).astype(int)
+                coloured = picture[..., 1 + kind] - picture[..., 2 - kind]
+                if ahead_m > 0.3 and abs(left_m) < 0.3 * ahead_m:
+                    assert (coloured > 60).sum() >= 3, "the kind that is due"
+                assert (coloured < -80).sum() == 0, "and never the other"
+                ended = driven.decide(*steer_to_target(driven)).ended
+            if driven.touches:
+                ahead_m, left_m = target_from_robot(driven)
+                touched_at_m[kind].append(float(np.hypot(ahead_m, left_m)))
+    radius_m = made.robot.touch_radius_m
+    for kind, thing in enumerate(kinds):
+        assert touched_at_m[kind], f"the {thing.name} was never fetched"
+        assert np.max(touched_at_m[kind]) <= radius_m + thing.width_m / 2
+        assert np.min(touched_at_m[kind]) >= radius_m + thing.width_m / 2 - 0.02

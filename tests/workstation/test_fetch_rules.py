@@ -10,13 +10,18 @@ from mbot_workstation.simulation.fetch_rules import (
     COMPLETE_SCORE,
     FetchRules,
     at_border,
+    draw_kind,
     spawn,
     touch_score,
     touches,
+    way_to_contact_m,
 )
 from mbot_workstation.simulation.pose import ORIGIN, Pose
+from mbot_workstation.simulation.target_object import RED_CUBE, Footprint
 
 RULES = FetchRules()
+SQUARE = RED_CUBE.footprint
+ROUND = Footprint(0, 0, 0.05)
 angle = st.floats(-math.pi, math.pi)
 place = st.floats(-2.9, 2.9)
 
@@ -31,16 +36,45 @@ def test_the_paper_limits_follow() -> None:
 
 def test_touch_is_the_circle_meeting_the_square() -> None:
     cube = Pose(1, 0, 0)
-    assert touches(Pose(1 - 0.05 - 0.0899, 0), cube, RULES)
-    assert not touches(Pose(1 - 0.05 - 0.0901, 0), cube, RULES)
+    assert touches(Pose(1 - 0.05 - 0.0899, 0), cube, SQUARE, RULES)
+    assert not touches(Pose(1 - 0.05 - 0.0901, 0), cube, SQUARE, RULES)
     # A corner: 50 mm x 50 mm and the circle along the diagonal.
     beyond = 0.05 + 0.09 / math.sqrt(2)
-    assert touches(Pose(1 - beyond + 1e-4, beyond - 1e-4), cube, RULES)
-    assert not touches(Pose(1 - beyond - 1e-4, beyond + 1e-4), cube, RULES)
+    assert touches(Pose(1 - beyond + 1e-4, beyond - 1e-4), cube, SQUARE, RULES)
+    assert not touches(Pose(1 - beyond - 1e-4, beyond + 1e-4), cube, SQUARE, RULES)
     # Turned by 45 degrees the corner comes nearer along x.
     turned = replace(cube, yaw_rad=math.pi / 4)
-    assert touches(Pose(1 - 0.05 * math.sqrt(2) - 0.0899, 0), turned, RULES)
-    assert touches(cube, cube, RULES)
+    assert touches(Pose(1 - 0.05 * math.sqrt(2) - 0.0899, 0), turned, SQUARE, RULES)
+    assert touches(cube, cube, SQUARE, RULES)
+
+
+@given(angle, angle)
+def test_a_ball_is_touched_alike_from_all_sides(bearing: float, yaw: float) -> None:
+    def at(distance: float) -> bool:
+        robot = Pose(distance * math.cos(bearing), distance * math.sin(bearing))
+        return touches(robot, Pose(0, 0, yaw), ROUND, RULES)
+
+    assert at(0.1399)
+    assert not at(0.1401)
+
+
+@given(angle, st.floats(0.05, 0.5), angle, st.sampled_from([SQUARE, ROUND]))
+def test_nothing_is_touched_before_the_way_to_it_is_driven(
+    bearing: float, distance: float, yaw: float, footprint: Footprint
+) -> None:
+    robot = Pose(distance * math.cos(bearing), distance * math.sin(bearing))
+    target = Pose(0, 0, yaw)
+    if touches(robot, target, footprint, RULES):
+        assert way_to_contact_m(robot, target, footprint, RULES) <= 1e-9
+
+
+def test_kinds_of_object_are_equally_likely_and_a_single_one_costs_no_random_number() -> None:
+    rng = np.random.default_rng(0)
+    state = rng.bit_generator.state
+    assert draw_kind(RULES, rng) == 0
+    assert rng.bit_generator.state == state
+    both = replace(RULES, footprints=(SQUARE, ROUND))
+    assert np.mean([draw_kind(both, rng) for _ in range(2000)]) == pytest.approx(0.5, abs=0.04)
 
 
 @given(angle, st.floats(0.05, 0.3), angle, angle)
@@ -51,7 +85,7 @@ def test_touch_does_not_depend_on_where_north_is(
         robot = Pose(
             distance * math.cos(bearing + rotation), distance * math.sin(bearing + rotation)
         )
-        return touches(robot, Pose(0, 0, yaw + rotation), RULES)
+        return touches(robot, Pose(0, 0, yaw + rotation), SQUARE, RULES)
 
     assert at(0.0) == at(turn) or at(1e-9) != at(0.0)
 

@@ -1,3 +1,4 @@
+import colorsys
 from dataclasses import replace
 
 import numpy as np
@@ -8,10 +9,16 @@ from mbot_workstation.simulation.floor_textures import made_up_floor, vinyl
 from mbot_workstation.simulation.pose import Pose
 from mbot_workstation.simulation.robot_mjcf import ROBOT_CAMERA
 from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.simulation.scene_look import SceneDresser, SceneLook, nominal_look
+from mbot_workstation.simulation.scene_look import (
+    ObjectLook,
+    SceneDresser,
+    SceneLook,
+    nominal_look,
+)
 from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.simulation.scene_renderer import Quality, SceneRenderer
 from mbot_workstation.simulation.simulation import Simulation
+from mbot_workstation.simulation.target_object import Rgb, Shape, TargetObject
 from mbot_workstation.variation.scene_looks import MADE_UP_FLOORS, draw_look, training_floors
 
 QUALITY = Quality(shadow_map_px=0, samples=4, reflections=False)
@@ -44,9 +51,9 @@ def test_looks_are_seen_and_the_nominal_one_comes_back_to_the_bit() -> None:
         "walls": replace(nominal, wall_height_m=0.5, wall_rgb=(0.2, 0.4, 0.2)),
         "no walls": replace(nominal, wall_height_m=0.0),
         "foot": replace(nominal, foot_height_m=0.06),
-        "cube": replace(nominal, cube_edge_m=0.12),
-        "red": replace(nominal, cube_rgb=(0.9, 0.2, 0.0)),
-        "worn": replace(nominal, cube_wear=1),
+        "size": replace(nominal, objects=(ObjectLook(scale=1.2),)),
+        "red": replace(nominal, objects=(ObjectLook((0.9, 0.2, 0.0)),)),
+        "worn": replace(nominal, objects=(ObjectLook(wear=1),)),
         "light": replace(nominal, light_direction=(-1.0, 0.0, -0.2)),
         "ambient": replace(nominal, ambient_rgb=(0.4, 0.4, 0.5)),
         "shadow": replace(nominal, shadow=0.5),
@@ -70,8 +77,9 @@ def test_distractors_come_and_go() -> None:
 def test_drawn_looks_stay_what_they_say(seed: int) -> None:
     look = draw_look(np.random.default_rng(seed))
     assert 0 <= look.floor <= MADE_UP_FLOORS
-    assert 0.08 <= look.cube_edge_m <= 0.12
-    red, green, blue = look.cube_rgb
+    (thing,) = look.objects
+    assert 0.8 <= thing.scale <= 1.2
+    red, green, blue = thing.rgb
     assert red > 2 * max(green, blue), "the object is red, whichever red"
     for thing in look.distractors:
         x, y, z = thing.centre_m
@@ -87,3 +95,34 @@ def test_the_same_seed_makes_the_same_floor_and_its_edges_meet() -> None:
         assert (tile.picture == made_up_floor(seed).picture).all()
         assert 0.1 <= tile.side_m <= 4.0
         assert tile.picture.shape == vinyl().picture.shape
+
+
+BALL = TargetObject("ball", Shape.BALL, 0.1, 0.1, (30, 150, 50))
+CAN = TargetObject("can", Shape.CYLINDER, 0.07, 0.12, (25, 60, 190))
+
+
+def hue_apart(one: Rgb, other: Rgb) -> float:
+    return abs((colorsys.rgb_to_hsv(*one)[0] - colorsys.rgb_to_hsv(*other)[0] + 0.5) % 1.0 - 0.5)
+
+
+@given(st.integers(0, 2**32))
+def test_looks_of_other_objects_are_told_from_what_is_around_them(seed: int) -> None:
+    objects = (BALL, CAN)
+    look = draw_look(np.random.default_rng(seed), objects)
+    for thing, worn in zip(objects, look.objects, strict=True):
+        assert hue_apart(worn.rgb, thing.rgb) < 0.04
+        _, saturation, value = colorsys.rgb_to_hsv(*look.wall_rgb)
+        if saturation > 0.25 and value > 0.1:
+            assert hue_apart(look.wall_rgb, thing.rgb) > 0.03
+
+
+def test_what_is_drawn_for_a_red_cube_is_drawn_for_another_object() -> None:
+    """The same numbers, turned into its colour: floors, light and places are equal."""
+    for seed in range(50):
+        red = draw_look(np.random.default_rng(seed))
+        green = draw_look(np.random.default_rng(seed), (BALL,))
+        assert (red.floor, red.light_direction) == (green.floor, green.light_direction)
+        assert [thing.centre_m for thing in red.distractors] == [
+            thing.centre_m for thing in green.distractors
+        ]
+        assert red.objects[0].scale == green.objects[0].scale

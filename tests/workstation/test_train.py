@@ -344,6 +344,21 @@ def test_the_papers_way_is_ten_lessons_without_guide_or_memory() -> None:
         configured(guide=0, lesson=["rough"])
 
 
+def test_a_run_keeps_its_object_and_says_when_its_file_is_gone(tmp_path: Path) -> None:
+    file = tmp_path / "ball.toml"
+    file.write_text(Path("models/objects/green-ball.toml").read_text())
+    config = replace(TINY, steps=64, object_file=str(configured(object_file=file).object_file))
+    run = begin_run(tmp_path / "run", config)
+    assert run_to_end(run, config).step == 64
+    (ball,) = read_config(run.config_file).scene.objects
+    assert ball.name == "green ball"
+    file.unlink()
+    with pytest.raises(ConfigurationError, match=r"ball\.toml"):
+        read_config(run.config_file)
+    with pytest.raises(ConfigurationError, match="--calibration and --object"):
+        command._resumed(command.TrainOptions(resume=run.path, object_file=file))  # pyright: ignore[reportPrivateUsage]
+
+
 def test_a_policy_without_memory_gets_one_that_it_does_not_heed_yet(tmp_path: Path) -> None:
     paper = replace(TINY, learner=replace(TINY.learner, memory_units=0))
     parent = begin_run(tmp_path / "paper", paper)

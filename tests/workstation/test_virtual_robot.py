@@ -20,7 +20,9 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.mcore import BAUD_RATE, Joystick
 from mbot_workstation.simulation.fetch_rules import FetchRules
 from mbot_workstation.simulation.fetch_task import Happening
+from mbot_workstation.simulation.object_file import read_objects
 from mbot_workstation.simulation.room_generator import generate_room
+from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.simulation.scene_renderer import TRAINING
 from mbot_workstation.virtual.camera_stream import CameraSettings
 from mbot_workstation.virtual.live_report import LiveReport
@@ -85,6 +87,16 @@ def test_no_two_pictures_of_a_standing_robot_are_the_same() -> None:
         one, other = capture.read()[1], capture.read()[1]
         capture.release()
         assert cv2.absdiff(one, other).max() > 0
+
+
+def test_its_object_is_the_one_it_was_told() -> None:
+    (ball,) = read_objects(Path("models/objects/green-ball.toml"))
+    rules = FetchRules(spawn_farthest_m=0.5, spawn_half_angle_rad=0.1, objects=1)
+    with running(scene=SceneParameters(objects=(ball,)), rules=rules) as robot:
+        capture = cv2.VideoCapture(robot.server.url)
+        blue, green, red = cv2.split(capture.read()[1].astype(int))
+        capture.release()
+        assert ((green - red > 40) & (green - blue > 40)).sum() > 30
 
 
 def test_the_task_waits_until_somebody_drives() -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from mbot_workstation.commands.link_options import json_option
 from mbot_workstation.commands.options import option, output_folder, with_options
-from mbot_workstation.commands.simulation_options import calibration_option
+from mbot_workstation.commands.simulation_options import calibration_option, object_option
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -25,6 +25,7 @@ class DemoOptions:
         None, "360-degree photo of a room; a made-up one otherwise.", metavar="FILE"
     )
     calibration: Path | None = calibration_option()
+    object_file: Path | None = object_option()
     left_gain: float | None = option(
         None, "Left motor's strength; 0.5 is the paper's handicap.", min=0.05, max=2
     )
@@ -62,6 +63,7 @@ def demo(options: DemoOptions) -> None:
     - `workstation demo --calibration calibration/mbot-1 --model policy.onnx`
     - `workstation demo --left-gain 0.5 --model policy.onnx`: a weak motor
     - `workstation demo --panorama my-room.jpg --radius 2.5 --model policy.onnx`
+    - `workstation demo --object models/objects/green-ball.toml --model green-ball.onnx`
     - `workstation demo --firmware deadman` has the real firmware in the loop
     """
     import json
@@ -72,25 +74,12 @@ def demo(options: DemoOptions) -> None:
     from rich.console import Console
 
     from mbot_protocol.policy_contract import PolicyMetadata
-    from mbot_workstation.calibration_files.calibration_folder import read_files
     from mbot_workstation.demo.demo_run import ROBOT_ID, DemoSettings, run_demo
-    from mbot_workstation.firmware.firmware_file import find_firmware
     from mbot_workstation.models.servo_policy import ServoGains, servo_model
     from mbot_workstation.telemetry.output import JsonLines, LiveView, PlainLines
-    from mbot_workstation.virtual.emulated.board_simulator import simulator_program
 
     model = options.model
-    robot = ["--radius", str(options.radius), "--seed", str(options.seed)]
-    if options.panorama is not None:
-        robot += ["--panorama", str(options.panorama.absolute())]
-    if options.calibration is not None:
-        read_files(options.calibration)  # a mistake in it is better said before anything starts
-        robot += ["--calibration", str(options.calibration.absolute())]
-    for name, gain in (("--left-gain", options.left_gain), ("--right-gain", options.right_gain)):
-        robot += [] if gain is None else [name, str(gain)]
-    if options.firmware is not None:
-        simulator_program()  # a missing compiler, likewise
-        robot += ["--firmware", str(find_firmware(options.firmware))]
+    robot = _robot_options(options)
     console = Console()
     view = LiveView(ROBOT_ID, console) if console.is_terminal else PlainLines(ROBOT_ID, sys.stdout)
     with tempfile.TemporaryDirectory() as made:
@@ -110,6 +99,30 @@ def demo(options: DemoOptions) -> None:
         _print(result, options.output, console)
     if not result.success:
         sys.exit(1)
+
+
+def _robot_options(options: DemoOptions) -> list[str]:
+    """What the virtual robot is told; a mistake in a file is better said before anything starts."""
+    from mbot_workstation.calibration_files.calibration_folder import read_files
+    from mbot_workstation.firmware.firmware_file import find_firmware
+    from mbot_workstation.simulation.object_file import read_objects
+    from mbot_workstation.virtual.emulated.board_simulator import simulator_program
+
+    robot = ["--radius", str(options.radius), "--seed", str(options.seed)]
+    if options.panorama is not None:
+        robot += ["--panorama", str(options.panorama.absolute())]
+    if options.calibration is not None:
+        read_files(options.calibration)
+        robot += ["--calibration", str(options.calibration.absolute())]
+    if options.object_file is not None:
+        read_objects(options.object_file)
+        robot += ["--object", str(options.object_file.absolute())]
+    for name, gain in (("--left-gain", options.left_gain), ("--right-gain", options.right_gain)):
+        robot += [] if gain is None else [name, str(gain)]
+    if options.firmware is not None:
+        simulator_program()  # a missing compiler, too
+        robot += ["--firmware", str(find_firmware(options.firmware))]
+    return robot
 
 
 WORDS = {

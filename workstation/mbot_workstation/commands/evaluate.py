@@ -1,6 +1,6 @@
 """`workstation evaluate`: how good is a policy?"""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -8,7 +8,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands.link_options import json_option
 from mbot_workstation.commands.options import argument, option, output_file, with_options
 from mbot_workstation.commands.output_paths import PICTURES
-from mbot_workstation.commands.simulation_options import calibration_option
+from mbot_workstation.commands.simulation_options import calibration_option, object_option
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -38,6 +38,7 @@ class EvaluateOptions:
         "all for every one. May be given several times; nominal if not.",
     )
     calibration: Path | None = calibration_option()
+    object_file: Path | None = object_option()
     panorama: list[Path] | None = option(
         None,
         "360-degree photo of a room to try it in, in place of the two that come along; may be "
@@ -83,6 +84,7 @@ def evaluate(options: EvaluateOptions) -> None:
     - `workstation evaluate policy.onnx servo oracle --plot comparison.png`
     - `workstation evaluate policy.onnx servo --calibration calibration/mbot-1`
     - `workstation evaluate policy.onnx --preset slippery --preset uneven --panorama kitchen.jpg`
+    - `workstation evaluate green-ball.onnx --object models/objects/green-ball.toml`
     - `workstation evaluate policy.onnx servo --episodes 16 --film side-by-side.mp4`
     - `workstation evaluate policy.onnx servo --pictures my-photos`
     """
@@ -129,11 +131,13 @@ def _drive(options: EvaluateOptions) -> None:
         read_files,
     )
     from mbot_workstation.commands.simulation_options import find_lesson, photographs
+    from mbot_workstation.simulation.object_file import read_objects
     from mbot_workstation.training.evaluation.episodes import Trial, score
     from mbot_workstation.training.evaluation.evaluation_report import Line, draw, fields, table
     from mbot_workstation.training.worlds.rooms import evaluation_rooms
 
     files = read_files(options.calibration) if options.calibration else CalibrationFiles()
+    scene = replace(files.scene, objects=read_objects(options.object_file))
     stage = find_lesson(options.lesson)
     robots = _presets(options.preset or ["nominal"], files if options.calibration else None)
     panorama = photographs(options.panorama, options.calibration)
@@ -149,7 +153,7 @@ def _drive(options: EvaluateOptions) -> None:
             options.seed,
             options.workers,
             files.robot,
-            files.scene,
+            scene,
         )
         for name, effects in robots.items()
     }

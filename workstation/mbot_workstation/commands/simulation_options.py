@@ -24,6 +24,17 @@ def calibration_option() -> Any:
     )
 
 
+def object_option() -> Any:
+    """--object for commands that simulate a room."""
+    return option(
+        None,
+        "What there is to fetch in place of the red cube: shape, size, colour; several kinds if "
+        "you like. See models/objects and docs/objects.md.",
+        "--object",
+        metavar="FILE.toml",
+    )
+
+
 def calibration_output_option() -> Any:
     """--calibration for commands that measure a robot."""
     return option(

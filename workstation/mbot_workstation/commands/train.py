@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from mbot_protocol.errors import ConfigurationError, InterruptedByUserError
 from mbot_workstation.commands.link_options import json_option
 from mbot_workstation.commands.options import option, with_options
-from mbot_workstation.commands.simulation_options import calibration_option
+from mbot_workstation.commands.simulation_options import calibration_option, object_option
 
 if TYPE_CHECKING:
     from mbot_workstation.training.learning.run_directory import RunDirectory
@@ -76,6 +76,7 @@ class TrainOptions:
         panel=_WHAT,
     )
     calibration: Path | None = calibration_option()
+    object_file: Path | None = object_option()
     guide: int | None = option(
         None,
         "For the first N decisions learn from a guide as well, which knows what the robot is like "
@@ -133,6 +134,7 @@ def train(options: TrainOptions) -> None:
     - `workstation train --name first`
     - `workstation train --panorama kitchen.jpg --panorama hall.jpg --seed 3`
     - `workstation train --calibration calibration/mbot-1`
+    - `workstation train --object models/objects/green-ball.toml --from models/red-cube-run`
     - `workstation train --resume runs/first --steps 2000000`
     - `workstation train --name paper --guide 0 --memory 0`
     - `workstation train --lesson blur --from runs/first --steps 300000`
@@ -166,11 +168,11 @@ def _resumed(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
     from mbot_workstation.training.learning.run_directory import RunDirectory
     from mbot_workstation.training.learning.training_config import read_config
 
-    given = (options.name, options.lesson, options.parent, options.panorama, options.calibration)
-    if any(given):
+    given = (options.name, options.lesson, options.parent, options.panorama)
+    if any(given) or options.calibration or options.object_file:
         raise ConfigurationError(
             "--resume goes on with a run as it was configured; leave out --name, --lesson, "
-            "--from, --panorama and --calibration, or start a new run with --from"
+            "--from, --panorama, --calibration and --object, or start a new run with --from"
         )
     assert options.resume is not None
     run = RunDirectory.open(options.resume)
@@ -248,6 +250,7 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
         seed=options.seed,
         preset=options.preset,
         calibration=read_files(options.calibration) if options.calibration else None,
+        object_file=str(options.object_file.resolve()) if options.object_file else "",
         lessons=_lessons(options.lesson)
         if options.lesson
         else (("rough",) if guided or options.parent else default.lessons),

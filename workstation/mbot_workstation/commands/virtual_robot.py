@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands.options import option, output_file, with_options
-from mbot_workstation.commands.simulation_options import calibration_option
+from mbot_workstation.commands.simulation_options import calibration_option, object_option
 
 if TYPE_CHECKING:
     from mbot_protocol.camera_model import CameraModel
@@ -86,6 +86,7 @@ class VirtualRobotOptions:
         metavar="RECORDING",
     )
     calibration: Path | None = calibration_option()
+    object_file: Path | None = object_option()
     left_gain: float | None = option(
         None,
         "Left motor's strength; the calibration's, or else 1, if not given.",
@@ -213,7 +214,8 @@ class VirtualRobotOptions:
 def virtual_robot(options: VirtualRobotOptions) -> None:
     """Be a robot: a camera, http://127.0.0.1:8090/stream.mjpg, and an mCore board on a serial port.
 
-    A red cube lies in the arena; whoever drives the robot there scores, and the cube moves on.
+    A red cube lies in the arena, or your --object; whoever drives the robot there scores, and it
+    moves on.
     Point an mbot-agent at both, and it drives as on the Pi.
 
     Examples:
@@ -221,6 +223,7 @@ def virtual_robot(options: VirtualRobotOptions) -> None:
     - `workstation virtual-robot --write-config robot.toml` runs until Ctrl-C
     - `workstation virtual-robot --panorama my-room.jpg --radius 2.5 --objects 10 --result run.json`
     - `workstation virtual-robot --calibration calibration/mbot-1`
+    - `workstation virtual-robot --object models/objects/green-ball.toml`
     - `workstation virtual-robot --right-gain 0.5 --record handicap.mp4 --seconds 60`
     - `workstation virtual-robot --firmware stock.hex` has a board with the real firmware
     - `workstation virtual-robot --replay drives/mbot-1/drive-0012-20261122-171501`
@@ -258,9 +261,9 @@ def _replay_settings(
     usual = VirtualRobotOptions()
     for one in fields(options):
         if one.name not in _WITH_REPLAY and getattr(options, one.name) != getattr(usual, one.name):
+            name = one.name.removesuffix("_file").replace("_", "-")
             raise ConfigurationError(
-                f"--{one.name.replace('_', '-')} does nothing with --replay, which simulates "
-                "nothing: leave it out"
+                f"--{name} does nothing with --replay, which simulates nothing: leave it out"
             )
     width_px, height_px = _size(options.size) if options.size else _default_size(camera, 640)
     return ReplaySettings(
@@ -279,11 +282,13 @@ def _settings(options: VirtualRobotOptions, files: "CalibrationFiles") -> "Virtu
     from mbot_workstation.calibration_files.calibration_folder import room_pictures
     from mbot_workstation.firmware.firmware_file import find_firmware
     from mbot_workstation.simulation.fetch_rules import FetchRules
+    from mbot_workstation.simulation.object_file import read_objects
     from mbot_workstation.simulation.room import load_room
     from mbot_workstation.simulation.room_generator import generate_room
     from mbot_workstation.virtual.stand_in import VirtualRobotSettings
 
     robot = _robot(files.robot, options)
+    scene = replace(files.scene, objects=read_objects(options.object_file))
     rooms = room_pictures(options.calibration) if options.calibration else ()
     panorama = options.panorama or (rooms[0] if rooms else None)
     try:
@@ -292,12 +297,13 @@ def _settings(options: VirtualRobotOptions, files: "CalibrationFiles") -> "Virtu
             objects=options.objects,
             ends_on_failure=options.end_on_failure,
             touch_radius_m=robot.touch_radius_m,
+            footprints=tuple(thing.footprint for thing in scene.objects),
         )
     except ValueError as error:
         raise ConfigurationError(f"--radius: {error}") from None
     return VirtualRobotSettings(
         robot=robot,
-        scene=_free(files.scene) if options.free_floor else files.scene,
+        scene=_free(scene) if options.free_floor else scene,
         room_picture=load_room(panorama) if panorama else generate_room(options.seed),
         rules=rules,
         camera=_camera(options, robot.camera, files.effects),

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbot_workstation.simulation.pose import Pose
+from mbot_workstation.simulation.target_object import RED_CUBE, Footprint
 
 TIME_LIMIT_DECISIONS = 167
 DECISION_S = 0.4
@@ -28,7 +29,7 @@ class FetchRules:
         objects: how many make a complete run; 0 is no end.
         border_m: the axle's centre touches the border at this |x| or |y|.
         touch_radius_m: the robot's body, a circle about the axle's centre.
-        cube_edge_m: the object's edge.
+        footprints: of the kinds of object; which one comes next is drawn.
         ends_on_failure: whether border contact and time-out end the run, as in training; else
             the robot is put back to the origin and goes on.
 
@@ -45,7 +46,7 @@ class FetchRules:
     objects: int = 10
     border_m: float = 2.9
     touch_radius_m: float = 0.090
-    cube_edge_m: float = 0.10
+    footprints: tuple[Footprint, ...] = (RED_CUBE.footprint,)
     ends_on_failure: bool = True
 
     def __post_init__(self) -> None:
@@ -64,14 +65,13 @@ class FetchRules:
             raise ValueError("a limited angle is for one object: a second may find no free place")
 
 
-def touches(robot: Pose, cube: Pose, rules: FetchRules) -> bool:
-    """Whether the robot's circle meets the cube's square footprint."""
-    dx, dy = robot.x_m - cube.x_m, robot.y_m - cube.y_m
-    cos, sin = math.cos(cube.yaw_rad), math.sin(cube.yaw_rad)
-    half = rules.cube_edge_m / 2
-    beyond_x = max(abs(cos * dx + sin * dy) - half, 0.0)
-    beyond_y = max(abs(cos * dy - sin * dx) - half, 0.0)
-    return math.hypot(beyond_x, beyond_y) <= rules.touch_radius_m
+def touches(robot: Pose, target: Pose, footprint: Footprint, rules: FetchRules) -> bool:
+    """Whether the robot's circle meets the object's footprint."""
+    dx, dy = robot.x_m - target.x_m, robot.y_m - target.y_m
+    cos, sin = math.cos(target.yaw_rad), math.sin(target.yaw_rad)
+    beyond_x = max(abs(cos * dx + sin * dy) - footprint.half_ahead_m, 0.0)
+    beyond_y = max(abs(cos * dy - sin * dx) - footprint.half_across_m, 0.0)
+    return math.hypot(beyond_x, beyond_y) <= rules.touch_radius_m + footprint.radius_m
 
 
 def at_border(robot: Pose, rules: FetchRules) -> bool:
@@ -79,12 +79,12 @@ def at_border(robot: Pose, rules: FetchRules) -> bool:
     return max(abs(robot.x_m), abs(robot.y_m)) >= rules.border_m
 
 
-def way_to_contact_m(robot: Pose, cube: Pose, rules: FetchRules) -> float:
+def way_to_contact_m(robot: Pose, target: Pose, footprint: Footprint, rules: FetchRules) -> float:
     """How far the robot can drive at least, whatever the way, before it touches anything."""
-    distance = math.hypot(robot.x_m - cube.x_m, robot.y_m - cube.y_m)
-    to_cube = distance - rules.cube_edge_m * math.sqrt(0.5) - rules.touch_radius_m
+    distance = math.hypot(robot.x_m - target.x_m, robot.y_m - target.y_m)
+    to_object = distance - footprint.reach_m - rules.touch_radius_m
     to_border = rules.border_m - max(abs(robot.x_m), abs(robot.y_m))
-    return max(0.0, min(to_cube, to_border))
+    return max(0.0, min(to_object, to_border))
 
 
 def spawn(robot: Pose, rules: FetchRules, rng: np.random.Generator) -> Pose:
@@ -95,6 +95,12 @@ def spawn(robot: Pose, rules: FetchRules, rng: np.random.Generator) -> Pose:
         x, y = distance * math.cos(angle), distance * math.sin(angle)
         if math.hypot(x - robot.x_m, y - robot.y_m) >= rules.clearance_m:
             return Pose(x, y, rng.uniform(-math.pi, math.pi))
+
+
+def draw_kind(rules: FetchRules, rng: np.random.Generator) -> int:
+    """Which kind of object comes next, each as likely."""
+    kinds = len(rules.footprints)
+    return int(rng.integers(kinds)) if kinds > 1 else 0
 
 
 def touch_score(seconds: float, rules: FetchRules) -> float:

@@ -15,11 +15,13 @@ from mbot_workstation.simulation.fetch_rules import (
     FAILURE_SCORE,
     FetchRules,
     at_border,
+    draw_kind,
     spawn,
     touch_score,
     touches,
 )
 from mbot_workstation.simulation.pose import ORIGIN, Pose
+from mbot_workstation.simulation.target_object import Footprint
 
 
 class Happening(Enum):
@@ -88,6 +90,7 @@ class FetchTask:
     Attributes:
         rules: how it is set.
         target: where the object is now.
+        kind: which of the rules' footprints it has.
         object_s: how long it has been there.
         ended: whether the run is over.
 
@@ -100,8 +103,7 @@ class FetchTask:
 
     def begin(self, robot: Pose = ORIGIN) -> None:
         """Start a new run with the robot where it is; the random numbers go on."""
-        self.target = spawn(robot, self.rules, self._rng)
-        self.object_s = 0.0
+        self._next_object(robot)
         self.ended = False
         self._robot = robot
         self._touch_s: list[float] = []
@@ -123,7 +125,7 @@ class FetchTask:
             raise RuntimeError("the run has ended: begin() a new one")
         self.travel(robot, elapsed_s)
         self.object_s += elapsed_s
-        if touches(robot, self.target, self.rules):
+        if touches(robot, self.target, self.footprint, self.rules):
             return self._touched(robot)
         if at_border(robot, self.rules):
             return self._failed(Happening.BORDER)
@@ -156,6 +158,11 @@ class FetchTask:
         )
 
     @property
+    def footprint(self) -> Footprint:
+        """Where the object stands, about `target`."""
+        return self.rules.footprints[self.kind]
+
+    @property
     def _all_touched(self) -> bool:
         return 0 < self.rules.objects <= len(self._touch_s)
 
@@ -185,4 +192,5 @@ class FetchTask:
 
     def _next_object(self, robot: Pose) -> None:
         self.target = spawn(robot, self.rules, self._rng)
+        self.kind = draw_kind(self.rules, self._rng)
         self.object_s = 0.0

@@ -4,24 +4,23 @@ Physics never sees it. What a renderer has loaded (textures) is chosen by index.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mbot_workstation.simulation.engine import MjModel, mujoco
 from mbot_workstation.simulation.scene_mjcf import (
-    CUBE,
-    CUBE_SHADOW,
-    CUBE_TEXTURES,
     DISTRACTORS,
     HIDDEN_GROUP,
-    cube_material,
+    OBJECT_TEXTURES,
     floor_material,
+    object_material,
+    object_name,
+    shadow_name,
 )
 from mbot_workstation.simulation.scene_parameters import SceneParameters
-
-Rgb = tuple[float, float, float]
-"""Each in [0, 1]."""
+from mbot_workstation.simulation.target_object import RED_CUBE, Rgb, TargetObject
 
 _SHOWN_GROUP = 0
 
@@ -54,6 +53,22 @@ class Distractor:
 
 
 @dataclass(frozen=True, slots=True)
+class ObjectLook:
+    """How one kind of object looks.
+
+    Attributes:
+        rgb: its colour.
+        scale: its size over the nominal one; a mesh's stays 1.
+        wear: index of how worn it is; 0 is not at all.
+
+    """
+
+    rgb: Rgb = RED_CUBE.rgb
+    scale: float = 1.0
+    wear: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class SceneLook:
     """One look. The defaults are the nominal scene's.
 
@@ -65,12 +80,10 @@ class SceneLook:
         wall_rgb: their colour.
         foot_height_m: of a strip along the walls' feet; 0 for none.
         foot_rgb: its colour.
-        cube_edge_m: the object's edge.
-        cube_rgb: its colour.
-        cube_wear: index of how worn it is; 0 is not at all.
+        objects: of each kind.
         light_direction: x, y, z it shines in.
         light_rgb, ambient_rgb: directional light, and light from everywhere.
-        shadow: how dark the cube's shadow is, in [0, 1]; for renderers that draw none.
+        shadow: how dark the object's shadow is, in [0, 1]; for renderers that draw none.
         distractors: other things to see.
 
     """
@@ -82,9 +95,7 @@ class SceneLook:
     wall_rgb: Rgb = (0.85, 0.85, 0.84)
     foot_height_m: float = 0.0
     foot_rgb: Rgb = (0.0, 0.0, 0.0)
-    cube_edge_m: float = 0.10
-    cube_rgb: Rgb = (200 / 255, 30 / 255, 35 / 255)
-    cube_wear: int = 0
+    objects: tuple[ObjectLook, ...] = (ObjectLook(),)
     light_direction: tuple[float, float, float] = (-0.5, 0.35, -0.8)
     light_rgb: Rgb = (0.3, 0.3, 0.3)
     ambient_rgb: Rgb = (0.7, 0.7, 0.7)
@@ -95,12 +106,10 @@ class SceneLook:
 def nominal_look(scene: SceneParameters) -> SceneLook:
     """A scene as its parameters say."""
     direct, ambient = 1 - scene.light.ambient, scene.light.ambient
-    red, green, blue = scene.cube.colour_srgb
     return SceneLook(
         wall_height_m=scene.arena.wall_height_m,
         wall_rgb=scene.arena.wall_rgb,
-        cube_edge_m=scene.cube.edge_m,
-        cube_rgb=(red / 255, green / 255, blue / 255),
+        objects=tuple(ObjectLook(thing.rgb) for thing in scene.objects),
         light_direction=scene.light.direction,
         light_rgb=(direct, direct, direct),
         ambient_rgb=(ambient, ambient, ambient),
@@ -110,31 +119,36 @@ def nominal_look(scene: SceneParameters) -> SceneLook:
 class SceneDresser:
     """Puts looks on one compiled model."""
 
-    def __init__(self, model: MjModel, floors: int) -> None:
+    def __init__(
+        self, model: MjModel, floors: int, objects: Sequence[TargetObject] = (RED_CUBE,)
+    ) -> None:
         """Find the parts.
 
         Args:
             model: of `build_model`.
             floors: how many floors it can choose from, the nominal one included.
+            objects: the kinds of object that it was built with.
 
         """
         self._model = model
         self._floors = [model.material(floor_material(i)).id for i in range(floors)]
-        self._cubes = [model.material(cube_material(i)).id for i in range(CUBE_TEXTURES)]
         names = {model.geom(i).name: i for i in range(model.ngeom)}
-        self._floor, self._cube, self._shadow = names["floor"], names[CUBE], names[CUBE_SHADOW]
+        self._floor = names["floor"]
+        self._objects = [_ObjectPart(model, *thing) for thing in enumerate(objects)]
         self._walls = [i for name, i in names.items() if name.startswith("wall ")]
         self._feet = [i for name, i in names.items() if name.startswith("foot ")]
         self._distractors = [names[name] for name in DISTRACTORS]
         self._light: int = model.light("window").id
 
     def wear(
-        self, look: SceneLook, cube_brightness: float = 1.0, floor_brightness: float = 1.0
+        self, look: SceneLook, object_brightness: float = 1.0, floor_brightness: float = 1.0
     ) -> None:
-        """Look like this; the brightnesses scale the colours of cube, and of floor and walls."""
+        """Look like this; the brightnesses scale the colours of object, and of floor and walls."""
         self._dress_floor(look, floor_brightness)
         self._dress_walls(look, floor_brightness)
-        self._dress_cube(look, cube_brightness)
+        for part, worn in zip(self._objects, look.objects, strict=True):
+            self._dress_object(part, worn, object_brightness)
+            self._cast_shadow(part, look, worn.scale)
         self._light_up(look)
         for number, geom in enumerate(self._distractors):
             self._place(geom, look.distractors[number] if number < len(look.distractors) else None)
@@ -157,26 +171,26 @@ class SceneDresser:
         model.geom_size[feet, 2] = model.geom_pos[feet, 2] = max(look.foot_height_m / 2, 1e-3)
         model.geom_rgba[feet, :3] = np.array(look.foot_rgb) * brightness
 
-    def _dress_cube(self, look: SceneLook, brightness: float) -> None:
-        model, half = self._model, look.cube_edge_m / 2
-        material = self._cubes[look.cube_wear]
-        model.geom_matid[self._cube] = material
-        model.mat_rgba[material, :3] = np.array(look.cube_rgb) * brightness
-        model.geom_size[self._cube] = half
-        model.geom_pos[self._cube, 2] = half
-        self._cast_shadow(look)
+    def _dress_object(self, part: "_ObjectPart", look: ObjectLook, brightness: float) -> None:
+        model, material = self._model, part.materials[look.wear]
+        model.geom_matid[part.geom] = material
+        model.mat_rgba[material, :3] = np.array(look.rgb) * brightness
+        if part.thing.mesh is None:  # which has its size in its vertices
+            model.geom_size[part.geom] = part.half_size_m * look.scale
+            model.geom_pos[part.geom, 2] = part.thing.height_m / 2 * look.scale
 
-    def _cast_shadow(self, look: SceneLook) -> None:
-        """A dark patch from the cube's foot to where its upper edges shade the floor."""
-        model, edge = self._model, look.cube_edge_m
+    def _cast_shadow(self, part: "_ObjectPart", look: SceneLook, scale: float) -> None:
+        """A dark patch from the object's foot to where its upper edges shade the floor."""
+        model, shadow = self._model, part.shadow
+        width, height = part.thing.width_m * scale, part.thing.height_m * scale
         x, y, z = look.light_direction
-        reach = min(edge * math.hypot(x, y) / max(-z, 0.2), 2 * edge)
+        reach = min(height * math.hypot(x, y) / max(-z, 0.2), 2 * height)
         yaw = math.atan2(y, x)
-        model.geom_group[self._shadow] = _SHOWN_GROUP if look.shadow > 0 else HIDDEN_GROUP
-        model.geom_rgba[self._shadow] = (0, 0, 0, look.shadow)
-        model.geom_size[self._shadow] = ((1.1 * edge + reach) / 2, 1.1 * edge / 2, 5e-4)
-        model.geom_pos[self._shadow, :2] = (reach / 2 * math.cos(yaw), reach / 2 * math.sin(yaw))
-        model.geom_quat[self._shadow] = (math.cos(yaw / 2), 0, 0, math.sin(yaw / 2))
+        model.geom_group[shadow] = _SHOWN_GROUP if look.shadow > 0 else HIDDEN_GROUP
+        model.geom_rgba[shadow] = (0, 0, 0, look.shadow)
+        model.geom_size[shadow] = ((1.1 * width + reach) / 2, 1.1 * width / 2, 5e-4)
+        model.geom_pos[shadow, :2] = (reach / 2 * math.cos(yaw), reach / 2 * math.sin(yaw))
+        model.geom_quat[shadow] = (math.cos(yaw / 2), 0, 0, math.sin(yaw / 2))
 
     def _light_up(self, look: SceneLook) -> None:
         model, light = self._model, self._light
@@ -197,3 +211,16 @@ class SceneDresser:
         model.geom_pos[geom] = thing.centre_m
         model.geom_quat[geom] = (math.cos(thing.yaw_rad / 2), 0, 0, math.sin(thing.yaw_rad / 2))
         model.geom_rgba[geom] = (*thing.rgb, 1)
+
+
+class _ObjectPart:
+    """Where one kind of object is in a model, and how large it is nominally."""
+
+    def __init__(self, model: MjModel, kind: int, thing: TargetObject) -> None:
+        self.thing = thing
+        self.geom: int = model.geom(object_name(kind)).id
+        self.shadow: int = model.geom(shadow_name(kind)).id
+        self.materials: list[int] = [
+            model.material(object_material(kind, wear)).id for wear in range(OBJECT_TEXTURES)
+        ]
+        self.half_size_m = model.geom_size[self.geom].copy()

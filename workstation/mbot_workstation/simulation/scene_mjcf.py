@@ -1,4 +1,4 @@
-"""The whole model: floor, walls, cube, room and light around the robot."""
+"""The whole model: floor, walls, objects, room and light around the robot."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -17,15 +17,19 @@ from mbot_workstation.simulation.robot_mjcf import (
 )
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.room_dome import dome_mesh
-from mbot_workstation.simulation.scene_parameters import Arena, Cube, Light, Room, SceneParameters
+from mbot_workstation.simulation.scene_parameters import Arena, Light, Room, SceneParameters
+from mbot_workstation.simulation.target_object import Mesh, Shape, TargetObject
 from mbot_workstation.simulation.timestep import TIMESTEP_S
 
-CUBE, CUBE_SHADOW, ROOM, OVERHEAD_CAMERA = "cube", "cube shadow", "room", "overhead camera"
+ROOM, OVERHEAD_CAMERA = "room", "overhead camera"
 DISTRACTORS = tuple(f"distractor {number}" for number in range(5))
 """Things a look can put into the scene; nothing is there unless one does."""
 
-CUBE_TEXTURES = 3
+OBJECT_TEXTURES = 3
 """A clean one, and two that are worn."""
+
+BELOW_M = -10.0
+"""Where objects wait that are not there."""
 
 HIDDEN_GROUP = 4
 """Of shapes: MuJoCo draws groups 0 to 2 unless told otherwise."""
@@ -39,11 +43,11 @@ OVERHEAD_FOV_DEG = 63.0
 """Sees +-3.06 m: the arena with its walls."""
 
 NEAREST_M, FARTHEST_M = 0.01, 20.0
-"""What the cameras draw; the cube's face is 30 mm from the camera when it is touched."""
+"""What the cameras draw; an object is 30 mm from the camera when it is touched."""
 
 SHADOW_REACH_M = 1.6
 """Half the side of the square around the robot in which shadows are drawn; beyond, the shadow of
-a 10 cm cube is a few pixels."""
+a 10 cm object is a few pixels."""
 
 
 def floor_material(index: int) -> str:
@@ -51,9 +55,19 @@ def floor_material(index: int) -> str:
     return f"floor {index}"
 
 
-def cube_material(index: int) -> str:
-    """The name of the cube's material, clean or worn."""
-    return f"{CUBE} {index}"
+def object_name(kind: int = 0) -> str:
+    """The name of an object's body and shape."""
+    return f"object {kind}"
+
+
+def shadow_name(kind: int = 0) -> str:
+    """The name of an object's shadow, likewise."""
+    return f"object {kind} shadow"
+
+
+def object_material(kind: int, wear: int) -> str:
+    """The name of an object's material, clean or worn."""
+    return f"object {kind} worn {wear}"
 
 
 def build_model(
@@ -77,7 +91,8 @@ def build_model(
     _set_visuals(spec, scene.light)
     _add_floor(spec, scene.room, [vinyl(), *floors])
     _add_walls(spec, scene.arena)
-    _add_cube(spec, scene.cube)
+    for kind, thing in enumerate(scene.objects):
+        _add_object(spec, kind, thing)
     _add_distractors(spec)
     _add_room(spec, scene.room, room_picture)
     add_robot(spec, robot)
@@ -116,18 +131,26 @@ def _add_floor(spec: MjSpec, room: Room, floors: Sequence[FloorTexture]) -> None
     )
 
 
-def _add_material(spec: MjSpec, name: str, picture: Picture, reflectance: float = 0.0) -> None:
-    """A matte material with a picture on it."""
-    _add_texture(spec, name, picture)
+def _add_material(
+    spec: MjSpec,
+    name: str,
+    picture: Picture,
+    reflectance: float = 0.0,
+    *,
+    on_sides: bool = False,
+) -> None:
+    """A matte material with a picture on it, or on each of six sides."""
+    _add_texture(spec, name, np.vstack([picture] * 6) if on_sides else picture, on_sides=on_sides)
     material = spec.add_material(name=name, specular=0, shininess=0, reflectance=reflectance)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
 
 
-def _add_texture(spec: MjSpec, name: str, picture: Picture) -> None:
+def _add_texture(spec: MjSpec, name: str, picture: Picture, *, on_sides: bool) -> None:
     height, width, channels = picture.shape
+    flat, sides = mujoco.mjtTexture.mjTEXTURE_2D, mujoco.mjtTexture.mjTEXTURE_CUBE
     texture = spec.add_texture(
         name=name,
-        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        type=sides if on_sides else flat,
         width=width,
         height=height,
         nchannel=channels,
@@ -170,29 +193,70 @@ def _add_board(
     )
 
 
-def _add_cube(spec: MjSpec, cube: Cube) -> None:
-    for index in range(CUBE_TEXTURES):
-        _add_material(spec, cube_material(index), _worn(index))
-        spec.material(cube_material(index)).rgba = [*(c / 255 for c in cube.colour_srgb), 1]
-    body = spec.worldbody.add_body(name=CUBE, mocap=True, pos=[1, 0, 0])
-    half = cube.edge_m / 2
+_SHAPES = {
+    Shape.CUBE: mujoco.mjtGeom.mjGEOM_BOX,
+    Shape.BALL: mujoco.mjtGeom.mjGEOM_SPHERE,
+    Shape.CYLINDER: mujoco.mjtGeom.mjGEOM_CYLINDER,
+    Shape.MESH: mujoco.mjtGeom.mjGEOM_MESH,
+}
+
+
+def _add_object(spec: MjSpec, kind: int, thing: TargetObject) -> None:
+    name = object_name(kind)
+    for wear in range(OBJECT_TEXTURES):
+        _add_object_material(spec, object_material(kind, wear), thing, _worn(wear))
+    # All but the one to fetch are kept below the floor.
+    body = spec.worldbody.add_body(name=name, mocap=True, pos=[1, 0, 0 if kind == 0 else BELOW_M])
+    half, half_height = thing.width_m / 2, thing.height_m / 2
+    if thing.mesh is not None:
+        _add_mesh(spec, name, thing.mesh)
     body.add_geom(
-        name=CUBE,
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=[half, half, half],
-        pos=[0, 0, half],
-        material=cube_material(0),
+        name=name,
+        type=_SHAPES[thing.shape],
+        size=[half, half_height, 0] if thing.shape is Shape.CYLINDER else [half] * 3,
+        pos=[0, 0, 0 if thing.mesh is not None else half_height],
+        meshname=name if thing.mesh is not None else "",
+        material=object_material(kind, 0),
         mass=0,
-        contype=0,  # the task decides about touching; the cube is taken away at once
+        contype=0,  # the task decides about touching; the object is taken away at once
         conaffinity=0,
     )
-    # For renderers without shadows; a body of its own, since a shadow does not turn with the cube.
-    shadow = spec.worldbody.add_body(name=CUBE_SHADOW, mocap=True, pos=[1, 0, 0])
-    _add_unseen(shadow, CUBE_SHADOW)
+    # For renderers without shadows; a body of its own, since a shadow does not turn with its thing.
+    shadow = spec.worldbody.add_body(
+        name=shadow_name(kind), mocap=True, pos=[1, 0, 0 if kind == 0 else BELOW_M]
+    )
+    _add_unseen(shadow, shadow_name(kind))
+
+
+def _add_object_material(spec: MjSpec, name: str, thing: TargetObject, wear: Picture) -> None:
+    if thing.texture is None:
+        _add_material(spec, name, wear)
+    else:
+        rows, columns = thing.texture.shape[:2]
+        scuffs = cv2.resize(wear, (columns, rows), interpolation=cv2.INTER_NEAREST)
+        picture = (thing.texture * (scuffs / 255)).astype(np.uint8)
+        _add_material(spec, name, picture, on_sides=thing.mesh is None)
+    spec.material(name).rgba = [*thing.rgb, 1]
+
+
+def _add_mesh(spec: MjSpec, name: str, mesh: Mesh) -> None:
+    texture: dict[str, Any] = {}
+    if mesh.texture_uv is not None:
+        texture = {
+            "usertexcoord": mesh.texture_uv.ravel(),
+            "userfacetexcoord": mesh.triangles.ravel(),
+        }
+    spec.add_mesh(
+        name=name,
+        uservert=mesh.vertices_m.ravel(),
+        userface=mesh.triangles.ravel(),
+        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,  # it need not be closed
+        **texture,
+    )
 
 
 def _worn(index: int) -> Picture:
-    """What a cube's colour is multiplied with: white, or scuffed and dirty."""
+    """What an object's colour is multiplied with: white, or scuffed and dirty."""
     side = 64
     if index == 0:
         return np.full((4, 4, 3), 255, np.uint8)

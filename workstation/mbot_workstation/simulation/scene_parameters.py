@@ -6,6 +6,8 @@ lengths come out (an arena of 6 m with objects up to 2.5 m from its centre).
 
 from dataclasses import dataclass, field
 
+from mbot_workstation.simulation.target_object import RED_CUBE, TargetObject
+
 
 @dataclass(frozen=True, slots=True)
 class Arena:
@@ -23,20 +25,6 @@ class Arena:
     wall_m: float = 3.0
     wall_height_m: float = 0.20
     wall_rgb: tuple[float, float, float] = (0.85, 0.85, 0.84)
-
-
-@dataclass(frozen=True, slots=True)
-class Cube:
-    """The object to fetch: a matte cube standing on the floor.
-
-    Attributes:
-        edge_m: edge length.
-        colour_srgb: 0-255; the paper says only "a distinct object".
-
-    """
-
-    edge_m: float = 0.10
-    colour_srgb: tuple[int, int, int] = (200, 30, 35)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +60,15 @@ class Light:
 
 @dataclass(frozen=True, slots=True)
 class SceneParameters:
-    """Everything around the robot."""
+    """Everything around the robot.
+
+    Attributes:
+        arena, room, light: see there.
+        objects: the kinds of object to fetch, matte; one at a time is there, drawn anew each time.
+
+    """
 
     arena: Arena = field(default_factory=Arena)
-    cube: Cube = field(default_factory=Cube)
+    objects: tuple[TargetObject, ...] = (RED_CUBE,)
     room: Room = field(default_factory=Room)
     light: Light = field(default_factory=Light)

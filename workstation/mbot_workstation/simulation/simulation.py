@@ -15,7 +15,13 @@ from mbot_workstation.simulation.pose import ORIGIN, Pose
 from mbot_workstation.simulation.robot_mjcf import ROBOT, WHEELS
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.simulation.scene_mjcf import CUBE, CUBE_SHADOW, ROOM, build_model
+from mbot_workstation.simulation.scene_mjcf import (
+    BELOW_M,
+    ROOM,
+    build_model,
+    object_name,
+    shadow_name,
+)
 from mbot_workstation.simulation.scene_parameters import SceneParameters
 
 
@@ -25,7 +31,8 @@ class SceneState:
 
     Attributes:
         joints: MuJoCo's qpos, shape (nq,).
-        moved_pos, moved_quat: of the cube, its shadow and the room, shapes (3, 3) and (3, 4).
+        moved_pos, moved_quat: of each kind of object and its shadow, and of the room; shapes
+            (2 k + 1, 3) and (2 k + 1, 4).
 
     """
 
@@ -60,8 +67,9 @@ class Simulation:
         wheels = [self.model.joint(name).dofadr[0] for name in WHEELS]
         self._wheel_dofs = np.array(wheels)
         self._base: int = self.model.body(ROBOT).id
-        self._cube: int = self.model.body(CUBE).mocapid[0]
-        self._shadow: int = self.model.body(CUBE_SHADOW).mocapid[0]
+        kinds = range(len(self.scene.objects))
+        self._objects = [int(self.model.body(object_name(kind)).mocapid[0]) for kind in kinds]
+        self._shadows = [int(self.model.body(shadow_name(kind)).mocapid[0]) for kind in kinds]
         self._room: int = self.model.body(ROOM).mocapid[0]
         self.place_robot(ORIGIN)
 
@@ -116,19 +124,22 @@ class Simulation:
         self._owed_s = 0.0
         mujoco.mj_forward(self.model, self._data)
 
-    def place_object(self, pose: Pose) -> None:
-        """Put the cube somewhere else."""
-        self._data.mocap_pos[self._cube] = (pose.x_m, pose.y_m, 0)
-        self._data.mocap_pos[self._shadow] = (pose.x_m, pose.y_m, 0)
-        self._data.mocap_quat[self._cube] = _yaw_quaternion(pose.yaw_rad)
+    def place_object(self, pose: Pose, kind: int = 0) -> None:
+        """Put an object of this kind somewhere, and take the last one away."""
+        for number, (thing, shadow) in enumerate(zip(self._objects, self._shadows, strict=True)):
+            height_m = 0.0 if number == kind else BELOW_M
+            self._data.mocap_pos[thing] = (pose.x_m, pose.y_m, height_m)
+            self._data.mocap_pos[shadow] = (pose.x_m, pose.y_m, height_m)
+            self._data.mocap_quat[thing] = _yaw_quaternion(pose.yaw_rad)
 
     def turn_room(self, yaw_rad: float) -> None:
         """Turn the panorama so that its middle column lies in this direction."""
         self._data.mocap_quat[self._room] = _yaw_quaternion(yaw_rad)
 
     def object_from_robot(self, state: SceneState) -> tuple[float, float]:
-        """How far ahead of the axle and to its left the cube was at a moment, in metres."""
-        x, y = state.moved_pos[self._cube][:2] - state.joints[:2]
+        """How far ahead of the axle and to its left the object was at a moment, in metres."""
+        # All kinds are at the same x and y.
+        x, y = state.moved_pos[self._objects[0]][:2] - state.joints[:2]
         turn = 2 * math.atan2(state.joints[6], state.joints[3])  # the floor is level
         cos, sin = math.cos(turn), math.sin(turn)
         return float(cos * x + sin * y), float(cos * y - sin * x)

@@ -125,7 +125,7 @@ class LiveWorld:
         self._newest, self._newest_since_s = self._told, 0.0
         # What the board said in the last slices; the oldest reaches the wheels.
         self._underway = deque([Joystick(0, 0)] * round(latency_s / SLICE_S))
-        simulation.place_object(self._task.target)
+        simulation.place_object(self._task.target, self._task.kind)
         self.history.add(time.monotonic(), simulation.snapshot())
 
     def status(self) -> WorldStatus:
@@ -184,7 +184,7 @@ class LiveWorld:
         if step.robot_to_origin:
             simulation.place_robot(ORIGIN)
         if step.object_moved:
-            simulation.place_object(self._task.target)
+            simulation.place_object(self._task.target, self._task.kind)
         self.events.put(
             TaskEvent(simulation.time_s, step.happening, step.score, self._task.result())
         )

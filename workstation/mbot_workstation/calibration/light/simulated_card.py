@@ -11,9 +11,10 @@ from mbot_workstation.simulation.engine import mujoco
 from mbot_workstation.simulation.isp import IspSettings
 from mbot_workstation.simulation.robot_mjcf import camera_quaternion
 from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.simulation.scene_mjcf import CUBE
-from mbot_workstation.simulation.scene_parameters import Cube, Light, SceneParameters
+from mbot_workstation.simulation.scene_mjcf import object_name
+from mbot_workstation.simulation.scene_parameters import Light, SceneParameters
 from mbot_workstation.simulation.simulation import SceneState, Simulation
+from mbot_workstation.simulation.target_object import Shape, TargetObject
 
 Values = NDArray[np.float64]
 
@@ -48,10 +49,11 @@ def simulated_card(
 
     """
     grey = round(level)
-    scene = SceneParameters(cube=Cube(EDGE_M, (grey, grey, grey)), light=light)
+    gray = TargetObject("card", Shape.CUBE, EDGE_M, EDGE_M, (grey, grey, grey))
+    scene = SceneParameters(objects=(gray,), light=light)
     simulation = Simulation(robot, scene)
     start = simulation.snapshot()
-    card: int = simulation.model.body(CUBE).mocapid[0]
+    card: int = simulation.model.body(object_name()).mocapid[0]
     found: list[Values] = []
     with CameraRenderer(simulation, WIDTH_PX, HEIGHT_PX, isp=IspSettings(gains=gains)) as renderer:
         for normal in normals:

@@ -1,6 +1,6 @@
 """What a training run was told: everything needed to make it again."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ import msgspec
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
+from mbot_workstation.simulation.object_file import read_objects
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.training.learning.learner import LearnerSettings
@@ -33,6 +34,7 @@ class TrainingConfig:
         preset: effects of the real world, by name.
         calibration: the robot to train for, as its files said when the run began; None is the
             nominal one.
+        object_file: what there is to fetch; empty is the red cube.
         lessons: names, in their order.
         panoramas: files of the rooms to train in.
         shipped_photographs: whether the project's own are among them.
@@ -52,6 +54,7 @@ class TrainingConfig:
     seed: int = 0
     preset: str = "randomised"
     calibration: CalibrationFiles | None = None
+    object_file: str = ""
     lessons: tuple[str, ...] = ALL_LESSONS
     panoramas: tuple[str, ...] = ()
     shipped_photographs: bool = False
@@ -75,6 +78,7 @@ class TrainingConfig:
         try:
             self.ranges()
             self.stages()
+            _ = self.scene
         except ValueError as error:
             raise ConfigurationError(str(error)) from None
 
@@ -98,7 +102,8 @@ class TrainingConfig:
     @property
     def scene(self) -> SceneParameters:
         """What is around the robots."""
-        return self.calibration.scene if self.calibration else SceneParameters()
+        scene = self.calibration.scene if self.calibration else SceneParameters()
+        return replace(scene, objects=read_objects(self.object_file or None))
 
     def stages(self) -> tuple[Lesson, ...]:
         """The lessons themselves, their robots around the calibrated one."""

@@ -96,8 +96,9 @@ class FetchWorld:
         seen = parts_in_view(self._nominal, FULL_VIEW.horizontal_deg, FULL_VIEW.vertical_deg)
         model = self.simulation.model
         hide(model, [i for i in robot_geoms(model) if part_name(model, i) not in seen])
+        self._objects = settings.scene.objects
         self._nominal_look = nominal_look(settings.scene)
-        self._dresser = SceneDresser(self.simulation.model, 1 + len(settings.floors))
+        self._dresser = SceneDresser(self.simulation.model, 1 + len(settings.floors), self._objects)
 
     def seed(self, rng: np.random.Generator) -> None:
         """Take all random numbers from here on from this generator."""
@@ -119,7 +120,10 @@ class FetchWorld:
         rules = replace(
             lesson.rules,
             touch_radius_m=self._nominal.touch_radius_m,
-            cube_edge_m=look.cube_edge_m,
+            footprints=tuple(
+                thing.footprint.scaled(worn.scale)
+                for thing, worn in zip(self._objects, look.objects, strict=True)
+            ),
             border_m=self.simulation.scene.arena.border_m,
         )
         self._task = FetchTask(rules, self._rng)
@@ -155,6 +159,11 @@ class FetchWorld:
     def target(self) -> Pose:
         """Where the object is."""
         return self._task.target
+
+    @property
+    def kind(self) -> int:
+        """Which of the scene's objects it is."""
+        return self._task.kind
 
     def decide(self, left: float, right: float) -> Outcome:
         """Carry out one decision of 0.4 s.
@@ -211,7 +220,7 @@ class FetchWorld:
 
     def _draw_look(self, variety: float) -> SceneLook:
         if variety > 0 and self._rng.random() < variety:
-            return draw_look(self._rng)
+            return draw_look(self._rng, self._objects)
         return self._nominal_look
 
     def _command(self, left: float, right: float) -> None:
@@ -252,14 +261,14 @@ class FetchWorld:
 
     def _advance(self, until_s: float) -> tuple[float, Happening]:
         """Drive until then, or until the episode ends; the scores and what happened last."""
-        score, happening = 0.0, Happening.NOTHING
+        task, score, happening = self._task, 0.0, Happening.NOTHING
         while (left_s := until_s - self._now_s) > SLACK_S:
-            way_m = way_to_contact_m(self._pose, self._task.target, self._task.rules)
+            way_m = way_to_contact_m(self._pose, task.target, task.footprint, task.rules)
             step_s = min(left_s, max(CONTACT_GRID_S, way_m / self._fastest_m_s))
             self.simulation.step(step_s)
             self._now_s += step_s
             self._pose = self.simulation.pose
-            step = self._task.advance(self._pose, step_s)
+            step = task.advance(self._pose, step_s)
             if step.happening is not Happening.NOTHING:
                 score += step.score
                 happening = step.happening
@@ -270,7 +279,7 @@ class FetchWorld:
         return score, happening
 
     def _place_object(self) -> None:
-        self.simulation.place_object(self._task.target)
+        self.simulation.place_object(self._task.target, self._task.kind)
         self.simulation.turn_room(self._rng.uniform(-math.pi, math.pi))
 
     @property
