@@ -57,7 +57,7 @@ class Tick:
         action: what the policy answered, if it was asked to drive.
         decided_ns: when it had.
         steps: the same in motor steps.
-        joystick: what the board was given; STOP if nothing.
+        joystick: what the policy gave the board; STOP if nothing.
         delivery: the board's acknowledgement.
         by_hand: what the board is told while a person drives; STOP otherwise.
         view: the field of view that the observation shows.
@@ -82,6 +82,11 @@ class Tick:
     delivery: Delivery | None = None
     by_hand: Joystick = STOP
     view: FieldOfView | None = None
+
+    @property
+    def at_board(self) -> Joystick:
+        """What the board is told, by the policy or by a person's hand."""
+        return self.joystick if self.by_hand.is_stop else self.by_hand
 
     @property
     def stop_count(self) -> int:

@@ -4,7 +4,14 @@ import msgspec
 import numpy as np
 import pytest
 
-from mbot_protocol.drive_record import DriveRecord, RobotFacts, drive_record_schema, topic
+from mbot_protocol.drive_record import (
+    DriveRecord,
+    RobotFacts,
+    drive_record,
+    drive_record_schema,
+    topic,
+)
+from mbot_protocol.v1.messages_pb2 import Decision, State, Steps, Wheels
 
 FACTS = RobotFacts(
     robot_id="mbot-1",
@@ -49,6 +56,42 @@ def test_the_robot_is_told_in_strings() -> None:
         RobotFacts.from_strings(FACTS.to_strings() | {"left_trim": "much"})
     with pytest.raises(ValueError, match="robot_id"):
         RobotFacts.from_strings({})
+
+
+def test_a_beat_of_telemetry_becomes_the_same_numbers() -> None:
+    decision = Decision(
+        sequence=3,
+        state=State.STATE_RUNNING,
+        captured_monotonic_ns=1_000_000_000,
+        due_monotonic_ns=1_039_000_000,
+        started_monotonic_ns=1_040_000_000,
+        observed_monotonic_ns=1_042_500_000,
+        decided_monotonic_ns=1_045_000_000,
+        written_monotonic_ns=1_045_250_000,
+        acknowledged_monotonic_ns=1_048_000_000,
+        action=Wheels(left=0.5, right=-0.25),
+        steps=Steps(left=125, right=-62),
+        board_m1=-130,
+        board_m2=-70,
+        cpu_temperature_c=51.5,
+    )
+    record = drive_record(decision)
+    assert (record.state, record.action_left, record.steps_right) == ("running", 0.5, -62)
+    assert (record.picture_age_ms, record.late_ms, record.observe_ms) == (40, 1, 2.5)
+    assert (record.decide_ms, record.write_ms, record.acknowledge_ms) == (2.5, 0.25, 2.75)
+    assert record.frame_to_motors_ms == 45.25
+    assert record.acknowledged
+    written = json.loads(msgspec.json.encode(record))
+    assert written["cpu_temperature_c"] == 51.5
+    assert not {"load_1min", "armed", "memory", "told_left"} & set(written)
+
+
+def test_of_a_robot_that_stands_no_stage_is_told() -> None:
+    standing = Decision(state=State.STATE_IDLE, due_monotonic_ns=5, started_monotonic_ns=5)
+    written = json.loads(msgspec.json.encode(drive_record(standing)))
+    assert written["state"] == "idle"
+    assert {name for name in written if name.endswith("_ms")} == {"late_ms"}
+    assert "action_left" not in written
 
 
 def test_topics_lie_below_the_robot() -> None:

@@ -74,12 +74,14 @@ def test_a_client_subscribes_and_gets_plain_topics() -> None:
                     assert time_ns == TIME_NS
                     heard.setdefault(topics[number], []).append(data[13:])
     schemas = {topic: channel["schemaName"] for topic, channel in channels.items()}
+    numbers = json.loads(channels["/mbot/mbot-1/drive"]["schema"])
+    assert numbers["properties"]["action_left"]["type"] == "number"
     assert schemas["/mbot/mbot-1/observation"] == "foxglove.CompressedImage"
     assert schemas["/mbot/mbot-1/camera"] == "foxglove.CompressedImage"
     assert schemas["/mbot/mbot-1/log"] == "foxglove.Log"
     assert CompressedImage.FromString(heard["/mbot/mbot-1/observation"][0]).data == b"small"
     assert CompressedImage.FromString(heard["/mbot/mbot-1/camera"][0]).data == b"large"
-    beat = json.loads(heard["/mbot/mbot-1/telemetry"][0])
+    beat = json.loads(heard["/mbot/mbot-1/drive"][0])
     assert (beat["sequence"], beat["state"], beat["action_left"]) == (7, "running", 0.5)
     log = Log.FromString(heard["/mbot/mbot-1/log"][0])
     assert (log.message, log.name, log.level) == ("model none", "mbot-1", Log.INFO)
@@ -94,7 +96,7 @@ def test_the_command_names_address_and_layout(
     assert result.exit_code == 0, result.output
     address, layout = (line.rpartition(": ")[2] for line in result.output.splitlines())
     assert address.startswith("ws://127.0.0.1:")
-    assert "/mbot/mbot-1/telemetry" in Path(layout).read_text()
+    assert "/mbot/mbot-1/drive" in Path(layout).read_text()
 
 
 def test_a_taken_port_is_one_line() -> None:

@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
@@ -18,19 +19,27 @@ from mbot_agent.recording.recording_service import RecordingService
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands.fill_recording import FillOptions
 from mbot_workstation.commands.subcommands import app
+from mbot_workstation.drives.replayed_drive import TOLERANCE, replay
+from mbot_workstation.pictures.picture_file import encode_picture
+from mbot_workstation.recordings.drive_mcap import Recording
 from mbot_workstation.recordings.gap_filling import fill, gaps, write
-from mbot_workstation.recordings.recorded_drive import Beat, read_drive
+from mbot_workstation.recordings.recorded_drive import Beat, RecordedDrive, read_drive
 
 from .fake_robot import FakeRobot
 from .samples import decision
 
 RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"
+MODEL = RECORDED / "seeing.onnx"
 JPEG, PNG = b"live", b"exact"
 
 
 def beats(*numbers: int, session: int = 1, encoded: bytes = JPEG) -> list[Beat]:
     exact = encoded == PNG
     return [Beat(decision(n, session), encoded=encoded, is_exact=exact) for n in numbers]
+
+
+def robots_own(found: list[Beat]) -> RecordedDrive:
+    return RecordedDrive((), None, tuple(found))
 
 
 def keys(found: tuple[Beat, ...]) -> list[tuple[int, int]]:
@@ -53,15 +62,15 @@ def test_what_is_missing_is_taken_and_nothing_else() -> None:
     robots = [*beats(1, 3, 4, 5, 9, encoded=PNG), *beats(5, 6, session=2, encoded=PNG)]
     other = [replace(beat, decision=decision(6)) for beat in beats(6)]
     other[0].decision.robot_id = "mbot-2"
-    found = fill(live, [*robots, *other])
+    found = fill(live, [robots_own([*robots, *other])])
     assert keys(found.beats) == [(1, 3), (1, 4), (1, 5), (1, 7)]
-    assert [beat.encoded for beat in found.beats] == [JPEG, PNG, PNG, JPEG]
+    assert [beat.encoded for beat in found.beats] == [PNG, PNG, PNG, JPEG]
     assert (found.decisions, found.pictures, found.still_missing) == (1, 1, 1)
 
 
 @given(st.sets(st.integers(0, 40), min_size=2), st.sets(st.integers(0, 40)))
 def test_whatever_was_lost_is_there_if_the_robot_has_it(live: set[int], robots: set[int]) -> None:
-    found = fill(beats(*live), beats(*robots, encoded=PNG))
+    found = fill(beats(*live), [robots_own(beats(*robots, encoded=PNG))])
     between = set(range(min(live), max(live) + 1))
     assert keys(found.beats) == [(1, n) for n in sorted(live | (robots & between))]
     assert found.decisions == len(robots & between - live)
@@ -74,7 +83,14 @@ def torn(tmp_path: Path) -> Path:
     """The recorded drive as a link that lost four of its records would have brought it."""
     whole = read_drive(RECORDED).beats
     path = tmp_path / "torn.mcap"
-    write(path, [beat for n, beat in enumerate(whole) if n not in (2, 5, 6, 9)])
+    with Recording(path, "virtual") as recording:
+        for beat in (beat for n, beat in enumerate(whole) if n not in (2, 5, 6, 9)):
+            recording.write(beat.decision)
+            if (seen := beat.observation) is not None:
+                jpeg = encode_picture(seen, ".jpg", 80)
+                picture = CompressedImage(frame_id="virtual", format="jpeg", data=jpeg)
+                picture.timestamp.FromNanoseconds(beat.decision.unix_time_ns)
+                recording.write(picture)
     return path
 
 
@@ -87,12 +103,27 @@ def test_a_recording_with_dropped_records_is_whole_again(torn: Path, tmp_path: P
     there, whole = read_drive(tmp_path / "torn-filled.mcap"), read_drive(RECORDED)
     assert [b.decision for b in there.beats] == [b.decision for b in whole.beats]
     assert [b.encoded for b in there.beats] == [b.encoded for b in whole.beats]
+    assert [b.record and b.told for b in there.beats] == [b.told for b in whole.beats]
     again = CliRunner().invoke(app, ["recordings", "fill", str(torn), "--from", str(RECORDED)])
     assert isinstance(again.exception, ConfigurationError)
     assert "exists already" in str(again.exception)
     filled = str(tmp_path / "torn-filled.mcap")
     nothing = CliRunner().invoke(app, ["recordings", "fill", filled])
     assert "nothing is missing" in nothing.output
+
+
+def test_what_was_filled_can_be_replayed_and_what_was_not_can_not(
+    torn: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(ConfigurationError, match="cannot be replayed"):
+        replay(read_drive(torn), [MODEL])
+    filled = tmp_path / "filled.mcap"
+    write(filled, fill(read_drive(torn).beats, [read_drive(RECORDED)]))
+    found, original = (replay(read_drive(path), [MODEL]) for path in (filled, RECORDED))
+    assert len(found.decisions) == len(original.decisions) == 12
+    assert [one.action for one in found.decisions] == [one.action for one in original.decisions]
+    assert found.is_as_expected == original.is_as_expected
+    assert found.largest_difference <= TOLERANCE
 
 
 def test_the_robot_is_asked_for_the_drives_that_may_have_it(

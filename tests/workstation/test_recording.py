@@ -12,7 +12,9 @@ from mcap.reader import make_reader
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
+from mbot_workstation.recordings.beat_changes import changes
 from mbot_workstation.recordings.drive_mcap import FLUSH_EVERY_S, Recording, read_recording
+from mbot_workstation.recordings.recorded_drive import read_drive
 
 from .samples import decision, picture
 
@@ -45,7 +47,8 @@ def test_the_file_has_an_index_schemas_and_the_robots_time(tmp_path: Path) -> No
         assert {schema.name for schema in summary.schemas.values()} == {
             "mbot.v1.Decision",
             "foxglove.CompressedImage",
-            "mbot.Telemetry",
+            "foxglove.Log",
+            "mbot.DriveRecord",
         }
         assert summary.statistics is not None
         assert summary.statistics.message_start_time == decision(0).unix_time_ns
@@ -58,19 +61,29 @@ def test_a_viewer_plots_the_numbers_without_our_schema(tmp_path: Path) -> None:
     with path.open("rb") as file:
         told = [
             (channel.message_encoding, message.log_time, json.loads(message.data))
-            for _, channel, message in make_reader(file).iter_messages(["/mbot/mbot-1/telemetry"])
+            for _, channel, message in make_reader(file).iter_messages(["/mbot/mbot-1/drive"])
         ]
     assert [encoding for encoding, _, _ in told] == ["json", "json"]
     assert [time_ns for _, time_ns, _ in told] == [decision(i).unix_time_ns for i in range(2)]
     numbers = told[1][2]
-    assert (numbers["sequence"], numbers["action_left"], numbers["step_right"]) == (1, 0.5, -62)
+    assert (numbers["sequence"], numbers["action_left"], numbers["steps_right"]) == (1, 0.5, -62)
     assert numbers["frame_to_motors_ms"] == pytest.approx(60)
+    assert "memory" not in numbers, "which telemetry does not tell"
+
+
+def test_what_changes_is_said_in_words(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    record(path, 3)
+    told = [line for _, line in read_drive(path).log]
+    assert told == [words for _, words in changes(None, decision(0))]
+    assert "now running" in told
 
 
 def test_a_process_that_dies_loses_at_most_a_second(tmp_path: Path) -> None:
     path = tmp_path / "drive.mcap"
     script = f"""
 import os, pathlib
+from mbot_workstation.recordings.beat_changes import changes
 from mbot_workstation.recordings.drive_mcap import Recording
 from mbot_protocol.v1.messages_pb2 import Decision
 clock_s = 0.0

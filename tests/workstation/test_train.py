@@ -359,6 +359,26 @@ def test_a_run_keeps_its_object_and_says_when_its_file_is_gone(tmp_path: Path) -
         command._resumed(command.TrainOptions(resume=run.path, object_file=file))  # pyright: ignore[reportPrivateUsage]
 
 
+def test_for_another_colour_the_parents_first_layer_is_turned(
+    finished: RunDirectory, tmp_path: Path
+) -> None:
+    file = Path("models/objects/green-ball.toml")
+    told = configured(parent=finished.path, object_file=file, memory=0)
+    assert told.hue_turn_deg == pytest.approx(131, abs=1)
+    config = replace(TINY, parent=told.parent, hue_turn_deg=told.hue_turn_deg)
+    with FetchVecEnv(robots=2, workers=1, preset="ideal") as environment:
+        red, green = (make_learner(environment, TINY.learner, seed=5) for _ in range(2))
+        restore_learner(Path(config.parent), red, with_optimizer=False)
+        turn_deg = config.hue_turn_deg
+        restore_learner(Path(config.parent), green, with_optimizer=False, turn_deg=turn_deg)
+    weights = red.policy.state_dict()
+    for name, value in green.policy.state_dict().items():
+        same = torch.equal(value, weights[name])
+        assert same != name.endswith("features_extractor.first.weight"), name
+    same_object = configured(parent=finished.path, memory=0)
+    assert same_object.hue_turn_deg == 0
+
+
 def test_a_policy_without_memory_gets_one_that_it_does_not_heed_yet(tmp_path: Path) -> None:
     paper = replace(TINY, learner=replace(TINY.learner, memory_units=0))
     parent = begin_run(tmp_path / "paper", paper)

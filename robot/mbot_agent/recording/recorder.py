@@ -21,7 +21,7 @@ from mbot_agent.recording.beat_log import BeatLog
 from mbot_agent.recording.recording_directory import RecordingDirectory
 from mbot_agent.recording.segment import Segment
 from mbot_agent.tick import Tick
-from mbot_protocol.drive_record import DriveRecord, RobotFacts
+from mbot_protocol.drive_record import DriveRecord, RobotFacts, drive_record
 from mbot_protocol.v1.messages_pb2 import Decision
 
 log = logging.getLogger(__name__)
@@ -133,12 +133,12 @@ class Recorder:
             self._unsynced_s = self._monotonic_s()
         decision = self._to_message(tick)
         decision.unix_time_ns = time.time_ns() - (time.monotonic_ns() - tick.started_ns)
-        decision.dropped_records = dropped = self._refused + self._lost
+        decision.dropped_records = self._refused + self._lost
         for level, words in self._log.changes(tick):
             segment.write_log(level, words, decision.unix_time_ns)
         if tick.observation is not None:
             segment.write_picture(tick.observation, decision.unix_time_ns)
-        record = drive_record(tick, dropped)
+        record = replayable(drive_record(decision), tick)
         segment.write_decision(decision, msgspec.json.encode(record))
 
     def _open_segment(self) -> Segment | None:
@@ -214,42 +214,18 @@ class Recorder:
             log.warning("drives are not recorded: %s", problem)
 
 
-def drive_record(tick: Tick, dropped_records: int) -> DriveRecord:
-    """A beat as plain numbers, with what a replay needs."""
-    unset = msgspec.UNSET
-    action, steps, delivery, memory = tick.action, tick.steps, tick.delivery, tick.memory
-    board = tick.joystick if tick.by_hand.is_stop else tick.by_hand
+def replayable(record: DriveRecord, tick: Tick) -> DriveRecord:
+    """A beat's numbers with what a replay needs besides."""
+    memory, view, unset = tick.memory, tick.view, msgspec.UNSET
     told = memory.previous_action if memory is not None else (0.0, 0.0)
-    seen, decided = tick.observation is not None, action is not None
-    written_ns = delivery.written_ns if delivery is not None else 0
-    return DriveRecord(
-        sequence=tick.sequence,
-        state=tick.state.value,
+    state = memory.state.astype(np.dtype("<f4")).tobytes() if memory is not None else b""
+    return msgspec.structs.replace(
+        record,
         armed=tick.orders.is_armed,
-        action_left=action.left if action is not None else unset,
-        action_right=action.right if action is not None else unset,
-        steps_left=steps.left if steps is not None else unset,
-        steps_right=steps.right if steps is not None else unset,
-        board_m1=board.m1,
-        board_m2=board.m2,
-        acknowledged=delivery is not None,
-        began_anew=decided and memory is None,
+        began_anew=tick.action is not None and memory is None,
         told_left=told[0],
         told_right=told[1],
-        memory=memory.state.astype(np.dtype("<f4")).tobytes() if memory is not None else b"",
-        view_horizontal_deg=tick.view.horizontal_deg if tick.view is not None else unset,
-        view_vertical_deg=tick.view.vertical_deg if tick.view is not None else unset,
-        picture_age_ms=_ms(tick.captured_ns, tick.started_ns) if tick.captured_ns else unset,
-        late_ms=_ms(tick.due_ns, tick.started_ns),
-        observe_ms=_ms(tick.started_ns, tick.observed_ns) if seen else unset,
-        decide_ms=_ms(tick.observed_ns, tick.decided_ns) if decided else unset,
-        write_ms=_ms(tick.decided_ns, written_ns) if delivery is not None else unset,
-        acknowledge_ms=_ms(written_ns, delivery.acknowledged_ns) if delivery is not None else unset,
-        missed_ticks=tick.missed_ticks,
-        stop_count=tick.stop_count,
-        dropped_records=dropped_records,
+        memory=state,
+        view_horizontal_deg=view.horizontal_deg if view is not None else unset,
+        view_vertical_deg=view.vertical_deg if view is not None else unset,
     )
-
-
-def _ms(from_ns: int, to_ns: int) -> float:
-    return round((to_ns - from_ns) / 1e6, 3)

@@ -1,7 +1,8 @@
-"""One beat of a recorded drive as plain numbers: what the robot writes, and everybody reads.
+"""One beat of a drive as plain numbers: what the robot writes, and everybody reads.
 
-It stands in recordings as JSON beside `mbot.v1.Decision`, so that any viewer plots it and any
-language reads it without our schema. It also holds what a replay needs and telemetry lacks.
+It stands in recordings and live viewers as JSON beside `mbot.v1.Decision`, so that any viewer plots
+it and any language reads it without our schema. In a robot's own recording it also holds what a
+replay needs and telemetry lacks.
 """
 
 from typing import Any
@@ -10,6 +11,7 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from mbot_protocol.actions import MotorMap, WheelMaps
+from mbot_protocol.v1.messages_pb2 import Decision, State
 
 SCHEMA_NAME = "mbot.DriveRecord"
 
@@ -26,25 +28,27 @@ class DriveRecord(msgspec.Struct, frozen=True):
     Attributes:
         sequence: as in Decision.
         state: idle, running, stopped, manual, fault.
-        armed: whether the wheels may turn without anybody saying more.
         action_left, action_right: what the policy answered, not yet clipped.
         steps_left, steps_right: the same in motor steps, -250..250.
         board_m1, board_m2: what the board was given, by the policy or by hand, -255..255.
         acknowledged: whether the board has confirmed that in time.
+        picture_age_ms: of the frame when the beat began.
+        late_ms, observe_ms, decide_ms, write_ms, acknowledge_ms: how long each stage took.
+        frame_to_motors_ms: from the frame's capture to the command at the serial port.
+        missed_ticks, stop_count, dropped_records: counted since the daemon's start; the last
+            are beats that this recording lacks because the card, or the link, was too slow.
+        cpu_temperature_c, load_1min, resident_memory_bytes: of the robot's computer and its daemon.
+        armed: whether the wheels may turn without anybody saying more. This and the following the
+            robot's own recordings have only.
         began_anew: the policy was asked with its memory zeroed.
         told_left, told_right: what the policy was told that the wheels did before, [-1, 1].
         memory: what the policy went on with, float32, little endian, shape as the model's.
         view_horizontal_deg, view_vertical_deg: the field of view that the policy's picture shows.
-        picture_age_ms: of the frame when the beat began.
-        late_ms, observe_ms, decide_ms, write_ms, acknowledge_ms: how long each stage took.
-        missed_ticks, stop_count, dropped_records: counted since the daemon's start; the last
-            are beats that this recording lacks because the card was too slow.
 
     """
 
     sequence: int
     state: str
-    armed: bool = False
     action_left: float | UnsetType = UNSET
     action_right: float | UnsetType = UNSET
     steps_left: int | UnsetType = UNSET
@@ -52,21 +56,67 @@ class DriveRecord(msgspec.Struct, frozen=True):
     board_m1: int = 0
     board_m2: int = 0
     acknowledged: bool = False
-    began_anew: bool = False
-    told_left: float = 0.0
-    told_right: float = 0.0
-    memory: bytes = b""
-    view_horizontal_deg: float | UnsetType = UNSET
-    view_vertical_deg: float | UnsetType = UNSET
     picture_age_ms: float | UnsetType = UNSET
     late_ms: float = 0.0
     observe_ms: float | UnsetType = UNSET
     decide_ms: float | UnsetType = UNSET
     write_ms: float | UnsetType = UNSET
     acknowledge_ms: float | UnsetType = UNSET
+    frame_to_motors_ms: float | UnsetType = UNSET
     missed_ticks: int = 0
     stop_count: int = 0
     dropped_records: int = 0
+    cpu_temperature_c: float | UnsetType = UNSET
+    load_1min: float | UnsetType = UNSET
+    resident_memory_bytes: int | UnsetType = UNSET
+    armed: bool | UnsetType = UNSET
+    began_anew: bool | UnsetType = UNSET
+    told_left: float | UnsetType = UNSET
+    told_right: float | UnsetType = UNSET
+    memory: bytes | UnsetType = UNSET
+    view_horizontal_deg: float | UnsetType = UNSET
+    view_vertical_deg: float | UnsetType = UNSET
+
+
+def drive_record(decision: Decision) -> DriveRecord:
+    """A beat's numbers, as far as telemetry tells of it."""
+    asked, moved = decision.HasField("action"), decision.HasField("steps")
+    started_ns, captured_ns = decision.started_monotonic_ns, decision.captured_monotonic_ns
+    observed_ns, decided_ns = decision.observed_monotonic_ns, decision.decided_monotonic_ns
+    written_ns = decision.written_monotonic_ns
+    return DriveRecord(
+        sequence=decision.sequence,
+        state=State.Name(decision.state).removeprefix("STATE_").lower(),
+        action_left=decision.action.left if asked else UNSET,
+        action_right=decision.action.right if asked else UNSET,
+        steps_left=decision.steps.left if moved else UNSET,
+        steps_right=decision.steps.right if moved else UNSET,
+        board_m1=decision.board_m1,
+        board_m2=decision.board_m2,
+        acknowledged=decision.acknowledged_monotonic_ns != 0,
+        picture_age_ms=_span_ms(captured_ns, started_ns),
+        late_ms=_span_ms(decision.due_monotonic_ns, started_ns) or 0.0,
+        observe_ms=_span_ms(started_ns, observed_ns),
+        decide_ms=_span_ms(observed_ns, decided_ns) if asked else UNSET,
+        write_ms=_span_ms(decided_ns or started_ns, written_ns),
+        acknowledge_ms=_span_ms(written_ns, decision.acknowledged_monotonic_ns),
+        frame_to_motors_ms=_span_ms(captured_ns, written_ns),
+        missed_ticks=decision.missed_ticks,
+        stop_count=decision.stop_count,
+        dropped_records=decision.dropped_records,
+        cpu_temperature_c=_given(decision, "cpu_temperature_c"),
+        load_1min=_given(decision, "load_1min"),
+        resident_memory_bytes=_given(decision, "resident_memory_bytes"),
+    )
+
+
+def _span_ms(from_ns: int, to_ns: int) -> float | UnsetType:
+    """Between two stages that both happened."""
+    return round((to_ns - from_ns) / 1e6, 3) if from_ns and to_ns else UNSET
+
+
+def _given(decision: Decision, name: str) -> Any:
+    return getattr(decision, name) if decision.HasField(name) else UNSET
 
 
 class RobotFacts(msgspec.Struct, frozen=True):

@@ -48,7 +48,6 @@ def fill_command(options: FillOptions) -> None:
     Example: `workstation recordings fill drive.mcap --robot mbot-1.local`
     """
     import json
-    from itertools import chain
 
     from mbot_workstation.recordings.gap_filling import fill, gaps, write
     from mbot_workstation.recordings.recorded_drive import read_drive
@@ -61,8 +60,8 @@ def fill_command(options: FillOptions) -> None:
     output = given or options.recording.with_name(f"{options.recording.stem}-filled.mcap")
     if missing or blind:
         drives = options.drives or _fetched(options, live, lacking)
-        found = fill(live.beats, chain.from_iterable(read_drive(path).beats for path in drives))
-        write(output, found.beats)
+        found = fill(live.beats, map(read_drive, drives))
+        write(output, found)
     if options.as_json:
         fields = {
             "output": str(output) if missing or blind else None,

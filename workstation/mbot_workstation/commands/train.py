@@ -50,7 +50,8 @@ class TrainOptions:
     )
     parent: Path | None = option(
         None,
-        "Start a new run with the weights of this run or checkpoint.",
+        "Start a new run with the weights of this run or checkpoint; with --object turned to its "
+        "colour.",
         "--from",
         panel=_WHAT,
         metavar="RUN",
@@ -228,9 +229,10 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
     """A new run's configuration."""
     from mbot_workstation.calibration_files.calibration_folder import read_files
     from mbot_workstation.commands.simulation_options import photographs
+    from mbot_workstation.training.learning.colour_turn import hue_turn_deg
     from mbot_workstation.training.learning.learner import FINE_TUNING, GUIDED
     from mbot_workstation.training.learning.policy_source import find_source
-    from mbot_workstation.training.learning.training_config import TrainingConfig
+    from mbot_workstation.training.learning.training_config import TrainingConfig, read_config
 
     rooms = photographs(options.panorama, options.calibration)
     default = TrainingConfig()
@@ -264,7 +266,13 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
         learner=replace(learner, memory_units=options.memory),
     )
     if options.parent is not None:
-        return replace(config, parent=str(find_source(options.parent).checkpoint.resolve()))
+        source = find_source(options.parent)
+        before = read_config(source.run.config_file).scene.objects[0]
+        return replace(
+            config,
+            parent=str(source.checkpoint.resolve()),
+            hue_turn_deg=hue_turn_deg(before, config.scene.objects[0]),
+        )
     if config.lessons[0] in ("blur", "rough") and not guided:
         raise ConfigurationError(
             f"--lesson {config.lessons[0]} without a guide trains a trained model on: add --from "

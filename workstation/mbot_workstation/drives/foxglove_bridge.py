@@ -8,12 +8,21 @@ import importlib
 from contextlib import ExitStack
 from typing import Any, Self
 
+import msgspec
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 
+from mbot_protocol.drive_record import (
+    CAMERA_TOPIC,
+    DRIVE_TOPIC,
+    LOG_TOPIC,
+    OBSERVATION_TOPIC,
+    drive_record,
+    drive_record_schema,
+    topic,
+)
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.drives.rerun_view import changes
-from mbot_workstation.recordings.decision_fields import plain_numbers
+from mbot_workstation.recordings.beat_changes import changes
 from mbot_workstation.telemetry.stream import Sample
 
 LOOPBACK = "127.0.0.1"
@@ -46,15 +55,17 @@ class FoxgloveBridge:
                 "in the checkout"
             ) from None
         context = self._foxglove.Context()
-        picture_channel, below = channels.CompressedImageChannel, f"/mbot/{robot_id}"
+        picture_channel = channels.CompressedImageChannel
         self._robot_id = robot_id
         self._port = port
         self._context = context
-        self._observation = picture_channel(f"{below}/observation", context=context)
-        self._camera = picture_channel(f"{below}/camera", context=context)
-        self._log = channels.LogChannel(f"{below}/log", context=context)
+        self._observation = picture_channel(topic(robot_id, OBSERVATION_TOPIC), context=context)
+        self._camera = picture_channel(topic(robot_id, CAMERA_TOPIC), context=context)
+        self._log = channels.LogChannel(topic(robot_id, LOG_TOPIC), context=context)
         self._beat = self._foxglove.Channel(
-            f"{below}/telemetry", schema={"type": "object"}, context=context
+            topic(robot_id, DRIVE_TOPIC),
+            schema=msgspec.json.decode(drive_record_schema()),
+            context=context,
         )
         self._before: Decision | None = None
         self._end = ExitStack()
@@ -104,7 +115,7 @@ class FoxgloveBridge:
             channel.log(picture, log_time=stamp_ns)
             return
         time_ns = message.unix_time_ns
-        self._beat.log(plain_numbers(message), log_time=time_ns)
+        self._beat.log(msgspec.to_builtins(drive_record(message)), log_time=time_ns)
         for level, words in changes(self._before, message):
             log = self._messages.Log(
                 timestamp=self._time(time_ns),

@@ -1,7 +1,7 @@
 """A layout for Foxglove and Lichtblick, which both import the same file: one robot's panels.
 
 It fits a live robot (`view --foxglove`), what `telemetry --record` made, and a recording from the
-robot's card: the plots name the fields of both JSON topics, and draw those that are there.
+robot's card: all three have the same topics.
 """
 
 import json
@@ -15,39 +15,23 @@ from mbot_protocol.drive_record import CAMERA_TOPIC, DRIVE_TOPIC, LOG_TOPIC, OBS
 from mbot_protocol.drive_record import topic as topic_of
 from mbot_protocol.errors import ConfigurationError
 
-TELEMETRY_TOPIC = "telemetry"
-
 _LEFT, _RIGHT, _OTHER, _FOURTH = "#2f6fb2", "#d9772b", "#2c8a4b", "#8a4fb2"
 
-Line = tuple[str, str, str]
-"""A topic's last part, a field of it, and a colour."""
+Line = tuple[str, str]
+"""A field of `DriveRecord`, and a colour."""
 
-ACTION: tuple[Line, ...] = (
-    (TELEMETRY_TOPIC, "action_left", _LEFT),
-    (TELEMETRY_TOPIC, "action_right", _RIGHT),
-    (DRIVE_TOPIC, "action_left", _LEFT),
-    (DRIVE_TOPIC, "action_right", _RIGHT),
-)
-BOARD: tuple[Line, ...] = (
-    (TELEMETRY_TOPIC, "step_left", _LEFT),
-    (TELEMETRY_TOPIC, "step_right", _RIGHT),
-    (DRIVE_TOPIC, "steps_left", _LEFT),
-    (DRIVE_TOPIC, "steps_right", _RIGHT),
-)
+ACTION: tuple[Line, ...] = (("action_left", _LEFT), ("action_right", _RIGHT))
+STEPS: tuple[Line, ...] = (("steps_left", _LEFT), ("steps_right", _RIGHT))
 LATENCIES: tuple[Line, ...] = (
-    (TELEMETRY_TOPIC, "frame_to_motors_ms", _LEFT),
-    (TELEMETRY_TOPIC, "decide_ms", _RIGHT),
-    (TELEMETRY_TOPIC, "tick_late_by_ms", _OTHER),
-    (DRIVE_TOPIC, "picture_age_ms", _LEFT),
-    (DRIVE_TOPIC, "decide_ms", _RIGHT),
-    (DRIVE_TOPIC, "late_ms", _OTHER),
-    (DRIVE_TOPIC, "acknowledge_ms", _FOURTH),
+    ("frame_to_motors_ms", _LEFT),
+    ("decide_ms", _RIGHT),
+    ("late_ms", _OTHER),
+    ("acknowledge_ms", _FOURTH),
 )
 COUNTERS: tuple[Line, ...] = (
-    (TELEMETRY_TOPIC, "missed_ticks", _LEFT),
-    (TELEMETRY_TOPIC, "dropped_records", _RIGHT),
-    (DRIVE_TOPIC, "missed_ticks", _LEFT),
-    (DRIVE_TOPIC, "stop_count", _OTHER),
+    ("missed_ticks", _LEFT),
+    ("dropped_records", _RIGHT),
+    ("stop_count", _OTHER),
 )
 
 
@@ -65,7 +49,7 @@ def layout(robot_id: str) -> dict[str, Any]:
                 "foxglovePanelTitle": "state, faults, stops",
             },
             "Plot!action": _plot(robot_id, ACTION, "action of the policy, 1 is full speed"),
-            "Plot!steps": _plot(robot_id, BOARD, "motor steps, -250 to 250"),
+            "Plot!steps": _plot(robot_id, STEPS, "motor steps, -250 to 250"),
             "Plot!latency": _plot(robot_id, LATENCIES, "latency, ms"),
             "Plot!counters": _plot(robot_id, COUNTERS, "missed beats, lost records, stops"),
         },
@@ -108,13 +92,13 @@ def _image(picture_topic: str, title: str) -> dict[str, Any]:
 def _plot(robot_id: str, lines: Iterable[Line], title: str) -> dict[str, Any]:
     paths = [
         {
-            "value": f"{topic_of(robot_id, name)}.{field}",
+            "value": f"{topic_of(robot_id, DRIVE_TOPIC)}.{field}",
             "label": field,
             "color": color,
             "enabled": True,
             "timestampMethod": "receiveTime",
         }
-        for name, field, color in lines
+        for field, color in lines
     ]
     return {
         "paths": paths,

@@ -141,7 +141,7 @@ def replay(
 
     """
     facts, decided = drive.facts, drive.decided
-    usable = [beat for beat in decided if beat.record is not None and beat.is_exact]
+    usable = [beat for beat in decided if beat.is_replayable]
     if facts is None or not usable:
         raise ConfigurationError(
             f"{drive.name} cannot be replayed: {_why_not(drive)}; fetch the robot's own recording "
@@ -228,9 +228,9 @@ def _steps(beats: Sequence[Beat]) -> Iterator[tuple[Beat, ReplayStep]]:
             beat,
             ReplayStep(
                 picture.tobytes(),
-                record.began_anew,
-                (record.told_left, record.told_right),
-                b"" if follows else record.memory,
+                bool(record.began_anew),
+                beat.told or (0.0, 0.0),
+                b"" if follows else record.memory or b"",
             ),
         )
         before = record.sequence

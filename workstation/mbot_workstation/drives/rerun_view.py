@@ -20,9 +20,9 @@ from mbot_protocol.actions import STEP_LIMIT
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.drives.driven_path import Place, Point
+from mbot_workstation.recordings.beat_changes import changes
 from mbot_workstation.recordings.recorded_drive import RecordedDrive
 from mbot_workstation.recordings.stage_times import span_ms
-from mbot_workstation.wording import decision_state, one_line, short_digest
 
 APPLICATION = "mbot"
 LATENCIES = ("frame to motors", "observe", "decide", "tick late by")
@@ -178,24 +178,6 @@ class RerunView:
 
     def _at(self, time_ns: int) -> None:
         self._stream.set_time("robot_time", timestamp=time_ns / 1e9)
-
-
-def changes(before: Decision | None, now: Decision) -> list[tuple[str, str]]:
-    """Level and words of what is new: model, state, faults, stops."""
-    found: list[tuple[str, str]] = []
-    if before is None or before.model_sha256 != now.model_sha256:
-        found.append(("INFO", f"model {short_digest(now.model_sha256)}"))
-    if before is None or before.state != now.state:
-        found.append(("INFO", f"now {decision_state(now)}"))
-    known = {fault.kind for fault in before.faults} if before is not None else set[str]()
-    found += [
-        ("ERROR", f"{one_line(fault.kind)}: {one_line(fault.detail)}")
-        for fault in now.faults
-        if fault.kind not in known
-    ]
-    if before is not None and before.stop_count != now.stop_count:
-        found.append(("WARN", f"stop {now.stop_count}"))
-    return found
 
 
 def _source(grpc_port: int) -> str:

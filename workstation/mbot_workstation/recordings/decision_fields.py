@@ -1,7 +1,7 @@
 """A decision as one flat JSON object: stable names with units, for scripts and notebooks."""
 
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.recordings.stage_times import span_ms, stage_ms
+from mbot_workstation.recordings.stage_times import stage_ms
 from mbot_workstation.wording import state_word
 
 Field = str | int | float | list[dict[str, str]] | None
@@ -42,9 +42,3 @@ def decision_fields(decision: Decision) -> dict[str, Field]:
         "dropped_records": decision.dropped_records,
         "notices": [{"kind": n.kind, "detail": n.detail} for n in decision.notices],
     }
-
-
-def plain_numbers(decision: Decision) -> dict[str, Field]:
-    """The same with how long each span took, in ms: what a viewer plots."""
-    spans = {f"{name.replace(' ', '_')}_ms": took_ms for name, took_ms in span_ms(decision).items()}
-    return {**decision_fields(decision), **spans}

@@ -10,14 +10,28 @@ from typing import Self
 
 import msgspec
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.message import DecodeError
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 
+from mbot_protocol.drive_record import (
+    DECISION_TOPIC,
+    DRIVE_TOPIC,
+    LOG_TOPIC,
+    OBSERVATION_TOPIC,
+    ROBOT_METADATA,
+    SCHEMA_NAME,
+    DriveRecord,
+    RobotFacts,
+    drive_record,
+    drive_record_schema,
+    topic,
+)
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.recordings.decision_fields import plain_numbers
+from mbot_workstation.recordings.beat_changes import changes
 from mbot_workstation.recordings.whole_chunks import WholeChunks
 
 FLUSH_EVERY_S = 0.5
@@ -27,29 +41,44 @@ _MESSAGE_TYPES: dict[str, type[Decision] | type[CompressedImage]] = {
     kind.DESCRIPTOR.full_name: kind for kind in (Decision, CompressedImage)
 }
 
+_LEVELS = {"INFO": Log.INFO, "WARN": Log.WARNING, "ERROR": Log.ERROR}
+
 _log = logging.getLogger(__name__)
 
 
 class Recording:
     """Writes telemetry to a new MCAP file; a context manager, which ends the file properly.
 
-    Topics: `/mbot/<id>/decision` (mbot.v1.Decision), `/mbot/<id>/telemetry` (the same as JSON,
-    which every viewer plots), `/mbot/<id>/observation` (foxglove.CompressedImage). Times are the
-    robot's wall clock.
+    Topics as in a robot's own recordings: `/mbot/<id>/decision` (mbot.v1.Decision),
+    `/mbot/<id>/drive` (the same as JSON, which every viewer plots), `/mbot/<id>/observation`
+    (foxglove.CompressedImage), `/mbot/<id>/log` (foxglove.Log). Times are the robot's wall clock.
     """
 
     def __init__(
-        self, path: Path, robot_id: str, monotonic_s: Callable[[], float] = time.monotonic
+        self,
+        path: Path,
+        robot_id: str,
+        monotonic_s: Callable[[], float] = time.monotonic,
+        facts: RobotFacts | None = None,
     ) -> None:
         """Create the file.
+
+        Args:
+            path: of a new file.
+            robot_id: whose telemetry.
+            monotonic_s: the time, for the next save.
+            facts: what a replay needs to know of the robot; telemetry does not tell.
 
         Raises:
             ConfigurationError: it exists already, or can't be written.
 
         """
+        self._robot_id = robot_id
+        self._before: Decision | None = None
         self._topics = {
-            Decision: f"/mbot/{robot_id}/decision",
-            CompressedImage: f"/mbot/{robot_id}/observation",
+            Decision: topic(robot_id, DECISION_TOPIC),
+            CompressedImage: topic(robot_id, OBSERVATION_TOPIC),
+            Log: topic(robot_id, LOG_TOPIC),
         }
         self._path = path
         self._monotonic_s = monotonic_s
@@ -65,8 +94,10 @@ class Recording:
             try:
                 self._writer = Writer(self._file)
                 self._writer.start(library="mbot-workstation")
+                if facts is not None:
+                    self._writer.add_metadata(ROBOT_METADATA, facts.to_strings())
                 self._channels = {kind: self._register(kind) for kind in self._topics}
-                self._numbers = self._register_numbers(robot_id)
+                self._numbers = self._register_numbers()
                 self._writer.flush()
                 self._save()
             except OSError as error:
@@ -82,8 +113,12 @@ class Recording:
             self._writer.finish()
             self._save()
 
-    def write(self, message: Decision | CompressedImage) -> None:
+    def write(self, message: Decision | CompressedImage, record: DriveRecord | None = None) -> None:
         """Add one message, and save to disk what is due.
+
+        Args:
+            message: of telemetry.
+            record: a decision's numbers where more is known of them than it tells.
 
         Raises:
             ConfigurationError: the disk is full or gone.
@@ -96,10 +131,20 @@ class Recording:
         with self._disk_errors():
             self._add(self._channels[type(message)], time_ns, message.SerializeToString(), sequence)
             if isinstance(message, Decision):
-                numbers = msgspec.json.encode(plain_numbers(message))
+                numbers = msgspec.json.encode(record or drive_record(message))
                 self._add(self._numbers, time_ns, numbers, sequence)
+                self._write_changes(message)
         self._pending = True
         self.save_if_due()
+
+    def _write_changes(self, message: Decision) -> None:
+        """Say what is new since the beat before."""
+        for level, words in changes(self._before, message):
+            line = Log(level=_LEVELS[level], message=words, name=self._robot_id)
+            line.timestamp.FromNanoseconds(message.unix_time_ns)
+            data = line.SerializeToString()
+            self._add(self._channels[Log], message.unix_time_ns, data, 0)
+        self._before = message
 
     def _add(self, channel: int, time_ns: int, data: bytes, sequence: int) -> None:
         self._writer.add_message(
@@ -135,19 +180,19 @@ class Recording:
                 f"can't write {self._path}: {error.strerror}; what was saved can be read"
             ) from None
 
-    def _register(self, kind: type[Decision] | type[CompressedImage]) -> int:
+    def _register(self, kind: type[Decision] | type[CompressedImage] | type[Log]) -> int:
         return self._writer.register_channel(
             topic=self._topics[kind],
             message_encoding=MessageEncoding.Protobuf,
             schema_id=register_schema(self._writer, kind),
         )
 
-    def _register_numbers(self, robot_id: str) -> int:
+    def _register_numbers(self) -> int:
         schema = self._writer.register_schema(
-            "mbot.Telemetry", SchemaEncoding.JSONSchema, b'{"type":"object"}'
+            SCHEMA_NAME, SchemaEncoding.JSONSchema, drive_record_schema()
         )
-        topic = f"/mbot/{robot_id}/telemetry"
-        return self._writer.register_channel(topic, MessageEncoding.JSON, schema)
+        name = topic(self._robot_id, DRIVE_TOPIC)
+        return self._writer.register_channel(name, MessageEncoding.JSON, schema)
 
 
 def read_recording(path: Path) -> Iterator[tuple[str, Decision | CompressedImage]]:

@@ -12,8 +12,9 @@ from pathlib import Path
 
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 
+from mbot_protocol.drive_record import RobotFacts
 from mbot_workstation.recordings.drive_mcap import Recording
-from mbot_workstation.recordings.recorded_drive import Beat
+from mbot_workstation.recordings.recorded_drive import Beat, RecordedDrive
 
 _Key = tuple[int, int]
 """The daemon's life, and the number of the beat in it."""
@@ -58,6 +59,7 @@ class Filled:
         beats: all of them, each daemon's life in its order.
         decisions: beats that were missing and are there now.
         pictures: pictures that beats lacked and have now, those of `decisions` not counted.
+        facts: which robot, where its recordings tell.
         still_missing: beats that the robot's recordings lack as well.
 
     """
@@ -66,6 +68,7 @@ class Filled:
     decisions: int
     pictures: int
     still_missing: int
+    facts: RobotFacts | None = None
 
 
 def gaps(beats: Iterable[Beat]) -> list[Gap]:
@@ -87,8 +90,12 @@ def gaps(beats: Iterable[Beat]) -> list[Gap]:
     ]
 
 
-def fill(live: Sequence[Beat], robots: Iterable[Beat]) -> Filled:
-    """Take from the robot's beats what is missing among the live ones; nothing else of them."""
+def fill(live: Sequence[Beat], robots: Iterable[RecordedDrive]) -> Filled:
+    """Take from the robot's own recordings what is missing among the live beats.
+
+    Beats that both have take over what only the robot knows: what the policy saw to the last bit,
+    what it had in mind. So what was filled can be replayed as far as the robot's own reaches.
+    """
     robot_id = live[0].decision.robot_id
     known = {_key(beat): beat for beat in live}
     wanted = {
@@ -96,30 +103,42 @@ def fill(live: Sequence[Beat], robots: Iterable[Beat]) -> Filled:
         for gap in gaps(live)
         for sequence in range(gap.first, gap.last + 1)
     }
-    decisions = pictures = 0
-    for beat in robots:
-        key = _key(beat)
-        if beat.decision.robot_id != robot_id:
-            continue
-        there = known.get(key)
-        if there is None and key in wanted:
-            known[key] = beat
-            decisions += 1
-        elif there is not None and beat.encoded and not there.encoded:
-            known[key] = replace(there, encoded=beat.encoded, is_exact=beat.is_exact)
-            pictures += 1
+    decisions, pictures, facts = 0, 0, None
+    for drive in robots:
+        for beat in drive.beats:
+            key = _key(beat)
+            if beat.decision.robot_id != robot_id:
+                continue
+            there = known.get(key)
+            if there is not None:
+                pictures += not there.encoded and bool(beat.encoded)
+                known[key] = _richer(there, beat)
+                facts = facts or drive.facts
+            elif key in wanted:
+                known[key] = beat
+                decisions += 1
+                facts = facts or drive.facts
     lives = list(dict.fromkeys(beat.decision.session_id for beat in live))
     in_order = sorted(known.items(), key=lambda item: (lives.index(item[0][0]), item[0][1]))
     beats = tuple(beat for _, beat in in_order)
-    return Filled(beats, decisions, pictures, len(wanted) - decisions)
+    return Filled(beats, decisions, pictures, len(wanted) - decisions, facts)
 
 
-def write(path: Path, beats: Sequence[Beat]) -> None:
-    """Write beats as telemetry is recorded; raises ConfigurationError as `Recording`."""
-    robot_id = beats[0].decision.robot_id
-    with Recording(path, robot_id) as recording:
-        for beat in beats:
-            recording.write(beat.decision)
+def _richer(live: Beat, robots: Beat) -> Beat:
+    """The live beat with what the robot's own has more of."""
+    if robots.told is not None:
+        live = replace(live, record=robots.record)
+    if robots.encoded and not live.is_exact:
+        live = replace(live, encoded=robots.encoded, is_exact=robots.is_exact)
+    return live
+
+
+def write(path: Path, filled: Filled) -> None:
+    """Write a filled recording; raises ConfigurationError as `Recording`."""
+    robot_id = filled.beats[0].decision.robot_id
+    with Recording(path, robot_id, facts=filled.facts) as recording:
+        for beat in filled.beats:
+            recording.write(beat.decision, beat.record)
             if beat.encoded:
                 kind = "png" if beat.is_exact else "jpeg"
                 picture = CompressedImage(frame_id=robot_id, format=kind, data=beat.encoded)

@@ -33,7 +33,7 @@ class Beat:
 
     Attributes:
         decision: what telemetry says of it.
-        record: the same as numbers, with what a replay needs; None in a recording of telemetry.
+        record: the same as numbers, in the robot's own recordings with what a replay needs.
         encoded: what the policy saw, as PNG or JPEG; empty: nothing.
         is_exact: whether that is lossless.
 
@@ -48,6 +48,20 @@ class Beat:
     def observation(self) -> Picture | None:
         """What the policy saw, shape (64, 64, 3), RGB."""
         return decode_picture(self.encoded)
+
+    @property
+    def is_replayable(self) -> bool:
+        """Whether the policy can be asked again: the robot's own recording, and what it saw."""
+        record = self.record
+        return self.is_exact and record is not None and record.memory is not UNSET
+
+    @property
+    def told(self) -> tuple[float, float] | None:
+        """What the policy was told that the wheels did before; None where it is not known."""
+        record = self.record
+        if record is None or record.told_left is UNSET or record.told_right is UNSET:
+            return None
+        return record.told_left, record.told_right
 
     @property
     def view(self) -> FieldOfView | None:

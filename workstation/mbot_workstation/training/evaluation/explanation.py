@@ -93,9 +93,8 @@ def _told(before: Beat, beat: Beat) -> tuple[float, float] | None:
     )
     if not goes_on:
         return None
-    if beat.record is not None:
-        told = beat.record.told_left, beat.record.told_right
-        return None if beat.record.began_anew else told
+    if beat.record is not None and beat.told is not None:
+        return None if beat.record.began_anew else beat.told
     return Steps(last.steps.left, last.steps.right).action
 
 

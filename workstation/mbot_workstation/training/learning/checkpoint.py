@@ -19,6 +19,7 @@ import numpy as np
 import torch
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.training.learning.colour_turn import turned
 from mbot_workstation.training.learning.curriculum import CurriculumState
 from mbot_workstation.training.learning.picture_ppo import PicturePPO
 
@@ -126,7 +127,9 @@ def write_average(folder: Path, checkpoints: Sequence[Path]) -> None:
     shutil.copy(checkpoints[-1] / STATE_FILE, folder / STATE_FILE)
 
 
-def restore_learner(folder: Path, learner: PicturePPO, *, with_optimizer: bool) -> None:
+def restore_learner(
+    folder: Path, learner: PicturePPO, *, with_optimizer: bool, turn_deg: float = 0.0
+) -> None:
     """Put a checkpoint's weights into a learner.
 
     A new run (without the optimiser's state) may have a memory where the checkpoint has none: the
@@ -136,6 +139,7 @@ def restore_learner(folder: Path, learner: PicturePPO, *, with_optimizer: bool) 
         folder: the checkpoint.
         learner: of the same network.
         with_optimizer: also the optimiser's state, to go on as if nothing had happened.
+        turn_deg: the hues of a new run's object are so far from those of the checkpoint's.
 
     Raises:
         ConfigurationError: the checkpoint is damaged, or of another network.
@@ -143,7 +147,7 @@ def restore_learner(folder: Path, learner: PicturePPO, *, with_optimizer: bool) 
     """
     weights = read_weights(folder)
     if not with_optimizer:
-        weights = _with_memory(weights, learner.policy.state_dict())
+        weights = turned(_with_memory(weights, learner.policy.state_dict()), turn_deg)
     try:
         learner.policy.load_state_dict(weights)
     except RuntimeError:

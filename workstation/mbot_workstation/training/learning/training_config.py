@@ -41,6 +41,8 @@ class TrainingConfig:
         made_up_rooms: how many generated rooms are added.
         target_reward: stop early when a progress row of the last lesson reaches it.
         parent: checkpoint whose weights the run starts from; empty is from nothing.
+        hue_turn_deg: how far the object's hue is from that of the parent's object, which the
+            parent's weights are turned by.
         device: torch's name of where the network learns.
         learner: PPO's numbers.
         checkpoint_every: decisions that a crash may cost.
@@ -61,6 +63,7 @@ class TrainingConfig:
     made_up_rooms: int = 6
     target_reward: float | None = None
     parent: str = ""
+    hue_turn_deg: float = 0.0
     device: str = "cpu"
     learner: LearnerSettings = field(default_factory=LearnerSettings)
     checkpoint_every: int = ROW_EVERY

@@ -97,7 +97,9 @@ def train(
             start.random.restore()
             learner.num_timesteps = step
         elif config.parent:
-            restore_learner(Path(config.parent), learner, with_optimizer=False)
+            restore_learner(
+                Path(config.parent), learner, with_optimizer=False, turn_deg=config.hue_turn_deg
+            )
         learner.set_logger(Logger(str(run.tensorboard), [writer]))
         teacher = Teacher(run, config, environment, display, stop, start)
         if step < config.steps:
