@@ -7,10 +7,12 @@ import sys
 import time
 from pathlib import Path
 
+from mbot_workstation.drives.attention import attention
 from mbot_workstation.drives.drive_figures import figures
-from mbot_workstation.drives.drive_page import drive_page
+from mbot_workstation.drives.drive_page import STRIP_TILES, drive_page
 from mbot_workstation.drives.driven_path import read_path
 from mbot_workstation.drives.recording_fetch import fetch, list_recordings
+from mbot_workstation.drives.replayed_drive import models_near
 from mbot_workstation.link.remote_control import RemoteControl
 from mbot_workstation.recordings.recorded_drive import read_drive
 
@@ -18,6 +20,7 @@ from .browser import browser
 from .console_pictures import PATH_NAME, driven_robot
 from .processes import until
 
+CHECKOUT = Path(__file__).parents[2]
 DRIVEN_S = 28.0
 RECORDED_AFTERWARDS_S = 5.0
 WIDTH_PX, HEIGHT_PX = 1000, 900
@@ -33,7 +36,9 @@ def main() -> None:
         folder = fetch(link, list_recordings(link).drives[0], daemon.directory)
         places = read_path(daemon.directory / PATH_NAME)
         page = daemon.directory / "drive.html"
-        page.write_text(drive_page([figures(read_drive(folder))], places))
+        drive = figures(read_drive(folder))
+        looks, _ = attention(drive.chosen(STRIP_TILES), models_near(CHECKOUT))
+        page.write_text(drive_page([drive], places, [looks]))
         draw(page, Path(sys.argv[1]))
 
 

@@ -7,6 +7,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -14,10 +15,12 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Fault, State
 from mbot_workstation.commands.drive_report import ReportOptions
 from mbot_workstation.commands.subcommands import app
+from mbot_workstation.drives.attention import attention
 from mbot_workstation.drives.drive_figures import HISTOGRAM_BINS, Latency, figures
 from mbot_workstation.drives.drive_film import RATE_HZ, film
 from mbot_workstation.drives.drive_page import drive_page
 from mbot_workstation.drives.driven_path import Place
+from mbot_workstation.pictures.picture_file import encode_picture
 from mbot_workstation.recordings.recorded_drive import RecordedDrive, read_drive
 
 RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"
@@ -79,6 +82,50 @@ def test_a_path_is_drawn_where_it_is_known(drive: RecordedDrive) -> None:
     before = [replace(place, unix_time_ns=1) for place in places]
     for none in ((), before):
         assert "<h2>Path</h2>" not in drive_page([figures(drive)], none)
+
+
+def test_the_strip_shows_where_the_policy_looked(drive: RecordedDrive) -> None:
+    one = figures(drive)
+    looks, words = attention(one.chosen(24), [RECORDED / "seeing.onnx"])
+    assert not words
+    assert set(looks) == {beat.decision.sequence for beat in drive.decided}
+    text = drive_page([one], looks=[looks])
+    assert text.count('class="looked"') == len(drive.decided)
+    assert "what of it changes the wheels" in text
+    assert "looked" not in drive_page([one]).partition("<body>")[2]
+
+
+def test_what_matters_glows_and_what_does_not_stays_gray(drive: RecordedDrive) -> None:
+    beat = drive.decided[3]
+    plain = np.full((64, 64, 3), 90, np.uint8)
+    spotted = plain.copy()
+    spotted[40:48, 8:16] = 255
+    beats = [
+        replace(beat, encoded=encode_picture(picture, ".png", 0)) for picture in (plain, spotted)
+    ]
+    looks = [attention([one], [RECORDED / "seeing.onnx"])[0] for one in beats]
+    gray, glowing = (next(iter(look.values())).astype(int) for look in looks)
+    assert np.ptp(gray, axis=-1).max() == 0, "nothing is there to be hidden"
+    glow = glowing[..., 0] - glowing[..., 2]
+    assert glow[38:50, 6:18].max() > 100
+    assert glow[:24, 32:].max() == 0
+
+
+def test_a_model_that_is_not_here_or_telemetry_alone_is_said(
+    drive: RecordedDrive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks, words = attention(drive.beats, [])
+    assert not looks
+    assert len(words) == 1
+    assert "model 93277d5c321b drove" in words[0]
+    telemetry = [replace(beat, record=None) for beat in drive.beats]
+    looks, words = attention(telemetry, [RECORDED / "seeing.onnx"])
+    assert not looks
+    assert "only telemetry" in words[0]
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["report", str(RECORDED)])
+    assert result.exit_code == 0, result.output
+    assert "where it looked is not shown: model 93277d5c321b" in result.stderr
 
 
 def test_the_strip_has_every_picture_with_its_wheels(drive: RecordedDrive) -> None:

@@ -26,6 +26,13 @@ class ReportOptions:
         "--map",
         metavar="FILE.jsonl",
     )
+    models: list[Path] | None = option(
+        None,
+        "Policies among which those that drove are found by their digests, to show where they "
+        "looked; *.onnx, models/*.onnx and runs/*/*.onnx here if not given. Repeatable.",
+        "--model",
+        metavar="MODEL.onnx",
+    )
     as_json: bool = json_option()
 
 
@@ -33,24 +40,31 @@ class ReportOptions:
 def report(options: ReportOptions) -> None:
     """Write what happened in recorded drives as one page; several for comparison.
 
-    A sentence, pictures over the whole drive, wheels, latencies, missed beats, faults, the model's
-    digest. The page needs no other file and no network, prints, and reads on a phone.
+    A sentence, pictures over the whole drive and what mattered in them to the policy, wheels,
+    latencies, missed beats, faults, the model's digest. The page needs no other file and no
+    network, prints, and reads on a phone.
 
     Example: `workstation report drives/mbot-1/drive-0012-20261122-171501`
     """
     import json
+    import sys
 
     from mbot_protocol import atomic_file
     from mbot_protocol.errors import ConfigurationError
+    from mbot_workstation.drives.attention import attention
     from mbot_workstation.drives.drive_figures import figures
-    from mbot_workstation.drives.drive_page import drive_page
+    from mbot_workstation.drives.drive_page import STRIP_TILES, drive_page
     from mbot_workstation.drives.driven_path import read_path
+    from mbot_workstation.drives.replayed_drive import models_near
     from mbot_workstation.recordings.recorded_drive import read_drives
 
     drives = [figures(drive) for drive in read_drives(options.recordings)]
     places = [place for path in options.maps or [] for place in read_path(path)]
+    models = options.models or models_near(Path())
+    looked = [attention(one.chosen(STRIP_TILES), models) for one in drives]
+    page = drive_page(drives, places, [looks for looks, _ in looked])
     try:
-        atomic_file.replace(options.output, drive_page(drives, places).encode())
+        atomic_file.replace(options.output, page.encode())
     except OSError as error:
         raise ConfigurationError(f"can't write {options.output}: {error.strerror}") from None
     if options.as_json:
@@ -68,8 +82,10 @@ def report(options: ReportOptions) -> None:
         ]
         print(json.dumps({"path": str(options.output), "drives": fields}, indent=2))
         return
-    for one in drives:
+    for one, (_, words) in zip(drives, looked, strict=True):
         print(f"{one.drive.name}: {one.sentence}")
+        for line in words:
+            print(f"workstation: note: {line}", file=sys.stderr)
     print(f"wrote {options.output}")
 
 

@@ -9,6 +9,8 @@ from pathlib import Path
 import jinja2
 
 from mbot_protocol.actions import STEP_LIMIT
+from mbot_protocol.picture import Picture
+from mbot_workstation.drives.attention import Looks
 from mbot_workstation.drives.drive_figures import DriveFigures, Latency
 from mbot_workstation.drives.driven_path import DrivenPath, Place, Point
 from mbot_workstation.pictures.picture_file import encode_picture
@@ -29,12 +31,17 @@ MOST_POINTS = 1500
 JPEG_QUALITY = 92
 
 
-def drive_page(drives: Sequence[DriveFigures], places: Sequence[Place] = ()) -> str:
+def drive_page(
+    drives: Sequence[DriveFigures],
+    places: Sequence[Place] = (),
+    looks: Sequence[Looks] = (),
+) -> str:
     """The whole page: one drive, or several below one another on the same scales.
 
     Args:
         drives: what happened in each.
         places: where a robot was and when, as far as that is known; each drive takes its own time.
+        looks: of each drive, where its policy looked; none: that is not shown.
 
     """
     environment = jinja2.Environment(
@@ -44,11 +51,12 @@ def drive_page(drives: Sequence[DriveFigures], places: Sequence[Place] = ()) -> 
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
+    none: list[Looks] = [{}] * len(drives)
     longest_ms = {name: _longest_ms(name, drives) for name in SHOWN}
     environment.filters |= {"one_line": one_line, "short": short_digest}
     return environment.get_template("drive_page.html").render(
         drives=drives,
-        strips=[_strip(one) for one in drives],
+        strips=[_strip(one, look) for one, look in zip(drives, looks or none, strict=True)],
         lines=[_lines(one) for one in drives],
         maps=[_map(one, places) for one in drives],
         histograms=[
@@ -66,30 +74,41 @@ def drive_page(drives: Sequence[DriveFigures], places: Sequence[Place] = ()) -> 
 
 @dataclass(frozen=True, slots=True)
 class Tile:
-    """One picture of the strip: an address inside the page, when, and both wheels in [-1, 1]."""
+    """One picture of the strip, when it was seen, and both wheels in [-1, 1].
+
+    `uri` and `looked_uri` are addresses inside the page: the picture, and what mattered in it to
+    the policy; empty: not known.
+    """
 
     uri: str
+    looked_uri: str
     since_s: float
     left: float
     right: float
 
 
-def _strip(one: DriveFigures) -> list[Tile]:
+def _strip(one: DriveFigures, looks: Looks) -> list[Tile]:
     """Pictures over the whole drive, as the policy saw them: the page enlarges them."""
     found: list[Tile] = []
     for beat in one.chosen(STRIP_TILES):
         picture, steps = beat.observation, beat.decision.steps
         if picture is not None:
-            encoded = base64.b64encode(encode_picture(picture, ".jpg", JPEG_QUALITY)).decode()
+            looked = looks.get(beat.decision.sequence)
             found.append(
                 Tile(
-                    f"data:image/jpeg;base64,{encoded}",
+                    _uri(picture),
+                    "" if looked is None else _uri(looked),
                     one.drive.since_s(beat),
                     steps.left / STEP_LIMIT,
                     steps.right / STEP_LIMIT,
                 )
             )
     return found
+
+
+def _uri(picture: Picture) -> str:
+    encoded = base64.b64encode(encode_picture(picture, ".jpg", JPEG_QUALITY)).decode()
+    return f"data:image/jpeg;base64,{encoded}"
 
 
 @dataclass(frozen=True, slots=True)

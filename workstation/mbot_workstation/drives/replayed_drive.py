@@ -148,7 +148,7 @@ def replay(
             "(`workstation recordings fetch`)"
         )
     digests = list(dict.fromkeys(beat.decision.model_sha256 for beat in usable))
-    paths = {digest: other or _find(digest, models) for digest in digests}
+    paths = {digest: other or find_model(digest, models) for digest in digests}
     with ExitStack() as stack:
         running = {
             path: stack.enter_context(Decider(path)) for path in dict.fromkeys(paths.values())
@@ -257,7 +257,13 @@ def _compared(
     )
 
 
-def _find(digest: str, models: Sequence[Path]) -> Path:
+def find_model(digest: str, models: Sequence[Path]) -> Path:
+    """The file that drove, by its digest.
+
+    Raises:
+        ConfigurationError: none of them is it.
+
+    """
     import hashlib
 
     for path in models:

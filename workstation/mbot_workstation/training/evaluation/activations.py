@@ -12,6 +12,7 @@ import onnxruntime
 from numpy.typing import NDArray
 from onnx import TensorProto, helper
 
+from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Picture
 from mbot_protocol.policy_contract import (
     INPUT_NAME,
@@ -101,6 +102,32 @@ class Microscope:
         it.
         """
         return self._look(frame, self._nothing_before)
+
+    def look_on(self, frame: Picture, told: tuple[float, float], memory: bytes) -> Activations:
+        """Run one observation of a drive, with what the robot had in mind.
+
+        Args:
+            frame: shape (64, 64, 3).
+            told: what the wheels were told before, left and right in [-1, 1].
+            memory: as recorded, float32, little endian; empty where the policy began anew.
+
+        Raises:
+            ConfigurationError: the memory is not this policy's.
+
+        """
+        if not self.remembers or not memory:
+            return self.look(frame)
+        blank = self._nothing_before[STATE_IN_NAME]
+        state = np.frombuffer(memory, "<f4")
+        if state.size != blank.size:
+            raise ConfigurationError(
+                f"{state.size} numbers of memory are recorded, the model has {blank.size}"
+            )
+        before: Feeds = {
+            PREVIOUS_ACTION_NAME: np.array([told], np.float32),
+            STATE_IN_NAME: state.reshape(blank.shape).astype(np.float32),
+        }
+        return self._look(frame, before)
 
     def look_back(self, drive: Sequence[Glance], chosen: Sequence[int]) -> list[Activations]:
         """Look at some pictures of a drive, with what the policy would have in mind by then.
