@@ -17,6 +17,7 @@ FILES = {
     "wide.toml": 'robot_id = "mbot-1"\n\n[camera]\nwidth_px = "wide"\n',
     "nameless.toml": "[camera]\nframe_rate_hz = 15\n",
     "start.toml": 'robot_id = "mbot-1"\n[control]\nstart = "runing"\n',
+    "ball.toml": '[[object]]\nname = "ball"\nshape = "ball"\ncolour = "#1e9632"\n',
     "robot.toml": 'robot_id = "mbot-1"\n',
     "notes.txt": "not a model",
 }
@@ -64,6 +65,12 @@ MISTAKES = (
         "workstation study latncy servo",
         "workstation: no study 'latncy', expected one of handicap, blur, latency, robots, "
         "tolerance; did you mean latency?",
+    ),
+    Mistake(
+        "an object without its size",
+        "workstation evaluate servo --object ball.toml",
+        "workstation: ball.toml: object[0]: width_mm is missing for a ball, which takes width_mm "
+        "(line 1)",
     ),
     Mistake(
         "an action of the daemon misspelt",

@@ -1,6 +1,7 @@
 """The bridge, heard by a client that speaks Foxglove's websocket protocol."""
 
 import json
+import math
 import struct
 import sys
 import time
@@ -10,12 +11,14 @@ from typing import Any
 import pytest
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from typer.testing import CliRunner
 from websockets.sync.client import ClientConnection, connect
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision, State, Wheels
 from mbot_workstation.commands.subcommands import app as workstation
+from mbot_workstation.drives.driven_path import Place
 from mbot_workstation.drives.foxglove_bridge import FoxgloveBridge
 from mbot_workstation.telemetry.stream import Sample
 
@@ -58,13 +61,14 @@ def test_a_client_subscribes_and_gets_plain_topics() -> None:
     with FoxgloveBridge("mbot-1", port=0) as bridge:
         assert bridge.address.startswith("ws://127.0.0.1:")
         with connect(bridge.address, subprotocols=[SUB_PROTOCOL], proxy=None) as client:  # type: ignore[list-item]
-            channels = advertised(client, 4)
+            channels = advertised(client, 5)
             topics = subscribed(client, channels)
             until_s = time.monotonic() + 10
-            while len(heard) < 4 and time.monotonic() < until_s:
+            while len(heard) < 5 and time.monotonic() < until_s:
                 for sample in (Sample(decision, 0), Sample(small, 0), Sample(large, 0, True)):
                     bridge.take(sample)
                 bridge._before = None
+                bridge.take_place(Place(TIME_NS, (1.0, 2.0), math.pi / 2, (0.0, 0.0)))
                 try:
                     data = client.recv(timeout=0.05)
                 except TimeoutError:
@@ -83,6 +87,10 @@ def test_a_client_subscribes_and_gets_plain_topics() -> None:
     assert CompressedImage.FromString(heard["/mbot/mbot-1/camera"][0]).data == b"large"
     beat = json.loads(heard["/mbot/mbot-1/drive"][0])
     assert (beat["sequence"], beat["state"], beat["action_left"]) == (7, "running", 0.5)
+    pose = PoseInFrame.FromString(heard["/mbot/mbot-1/pose"][0])
+    assert (pose.frame_id, pose.pose.position.x, pose.pose.position.y) == ("floor", 1.0, 2.0)
+    turned = pose.pose.orientation
+    assert (turned.z, turned.w) == pytest.approx((math.sqrt(0.5), math.sqrt(0.5)))
     log = Log.FromString(heard["/mbot/mbot-1/log"][0])
     assert (log.message, log.name, log.level) == ("model none", "mbot-1", Log.INFO)
 
@@ -91,7 +99,9 @@ def test_the_command_names_address_and_layout(
     robot: FakeRobot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    command = ["view", "--foxglove", "--foxglove-port", "0", "--seconds", "0.2"]
+    path = tmp_path / "path.jsonl"
+    path.write_text('{"unix_s": 1.0, "x": 0.5, "y": 0, "yaw": 0, "object": [1, 1, 0]}\n')
+    command = ["view", "--foxglove", "--foxglove-port", "0", "--seconds", "0.2", "--map", str(path)]
     result = CliRunner().invoke(workstation, [*command, "--robot", robot.address])
     assert result.exit_code == 0, result.output
     address, layout = (line.rpartition(": ")[2] for line in result.output.splitlines())

@@ -17,6 +17,7 @@ SCHEMA_NAME = "mbot.DriveRecord"
 
 DECISION_TOPIC, DRIVE_TOPIC = "decision", "drive"
 OBSERVATION_TOPIC, CAMERA_TOPIC, LOG_TOPIC = "observation", "camera", "log"
+POSE_TOPIC = "pose"
 
 ROBOT_METADATA = "mbot.robot"
 """The metadata record of a recording that says which robot it was: `RobotFacts` as strings."""

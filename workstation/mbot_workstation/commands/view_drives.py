@@ -161,6 +161,7 @@ def _bridge(options: ViewOptions) -> None:
     from contextlib import ExitStack
 
     from mbot_protocol.errors import ConfigurationError
+    from mbot_workstation.drives.driven_path import PathFile
     from mbot_workstation.drives.foxglove_bridge import FoxgloveBridge
     from mbot_workstation.drives.foxglove_layout import layout_file
     from mbot_workstation.telemetry.stream import TelemetryStream
@@ -178,9 +179,14 @@ def _bridge(options: ViewOptions) -> None:
         print(f"layout to import there: {layout_file(link.robot_id)}", flush=True)
         rate_hz = link.status().decision_rate_hz
         stream = stack.enter_context(TelemetryStream(link, rate_hz, camera=True))
+        paths = [PathFile(path) for path in _maps(options.maps or [], [link.robot_id]).values()]
+        for path in paths:
+            stack.callback(path.close)
         while until_s is None or time.monotonic() < until_s:
             for sample in stream.poll(_POLL_S):
                 bridge.take(sample)
+            for place in (place for path in paths for place in path.read()):
+                bridge.take_place(place)
 
 
 def _maps(given: list[Path], robots: list[str]) -> dict[str, Path]:

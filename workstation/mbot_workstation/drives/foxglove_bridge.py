@@ -5,6 +5,7 @@ MCAP files.
 """
 
 import importlib
+import math
 from contextlib import ExitStack
 from typing import Any, Self
 
@@ -16,17 +17,21 @@ from mbot_protocol.drive_record import (
     DRIVE_TOPIC,
     LOG_TOPIC,
     OBSERVATION_TOPIC,
+    POSE_TOPIC,
     drive_record,
     drive_record_schema,
     topic,
 )
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
+from mbot_workstation.drives.driven_path import Place
 from mbot_workstation.recordings.beat_changes import changes
 from mbot_workstation.telemetry.stream import Sample
 
 LOOPBACK = "127.0.0.1"
 DEFAULT_PORT = 8765
+FLOOR_FRAME = "floor"
+"""Metres, x to the right and y up, from the arena's middle."""
 
 _LEVELS = {"INFO": "Info", "WARN": "Warning", "ERROR": "Error"}
 
@@ -61,6 +66,7 @@ class FoxgloveBridge:
         self._context = context
         self._observation = picture_channel(topic(robot_id, OBSERVATION_TOPIC), context=context)
         self._camera = picture_channel(topic(robot_id, CAMERA_TOPIC), context=context)
+        self._pose = channels.PoseInFrameChannel(topic(robot_id, POSE_TOPIC), context=context)
         self._log = channels.LogChannel(topic(robot_id, LOG_TOPIC), context=context)
         self._beat = self._foxglove.Channel(
             topic(robot_id, DRIVE_TOPIC),
@@ -125,6 +131,19 @@ class FoxgloveBridge:
             )
             self._log.log(log, log_time=time_ns)
         self._before = message
+
+    def take_place(self, place: Place) -> None:
+        """Publish where it is, which is known of a virtual robot."""
+        messages, (x_m, y_m) = self._messages, place.robot
+        turned = messages.Quaternion(
+            z=math.sin(place.yaw_rad / 2), w=math.cos(place.yaw_rad / 2), x=0.0, y=0.0
+        )
+        pose = messages.Pose(position=messages.Vector3(x=x_m, y=y_m, z=0.0), orientation=turned)
+        stamp = self._time(place.unix_time_ns)
+        self._pose.log(
+            messages.PoseInFrame(timestamp=stamp, frame_id=FLOOR_FRAME, pose=pose),
+            log_time=place.unix_time_ns,
+        )
 
     def _time(self, unix_time_ns: int) -> Any:
         whole_s, nanoseconds = divmod(unix_time_ns, 10**9)
