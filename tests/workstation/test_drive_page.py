@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image, ImageSequence
 from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError
@@ -104,7 +105,7 @@ def test_what_matters_glows_and_what_does_not_stays_gray(drive: RecordedDrive) -
         replace(beat, encoded=encode_picture(picture, ".png", 0)) for picture in (plain, spotted)
     ]
     looks = [attention([one], [RECORDED / "seeing.onnx"])[0] for one in beats]
-    gray, glowing = (next(iter(look.values())).astype(int) for look in looks)
+    gray, glowing = (next(iter(look.values())).picture.astype(int) for look in looks)
     assert np.ptp(gray, axis=-1).max() == 0, "nothing is there to be hidden"
     glow = glowing[..., 0] - glowing[..., 2]
     assert glow[38:50, 6:18].max() > 100
@@ -176,6 +177,18 @@ def test_a_film_keeps_time(drive: RecordedDrive, tmp_path: Path) -> None:
         film(without, path)
     with pytest.raises(ConfigurationError, match="can't write a film"):
         film(drive, tmp_path / "none" / "drive.mp4")
+
+
+def test_a_gif_keeps_time_too(drive: RecordedDrive, tmp_path: Path) -> None:
+    path = tmp_path / "drive.gif"
+    lasts_s = film(drive, path)
+    assert lasts_s == pytest.approx(drive.duration_s + 0.4, abs=0.2)
+    with Image.open(path) as found:
+        assert found.size == (256, 324)
+        frames = [frame.info["duration"] for frame in ImageSequence.Iterator(found)]
+    assert sum(frames) == pytest.approx(1000 * lasts_s)
+    with pytest.raises(ConfigurationError, match="can't write a film"):
+        film(drive, tmp_path / "none" / "drive.gif")
 
 
 def test_the_commands(tmp_path: Path) -> None:

@@ -77,6 +77,21 @@ def test_several_live_robots_and_a_map_are_in_one_view(robot: FakeRobot, tmp_pat
     assert b"mbot-1/map" not in data
 
 
+def test_what_mattered_to_the_policy_is_shown_when_asked_for(tmp_path: Path) -> None:
+    path, model = tmp_path / "drive.rrd", str(RECORDED / "seeing.onnx")
+    command = ["view", str(RECORDED), "--save", str(path)]
+    result = CliRunner().invoke(app, [*command, "--attention", "--model", model])
+    assert result.exit_code == 0, result.output
+    data = path.read_bytes()
+    assert b"virtual/attention" in data
+    assert b"virtual/action/left_without_memory" in data
+    result = CliRunner().invoke(app, [*command, "--attention", "--model", __file__])
+    assert "where it looked is not shown: model 93277d5c321b" in result.stderr
+    assert b"without_memory" not in path.read_bytes()
+    CliRunner().invoke(app, command)
+    assert b"virtual/attention" not in path.read_bytes()
+
+
 def test_a_robot_that_is_off_is_left_out_of_several(robot: FakeRobot, tmp_path: Path) -> None:
     off = f"127.0.0.1:{free_port()}"
     path = tmp_path / "live.rrd"

@@ -94,7 +94,7 @@ class FilmOptions:
     """What `film` takes."""
 
     recording: Path = _recording("A folder or file", "RECORDING")
-    output: Path = argument("The film.", metavar="FILE.mp4")
+    output: Path = argument("The film, by its name MP4 or GIF.", metavar="FILE.mp4|FILE.gif")
 
 
 @with_options

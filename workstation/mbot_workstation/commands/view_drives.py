@@ -10,10 +10,15 @@ from mbot_workstation.commands.options import argument, option, with_options
 if TYPE_CHECKING:
     from contextlib import ExitStack
 
+    from mbot_workstation.drives.attention import Looks
     from mbot_workstation.drives.rerun_view import RerunView
     from mbot_workstation.link.robot_link import RobotLink
+    from mbot_workstation.recordings.recorded_drive import RecordedDrive
 
 _POLL_S = 0.1
+MOST_LOOKS = 60
+"""Each hides 225 places of a picture in turn: 0.2 s."""
+
 _PANEL = "Viewer"
 
 
@@ -54,6 +59,21 @@ class ViewOptions(CertificateOptions):
         "--map",
         panel=_PANEL,
         metavar="[ROBOT=]FILE.jsonl",
+    )
+    attention: bool = option(
+        False,
+        "Of recordings: what mattered in 60 pictures of each to the policy that drove, and what "
+        "it would have done there without its memory.",
+        "--attention",
+        panel=_PANEL,
+    )
+    models: list[Path] | None = option(
+        None,
+        "For that: policies among which those that drove are found; *.onnx, models/*.onnx and "
+        "runs/*/*.onnx here if not given. Repeatable.",
+        "--model",
+        panel=_PANEL,
+        metavar="MODEL.onnx",
     )
     seconds: float | None = option(
         None, "End by itself after N seconds.", "--seconds", metavar="N", min=0.1
@@ -123,10 +143,10 @@ def view(options: ViewOptions) -> None:
         drives = read_drives(options.recordings)
         robots = list(dict.fromkeys(drive.robot_id for drive in drives))
         maps = _maps(options.maps or [], robots)
-        with RerunView(robots, maps) as viewer:
+        with RerunView(robots, maps, attention=options.attention) as viewer:
             _open(viewer, options)
             for drive in drives:
-                viewer.log_drive(drive)
+                viewer.log_drive(drive, _looks(drive, options) if options.attention else None)
             for robot, path in maps.items():
                 with closing(MapLog(viewer, robot, path)) as one:
                     one.log_all()
@@ -139,6 +159,20 @@ def view(options: ViewOptions) -> None:
         viewer = stack.enter_context(RerunView(robots, maps))
         _open(viewer, options)
         follow(viewer, links, maps, options.seconds)
+
+
+def _looks(drive: "RecordedDrive", options: ViewOptions) -> "Looks":
+    import sys
+
+    from mbot_workstation.drives.attention import attention
+    from mbot_workstation.drives.drive_figures import figures
+    from mbot_workstation.drives.replayed_drive import models_near
+
+    chosen = figures(drive).chosen(MOST_LOOKS)
+    looks, words = attention(chosen, options.models or models_near(Path()))
+    for line in words:
+        print(f"workstation: note: {line}", file=sys.stderr)
+    return looks
 
 
 def _open(viewer: "RerunView", options: ViewOptions) -> None:

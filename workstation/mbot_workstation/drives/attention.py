@@ -1,6 +1,7 @@
 """Where the policy that drove looked: what matters to it in a recorded picture, drawn over it."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -18,8 +19,23 @@ GLOW = (255, 150, 30)
 NOTICED = 0.02
 """Change of a wheel, of full speed, below which nothing mattered: else noise would glow."""
 
-Looks = Mapping[int, Picture]
-"""Pictures with what mattered glowing, by the number of the beat."""
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What a policy made of one picture.
+
+    Attributes:
+        picture: what it saw in gray, with what mattered glowing, shape (64, 64, 3).
+        without_memory: what it would have done if nothing had been before; None if nothing had.
+
+    """
+
+    picture: Picture
+    without_memory: tuple[float, float] | None
+
+
+Looks = Mapping[int, Look]
+"""By the number of the beat."""
 
 
 def attention(beats: Sequence[Beat], models: Sequence[Path]) -> tuple[Looks, list[str]]:
@@ -30,7 +46,7 @@ def attention(beats: Sequence[Beat], models: Sequence[Path]) -> tuple[Looks, lis
         models: files among which those that drove are looked for, by their digests.
 
     Returns:
-        The pictures, shape (64, 64, 3) each, and why some are not there, in words.
+        What there is, and why some is not there, in words.
 
     """
     found: dict[int, Activations] = {}
@@ -51,7 +67,9 @@ def attention(beats: Sequence[Beat], models: Sequence[Path]) -> tuple[Looks, lis
                 seen = microscope.look_on(picture, beat.told or (0.0, 0.0), memory)
                 found[beat.decision.sequence] = seen
     most = max([NOTICED, *(float(one.saliency.max()) for one in found.values())])
-    return {number: _glowing(one, most) for number, one in found.items()}, words
+    return {
+        number: Look(_glowing(one, most), one.first_action) for number, one in found.items()
+    }, words
 
 
 def _glowing(one: Activations, most: float) -> Picture:

@@ -1,9 +1,11 @@
 """A recorded drive as a film: what the policy saw, and what its wheels were told."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import cast
 
 import cv2
+from PIL import Image
 
 from mbot_protocol.actions import STEP_LIMIT
 from mbot_protocol.errors import ConfigurationError
@@ -18,12 +20,14 @@ RATE_HZ = 10
 SCALE = 4
 """Of a tile of 128 pixels: seen from across a room."""
 
+GIF_COLOURS = 64
+
 LONGEST_GAP_S = 2.0
 """What lies between two files or two drives is not waited for."""
 
 
 def film(drive: RecordedDrive, path: Path) -> float:
-    """Write the film, an MP4; returns how long it is, in seconds.
+    """Write the film, MP4 or GIF by its name; returns how long it is, in seconds.
 
     Raises:
         ConfigurationError: the recording has no pictures, or the file cannot be written.
@@ -32,16 +36,41 @@ def film(drive: RecordedDrive, path: Path) -> float:
     beats = [beat for beat in drive.beats if beat.encoded]
     if not beats:
         raise ConfigurationError(f"{drive.name} holds no pictures: nothing to be filmed")
-    size = _frame(drive, beats[0]).shape
+    timed = [
+        (beat, _lasts_s(beat, following, drive))
+        for beat, following in zip(beats, [*beats[1:], None], strict=True)
+    ]
+    make = _write_gif if path.suffix == ".gif" else _write_mp4
+    return make(drive, timed, path)
+
+
+def _write_gif(drive: RecordedDrive, timed: Sequence[tuple[Beat, float]], path: Path) -> float:
+    """A frame a beat, half as large: for pages that show no MP4."""
+    half = (f[::2, ::2] for f in (_frame(drive, beat) for beat, _ in timed))
+    first, *rest = [Image.fromarray(one).quantize(GIF_COLOURS) for one in half]
+    # A GIF counts hundredths of a second.
+    lasts_ms = [max(20, round(100 * lasts_s) * 10) for _, lasts_s in timed]
+    try:
+        first.save(
+            path, save_all=True, append_images=rest, duration=lasts_ms, loop=0, optimize=True
+        )
+    except OSError as error:
+        raise ConfigurationError(f"can't write a film to {path}: {error.strerror}") from None
+    return sum(lasts_ms) / 1000
+
+
+def _write_mp4(drive: RecordedDrive, timed: Sequence[tuple[Beat, float]], path: Path) -> float:
+    size = _frame(drive, timed[0][0]).shape
     writer = cv2.VideoWriter(
         str(path), cv2.VideoWriter.fourcc(*"mp4v"), RATE_HZ, (size[1], size[0])
     )
     if not writer.isOpened():
-        raise ConfigurationError(f"can't write a film to {path}; give a writable NAME.mp4")
+        raise ConfigurationError(
+            f"can't write a film to {path}; give a writable NAME.mp4 or NAME.gif"
+        )
     shown, elapsed_s = 0, 0.0
     try:
-        for beat, following in zip(beats, [*beats[1:], None], strict=True):
-            lasts_s = _lasts_s(beat, following, drive)
+        for beat, lasts_s in timed:
             elapsed_s += lasts_s
             frames = round(elapsed_s * RATE_HZ) - shown
             if frames:

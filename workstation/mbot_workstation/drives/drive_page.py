@@ -97,7 +97,7 @@ def _strip(one: DriveFigures, looks: Looks) -> list[Tile]:
             found.append(
                 Tile(
                     _uri(picture),
-                    "" if looked is None else _uri(looked),
+                    "" if looked is None else _uri(looked.picture),
                     one.drive.since_s(beat),
                     steps.left / STEP_LIMIT,
                     steps.right / STEP_LIMIT,

@@ -19,6 +19,7 @@ from typing import Any
 from mbot_protocol.actions import STEP_LIMIT
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
+from mbot_workstation.drives.attention import Look, Looks
 from mbot_workstation.drives.driven_path import Place, Point
 from mbot_workstation.recordings.beat_changes import changes
 from mbot_workstation.recordings.recorded_drive import RecordedDrive
@@ -43,8 +44,15 @@ class RerunView:
     Each robot has its own branch, named by its id; times are the robot's wall clock.
     """
 
-    def __init__(self, robots: list[str], mapped: Collection[str] = ()) -> None:
-        """Begin, with a map for those robots whose place is known (`mapped`).
+    def __init__(
+        self, robots: list[str], mapped: Collection[str] = (), *, attention: bool = False
+    ) -> None:
+        """Begin.
+
+        Args:
+            robots: who is shown.
+            mapped: those of them whose place is known: with a map.
+            attention: with a place for what mattered to their policies.
 
         Raises:
             ConfigurationError: Rerun is not installed.
@@ -59,7 +67,9 @@ class RerunView:
                 "checkout (it takes 700 MB)"
             ) from None
         self._blueprint = layout.Blueprint(
-            layout.Horizontal(*(_robot_view(layout, robot, robot in mapped) for robot in robots)),
+            layout.Horizontal(
+                *(_robot_view(layout, robot, robot in mapped, attention) for robot in robots)
+            ),
             layout.BlueprintPanel(state="collapsed"),
             layout.SelectionPanel(state="collapsed"),
             layout.TimePanel(state="collapsed"),
@@ -117,14 +127,25 @@ class RerunView:
         self._stream.connect_grpc(_source(grpc_port), default_blueprint=self._blueprint)
         return process
 
-    def log_drive(self, drive: RecordedDrive) -> None:
-        """A whole recording."""
+    def log_drive(self, drive: RecordedDrive, looks: Looks | None = None) -> None:
+        """A whole recording, and where its policy looked, as far as that is given."""
         for beat in drive.beats:
+            look = (looks or {}).get(beat.decision.sequence)
+            if look is not None:
+                self._log_look(drive.robot_id, beat.decision, look)
             if beat.encoded:
                 self.log_picture(
                     drive.robot_id, beat.encoded, beat.decision.unix_time_ns, exact=beat.is_exact
                 )
             self.log_decision(beat.decision)
+
+    def _log_look(self, robot: str, decision: Decision, look: Look) -> None:
+        self._at(decision.unix_time_ns)
+        self._stream.log(f"{robot}/attention", self._rerun.Image(look.picture))
+        if look.without_memory is not None:
+            for side, value in zip(("left", "right"), look.without_memory, strict=True):
+                path = f"{robot}/action/{side}_without_memory"
+                self._stream.log(path, self._rerun.Scalars(value))
 
     def log_picture(
         self, robot: str, encoded: bytes, time_ns: int, *, exact: bool, of_camera: bool = False
@@ -190,17 +211,19 @@ def _listens(port: int) -> bool:
         return probe.connect_ex((LOOPBACK, port)) == 0
 
 
-def _robot_view(layout: Any, robot: str, has_map: bool) -> Any:
+def _robot_view(layout: Any, robot: str, has_map: bool, has_attention: bool) -> Any:
     """One robot's part of the window: picture, map and log on the left, lines on the right."""
     bounds = layout.VisualBounds2D(x_range=(-MAP_M, MAP_M), y_range=(-MAP_M, MAP_M))
     map_view = layout.Spatial2DView(
         origin=f"{robot}/map", name="path, metres", visual_bounds=bounds
     )
+    attention = layout.Spatial2DView(origin=f"{robot}/attention", name="what mattered to it")
     return layout.Horizontal(
         layout.Vertical(
             layout.Horizontal(
                 layout.Spatial2DView(origin=f"{robot}/camera", name=f"{robot}: camera, live only"),
                 layout.Spatial2DView(origin=f"{robot}/observation", name="as the policy sees"),
+                *([attention] if has_attention else []),
             ),
             *([map_view] if has_map else []),
             layout.TextLogView(origin=f"{robot}/log", name="state, faults, stops"),

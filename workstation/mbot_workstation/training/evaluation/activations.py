@@ -127,7 +127,7 @@ class Microscope:
             PREVIOUS_ACTION_NAME: np.array([told], np.float32),
             STATE_IN_NAME: state.reshape(blank.shape).astype(np.float32),
         }
-        return self._look(frame, before)
+        return replace(self._look(frame, before), first_action=self._first_action(frame))
 
     def look_back(self, drive: Sequence[Glance], chosen: Sequence[int]) -> list[Activations]:
         """Look at some pictures of a drive, with what the policy would have in mind by then.
@@ -147,14 +147,17 @@ class Microscope:
                 told = np.array([glance.told], np.float32)
                 before = {PREVIOUS_ACTION_NAME: told, STATE_IN_NAME: state}
             if index in chosen:
-                fresh = self._action(glance.frame, self._nothing_before)
-                first = float(fresh[0]), float(fresh[1])
+                first = self._first_action(glance.frame)
                 found.append(replace(self._look(glance.frame, before), first_action=first))
             (after,) = self._session.run(
                 [STATE_OUT_NAME], {INPUT_NAME: glance.frame[None], **before}
             )
             state = np.asarray(after, np.float32)
         return found
+
+    def _first_action(self, frame: Picture) -> tuple[float, float]:
+        left, right = self._action(frame, self._nothing_before)
+        return float(left), float(right)
 
     def _look(self, frame: Picture, before: Feeds) -> Activations:
         feeds = {INPUT_NAME: frame[None], **before}
