@@ -21,6 +21,7 @@ MADE_UP_ROOMS = 8
 """Beside the photographs that ship with the project."""
 
 GUIDED_DECISIONS, GUIDED_STEPS, FURTHER_STEPS = 1_900_000, 2_000_000, 1_000_000
+NEW_OBJECT_GUIDED, NEW_OBJECT_STEPS = 240_000, 300_000
 
 ROUND_STEPS = 200_000
 """What a run may be told to make besides, in an example."""
@@ -58,8 +59,8 @@ class TrainOptions:
     )
     steps: int | None = option(
         None,
-        "Decisions of all robots together; 2,000,000 if not given, 1,000,000 with --from, "
-        "1,500,000 from nothing with --guide 0.",
+        "Decisions of all robots together; 2,000,000 if not given, 1,000,000 with --from, 300,000 "
+        "with --from and --object, 1,500,000 from nothing with --guide 0.",
         panel=_WHAT,
         min=1,
     )
@@ -82,7 +83,8 @@ class TrainOptions:
         None,
         "For the first N decisions learn from a guide as well, which knows what the robot is like "
         "and where the object is while the camera can see it; its weight falls to 0. 1,900,000 if "
-        "not given, 0 with --from; 0 is PPO alone, as in the paper.",
+        "not given, 0 with --from, 240,000 with --from and --object; 0 is PPO alone, as in the "
+        "paper.",
         panel=_WHAT,
         metavar="N",
         min=0,
@@ -236,15 +238,19 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
 
     rooms = photographs(options.panorama, options.calibration)
     default = TrainingConfig()
+    further = options.parent is not None
+    new_object = further and options.object_file is not None
     guided = options.guide
     if guided is None:
-        guided = 0 if options.parent else GUIDED_DECISIONS
+        guided = NEW_OBJECT_GUIDED if new_object else 0 if further else GUIDED_DECISIONS
     learner, steps = default.learner, default.steps
     if options.parent:
         learner, steps = FINE_TUNING, FURTHER_STEPS
     if guided:
         learner = replace(GUIDED, guided_decisions=guided)
-        steps = FURTHER_STEPS if options.parent else GUIDED_STEPS
+        steps = FURTHER_STEPS if further else GUIDED_STEPS
+    if new_object:
+        steps = NEW_OBJECT_STEPS
     config = TrainingConfig(
         steps=options.steps or steps,
         robots=options.robots,
@@ -255,7 +261,7 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
         object_file=str(options.object_file.resolve()) if options.object_file else "",
         lessons=_lessons(options.lesson)
         if options.lesson
-        else (("rough",) if guided or options.parent else default.lessons),
+        else (("rough",) if guided or further else default.lessons),
         panoramas=tuple(str(path.resolve()) for path in rooms),
         shipped_photographs=not rooms,
         made_up_rooms=(0 if rooms else MADE_UP_ROOMS)
