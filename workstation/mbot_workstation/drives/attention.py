@@ -16,7 +16,7 @@ from mbot_workstation.training.evaluation.activations import Activations, Micros
 
 GLOW = (255, 150, 30)
 
-NOTICED = 0.02
+NOTICED = 0.05
 """Change of a wheel, of full speed, below which nothing mattered: else noise would glow."""
 
 
@@ -66,16 +66,15 @@ def attention(beats: Sequence[Beat], models: Sequence[Path]) -> tuple[Looks, lis
                 memory = b"" if record.began_anew else record.memory or b""
                 seen = microscope.look_on(picture, beat.told or (0.0, 0.0), memory)
                 found[beat.decision.sequence] = seen
-    most = max([NOTICED, *(float(one.saliency.max()) for one in found.values())])
-    return {
-        number: Look(_glowing(one, most), one.first_action) for number, one in found.items()
-    }, words
+    looks = {number: Look(_glowing(one), one.first_action) for number, one in found.items()}
+    return looks, words
 
 
-def _glowing(one: Activations, most: float) -> Picture:
-    """The picture in gray, with what mattered most in the drive glowing brightest."""
+def _glowing(one: Activations) -> Picture:
+    """The picture in gray, with what mattered most in it glowing brightest."""
     side = one.frame.shape[0]
     gray = np.repeat(one.frame.mean(axis=-1, keepdims=True) * 0.6, 3, axis=-1)
+    most = max(NOTICED, float(one.saliency.max()))
     share = cv2.resize(one.saliency / most, (side, side), interpolation=cv2.INTER_LINEAR)
     glow = np.clip(share, 0, 1)[..., None]
     return (gray * (1 - glow) + np.array(GLOW) * glow).round().astype(np.uint8)
