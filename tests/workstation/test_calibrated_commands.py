@@ -124,7 +124,7 @@ def test_a_policy_is_evaluated_on_the_calibrated_robot_in_its_room(folder: Path)
 
 def test_a_run_that_goes_on_keeps_its_own_calibration(folder: Path, tmp_path: Path) -> None:
     result = call(train_command, "--resume", tmp_path, "--calibration", folder)
-    assert "--panorama and --calibration" in str(result.exception)
+    assert "--panorama, --calibration and --object" in str(result.exception)
 
 
 def test_a_guided_run_trains_on_the_calibrated_robot(folder: Path, tmp_path: Path) -> None:

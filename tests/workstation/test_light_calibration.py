@@ -99,6 +99,11 @@ def lights(draw: st.DrawFn) -> Light:
     gain=1.0,
     seed=9981,
 )  # was found as an ambient share of 0.688: the fit had settled on cards that were not lit
+@example(
+    light=Light((0.17036939949395286, 0.5127385780712221, -0.8414709848078965), 0.84765625),
+    gain=1.0,
+    seed=3902,
+)  # is declined: a sixth of the light has a direction, known to 30 degrees
 @given(light=lights(), gain=st.floats(0.3, 2), seed=st.integers(0, 10_000))
 def test_the_light_is_recovered_or_declined_but_never_wrong(
     light: Light, gain: float, seed: int
@@ -113,7 +118,8 @@ def test_the_light_is_recovered_or_declined_but_never_wrong(
     assert (found.red_gain, found.blue_gain) == (pytest.approx(1.2), pytest.approx(0.7))
     all_lit = all(shade(normal, light) > light.ambient for normal in normals)
     spread = np.linalg.cond(np.column_stack([np.ones(len(normals)), normals]))
-    assert found.undetermined is None or not (all_lit and spread < 50)
+    # A direction is known the less, the less of the light has one.
+    assert found.undetermined is None or not (all_lit and spread < 100 * (1 - light.ambient))
     if found.undetermined is None:
         assert found.light.ambient == pytest.approx(light.ambient, abs=0.02)
         assert found.exposure_gain == pytest.approx(gain, rel=0.03)
