@@ -1,5 +1,6 @@
 """A recorded drive as a page, a film and a sentence."""
 
+import hashlib
 import json
 import re
 from dataclasses import replace
@@ -9,11 +10,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from msgspec import structs
 from PIL import Image, ImageSequence
 from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.v1.messages_pb2 import Fault, State
+from mbot_protocol.v1.messages_pb2 import Decision, Fault, State
 from mbot_workstation.commands.drive_report import ReportOptions
 from mbot_workstation.commands.subcommands import app
 from mbot_workstation.drives.attention import attention
@@ -89,11 +91,45 @@ def test_the_strip_shows_where_the_policy_looked(drive: RecordedDrive) -> None:
     one = figures(drive)
     looks, words = attention(one.chosen(24), [RECORDED / "seeing.onnx"])
     assert not words
-    assert set(looks) == {beat.decision.sequence for beat in drive.decided}
+    assert set(looks) == {beat.key for beat in drive.decided}
     text = drive_page([one], looks=[looks])
     assert text.count('class="looked"') == len(drive.decided)
     assert "what of it changes the wheels" in text
     assert "looked" not in drive_page([one]).partition("<body>")[2]
+
+
+def test_the_strip_tells_two_lives_of_a_daemon_apart(drive: RecordedDrive) -> None:
+    first = drive.decided[3]
+    later = Decision()
+    later.CopyFrom(first.decision)
+    later.session_id += 1
+    black = encode_picture(np.zeros((64, 64, 3), np.uint8), ".png", 0)
+    second = replace(first, decision=later, encoded=black)
+    looks, _ = attention([first, second], [RECORDED / "seeing.onnx"])
+    assert looks[first.key].picture.any()
+    assert not looks[second.key].picture.any(), "of its own picture"
+    one = figures(replace(drive, beats=(first, second)))
+    shown = re.findall(r'class="looked"[^>]* src="([^"]+)"', drive_page([one], looks=[looks]))
+    assert len(set(shown)) == 2
+
+
+def test_the_policy_looks_with_what_it_was_told_and_had_in_mind(drive: RecordedDrive) -> None:
+    model = Path("models/red-cube.onnx")
+    decision = Decision()
+    decision.CopyFrom(drive.decided[3].decision)
+    decision.model_sha256 = hashlib.sha256(model.read_bytes()).hexdigest()
+    seen = []
+    for told, memory in ((0.0, 0.0), (0.9, 0.0), (0.0, 0.5)):
+        record = drive.decided[3].record
+        assert record is not None
+        mind = np.full(128, memory, "<f4").tobytes()
+        record = structs.replace(
+            record, told_left=told, told_right=-told, memory=mind, began_anew=False
+        )
+        beat = replace(drive.decided[3], decision=decision, record=record)
+        seen.append(attention([beat], [model])[0][beat.key].picture)
+    assert np.any(seen[0] != seen[1])
+    assert np.any(seen[0] != seen[2])
 
 
 def test_what_matters_glows_and_what_does_not_stays_gray(drive: RecordedDrive) -> None:

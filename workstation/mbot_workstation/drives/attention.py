@@ -11,7 +11,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Picture
 from mbot_workstation.drives.replayed_drive import find_model
 from mbot_workstation.models.check import check_model
-from mbot_workstation.recordings.recorded_drive import Beat
+from mbot_workstation.recordings.recorded_drive import Beat, BeatKey
 from mbot_workstation.training.evaluation.activations import Activations, Microscope
 
 GLOW = (255, 150, 30)
@@ -34,8 +34,7 @@ class Look:
     without_memory: tuple[float, float] | None
 
 
-Looks = Mapping[int, Look]
-"""By the number of the beat."""
+Looks = Mapping[BeatKey, Look]
 
 
 def attention(beats: Sequence[Beat], models: Sequence[Path]) -> tuple[Looks, list[str]]:
@@ -49,7 +48,7 @@ def attention(beats: Sequence[Beat], models: Sequence[Path]) -> tuple[Looks, lis
         What there is, and why some is not there, in words.
 
     """
-    found: dict[int, Activations] = {}
+    found: dict[BeatKey, Activations] = {}
     words: list[str] = []
     shown = [beat for beat in beats if beat.decided and beat.is_replayable]
     if len(shown) < sum(beat.decided for beat in beats):
@@ -65,8 +64,8 @@ def attention(beats: Sequence[Beat], models: Sequence[Path]) -> tuple[Looks, lis
             if beat.decision.model_sha256 == digest and record is not None and picture is not None:
                 memory = b"" if record.began_anew else record.memory or b""
                 seen = microscope.look_on(picture, beat.told or (0.0, 0.0), memory)
-                found[beat.decision.sequence] = seen
-    looks = {number: Look(_glowing(one), one.first_action) for number, one in found.items()}
+                found[beat.key] = seen
+    looks = {key: Look(_glowing(one), one.first_action) for key, one in found.items()}
     return looks, words
 
 

@@ -93,7 +93,7 @@ def _strip(one: DriveFigures, looks: Looks) -> list[Tile]:
     for beat in one.chosen(STRIP_TILES):
         picture, steps = beat.observation, beat.decision.steps
         if picture is not None:
-            looked = looks.get(beat.decision.sequence)
+            looked = looks.get(beat.key)
             found.append(
                 Tile(
                     _uri(picture),

@@ -130,7 +130,7 @@ class RerunView:
     def log_drive(self, drive: RecordedDrive, looks: Looks | None = None) -> None:
         """A whole recording, and where its policy looked, as far as that is given."""
         for beat in drive.beats:
-            look = (looks or {}).get(beat.decision.sequence)
+            look = (looks or {}).get(beat.key)
             if look is not None:
                 self._log_look(drive.robot_id, beat.decision, look)
             if beat.encoded:

@@ -16,9 +16,6 @@ from mbot_protocol.drive_record import RobotFacts
 from mbot_workstation.recordings.drive_mcap import Recording
 from mbot_workstation.recordings.recorded_drive import Beat, RecordedDrive
 
-_Key = tuple[int, int]
-"""The daemon's life, and the number of the beat in it."""
-
 _CLOCK_SLACK_NS = 10_000_000_000
 """A drive's times are those of its files; they may lie beside those of its beats."""
 
@@ -97,7 +94,7 @@ def fill(live: Sequence[Beat], robots: Iterable[RecordedDrive]) -> Filled:
     what it had in mind. So what was filled can be replayed as far as the robot's own reaches.
     """
     robot_id = live[0].decision.robot_id
-    known = {_key(beat): beat for beat in live}
+    known = {beat.key: beat for beat in live}
     wanted = {
         (gap.session_id, sequence)
         for gap in gaps(live)
@@ -106,7 +103,7 @@ def fill(live: Sequence[Beat], robots: Iterable[RecordedDrive]) -> Filled:
     decisions, pictures, facts = 0, 0, None
     for drive in robots:
         for beat in drive.beats:
-            key = _key(beat)
+            key = beat.key
             if beat.decision.robot_id != robot_id:
                 continue
             there = known.get(key)
@@ -144,7 +141,3 @@ def write(path: Path, filled: Filled) -> None:
                 picture = CompressedImage(frame_id=robot_id, format=kind, data=beat.encoded)
                 picture.timestamp.FromNanoseconds(beat.decision.unix_time_ns)
                 recording.write(picture)
-
-
-def _key(beat: Beat) -> _Key:
-    return beat.decision.session_id, beat.decision.sequence

@@ -26,6 +26,9 @@ from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.pictures.picture_file import decode_picture
 from mbot_workstation.recordings.whole_chunks import WholeChunks
 
+BeatKey = tuple[int, int]
+"""The daemon's life, and the beat's number in it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Beat:
@@ -43,6 +46,11 @@ class Beat:
     record: DriveRecord | None = None
     encoded: bytes = b""
     is_exact: bool = False
+
+    @property
+    def key(self) -> BeatKey:
+        """Which beat it is of all that the robot ever had."""
+        return self.decision.session_id, self.decision.sequence
 
     @property
     def observation(self) -> Picture | None:
