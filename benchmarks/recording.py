@@ -7,6 +7,7 @@ board, no network. Figures depend on the machine; the bars are those of docs/tel
 """
 
 import argparse
+import hashlib
 import json
 import subprocess
 import sys
@@ -31,6 +32,7 @@ from mbot_workstation.recordings.recorded_drive import read_drive
 
 CHECKOUT = Path(__file__).parents[1]
 RECORDED = CHECKOUT / "tests" / "data" / "recorded-drive"
+SHIPPED = CHECKOUT / "models" / "red-cube.onnx"
 LONG_BEATS = 4500
 """30 minutes at 2.5 Hz."""
 
@@ -102,7 +104,7 @@ def measure_robot(folder: Path, rate_hz: float, seconds: float) -> dict[str, flo
 
 
 def long_recording(folder: Path) -> Path:
-    """30 minutes as the robot would have written them: the recorded beats, over and over."""
+    """30 minutes as if the shipped policy had driven: the recorded beats, over and over."""
     import msgspec
 
     from mbot_agent.recording.segment import Segment
@@ -110,6 +112,7 @@ def long_recording(folder: Path) -> Path:
     recorded = read_drive(RECORDED)
     facts = recorded.facts
     assert facts is not None
+    digest = hashlib.sha256(SHIPPED.read_bytes()).hexdigest()
     path = folder / "long" / "000.mcap"
     path.parent.mkdir()
     segment = Segment(path, facts)
@@ -118,8 +121,9 @@ def long_recording(folder: Path) -> Path:
         assert beat.record is not None
         decision, time_ns = beat.decision, 10**18 + number * 400_000_000
         decision.sequence, decision.unix_time_ns = number, time_ns
+        decision.model_sha256 = digest
         decision.started_monotonic_ns = 10**9 + number * 400_000_000
-        record = msgspec.structs.replace(beat.record, sequence=number)
+        record = msgspec.structs.replace(beat.record, sequence=number, memory=bytes(4 * 128))
         picture = beat.observation
         assert picture is not None
         segment.write_picture(picture, time_ns)
@@ -139,14 +143,17 @@ def measure_workstation(folder: Path) -> dict[str, float]:
     code = "from mbot_workstation.main import main; main()"
     command = [sys.executable, "-c", code]
     began_s = time.perf_counter()
-    model = str(RECORDED / "seeing.onnx")
-    replay = [*command, "replay", str(recording), "--model", model, "--json"]
+    replay = [*command, "replay", str(recording), "--model", str(SHIPPED), "--json"]
     said = subprocess.run(replay, capture_output=True, text=True, check=False).stdout
     replay_s = time.perf_counter() - began_s
     assert json.loads(said)["decisions"] == LONG_BEATS
     began_s = time.perf_counter()
-    subprocess.run([*command, "report", str(recording), "-o", str(folder / "r.html")], check=True)
-    return {"open_s": open_s, "replay_s": replay_s, "report_s": time.perf_counter() - began_s}
+    page = folder / "drive.html"
+    report = [*command, "report", str(recording), "--model", str(SHIPPED), "-o", str(page)]
+    subprocess.run(report, check=True)
+    report_s = time.perf_counter() - began_s
+    assert 'class="looked"' in page.read_text()
+    return {"open_s": open_s, "replay_s": replay_s, "report_s": report_s}
 
 
 def main() -> None:

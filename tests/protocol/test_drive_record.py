@@ -73,10 +73,17 @@ def test_a_beat_of_telemetry_becomes_the_same_numbers() -> None:
         steps=Steps(left=125, right=-62),
         board_m1=-130,
         board_m2=-70,
+        missed_ticks=7,
+        stop_count=8,
+        dropped_records=9,
         cpu_temperature_c=51.5,
     )
     record = drive_record(decision)
-    assert (record.state, record.action_left, record.steps_right) == ("running", 0.5, -62)
+    assert (record.sequence, record.state) == (3, "running")
+    assert (record.action_left, record.action_right) == (0.5, -0.25)
+    assert (record.steps_left, record.steps_right) == (125, -62)
+    assert (record.board_m1, record.board_m2) == (-130, -70)
+    assert (record.missed_ticks, record.stop_count, record.dropped_records) == (7, 8, 9)
     assert (record.picture_age_ms, record.late_ms, record.observe_ms) == (40, 1, 2.5)
     assert (record.decide_ms, record.write_ms, record.acknowledge_ms) == (2.5, 0.25, 2.75)
     assert record.frame_to_motors_ms == 45.25

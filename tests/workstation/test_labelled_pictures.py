@@ -46,6 +46,15 @@ def test_the_servo_turns_the_right_way_and_is_not_fooled(tmp_path: Path) -> None
     assert "drove on at nothing" in words
 
 
+def test_another_object_is_refused_beside_pictures(tmp_path: Path) -> None:
+    app = typer.Typer()
+    app.command()(evaluate)
+    told = ["servo", "--pictures", str(tmp_path), "--object", "models/objects/green-ball.toml"]
+    result = CliRunner().invoke(app, told)
+    assert isinstance(result.exception, ConfigurationError)
+    assert "--object does nothing with --pictures" in str(result.exception)
+
+
 def test_mistakes_are_counted_by_kind_and_named() -> None:
     actions = np.array([[1, 0], [0, 1], [0.5, -0.5], [0.9, 0.8], [0.6, -0.1]], np.float32)
     bearings = [15.0, -15.0, 2.0, None, None]

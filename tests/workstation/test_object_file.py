@@ -10,11 +10,13 @@ from trimesh.visual.material import PBRMaterial
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.simulation.camera_renderer import CameraRenderer
-from mbot_workstation.simulation.object_file import MOST_TRIANGLES, read_objects
+from mbot_workstation.simulation.fetch_rules import FetchRules
+from mbot_workstation.simulation.object_file import MOST_TRIANGLES, WIDEST_MM, read_objects
 from mbot_workstation.simulation.pose import Pose
 from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.simulation.simulation import Simulation
 from mbot_workstation.simulation.target_object import RED_CUBE, Footprint, Shape, TargetObject
+from mbot_workstation.variation.scene_looks import SIZES
 
 SHIPPED = Path("models/objects")
 
@@ -119,6 +121,7 @@ def test_a_mesh_brings_its_own_texture(tmp_path: Path) -> None:
         ('[[object]]\nname = "x"\nshape = "ball"\ncolour = "#00ff00"', "width_mm is missing"),
         ('[[object]]\nname = "x"\nshape = "ball"\nwidth_mm = 100', "colour or texture is missing"),
         ('[[object]]\nname = "x"\nshape = "ball"\nwidth_mm = 5', "20"),
+        ('[[object]]\nname = "x"\nshape = "cube"\nwidth_mm = 301', "300"),
         (
             '[[object]]\nname = "x"\nshape = "ball"\nwidth_mm = 90\ncolour = "#fff"',
             "colour is '#fff', expected such as \"#28a03c\"",
@@ -157,6 +160,20 @@ def test_a_cut_off_mesh_is_refused(tmp_path: Path, cut: int) -> None:
     text = '[[object]]\nname = "x"\nshape = "mesh"\nheight_mm = 90\nmesh = "cut.glb"'
     with pytest.raises(ConfigurationError, match="is no GLB file"):
         read_objects(written(tmp_path, text))
+
+
+def test_a_mesh_that_is_too_wide_at_its_height_is_refused(tmp_path: Path) -> None:
+    trimesh.creation.box((0.31, 0.1, 0.1)).export(tmp_path / "beam.glb")
+    text = '[[object]]\nname = "x"\nshape = "mesh"\nheight_mm = {}\nmesh = "beam.glb"'
+    read_objects(written(tmp_path, text.format(96)))
+    with pytest.raises(ConfigurationError, match="'x' is 310 mm wide at that height, expected 20"):
+        read_objects(written(tmp_path, text.format(100)))
+
+
+def test_the_largest_object_is_not_touched_where_it_appears() -> None:
+    largest = TargetObject("largest", Shape.CUBE, WIDEST_MM / 1000, 0.4)
+    rules = FetchRules(footprints=(largest.footprint.scaled(SIZES[1]),))
+    assert rules.footprints[0].reach_m + rules.touch_radius_m < rules.clearance_m
 
 
 def test_a_mesh_of_too_many_triangles_is_refused(tmp_path: Path) -> None:

@@ -120,7 +120,11 @@ def test_a_session_plays_round_and_round_until_it_is_stopped(
 
 
 def test_options_of_the_simulation_are_refused(tmp_path: Path) -> None:
-    for wrong, named in ((["--seed", "3"], "--seed"), (["--plain"], "--plain")):
+    for wrong, named in (
+        (["--seed", "3"], "--seed"),
+        (["--plain"], "--plain"),
+        (["--object", "ball.toml"], "--object"),
+    ):
         result = CliRunner().invoke(app, ["virtual-robot", "--replay", str(RECORDED), *wrong])
         assert isinstance(result.exception, ConfigurationError)
         assert f"{named} does nothing with --replay" in str(result.exception)

@@ -85,6 +85,15 @@ def test_what_mattered_to_the_policy_is_shown_when_asked_for(tmp_path: Path) -> 
     data = path.read_bytes()
     assert b"virtual/attention" in data
     assert b"virtual/action/left_without_memory" in data
+    for told, words in (
+        (["view", "--attention"], "--attention is for recordings"),
+        (["view", "--model", model], "--attention is for recordings"),
+        (["view", "--foxglove", "--attention"], "--attention is for recordings"),
+        ([*command, "--model", model], "--model does nothing without --attention"),
+    ):
+        result = CliRunner().invoke(app, told)
+        assert isinstance(result.exception, ConfigurationError)
+        assert words in str(result.exception)
     result = CliRunner().invoke(app, [*command, "--attention", "--model", __file__])
     assert "where it looked is not shown: model 93277d5c321b" in result.stderr
     assert b"without_memory" not in path.read_bytes()

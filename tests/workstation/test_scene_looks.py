@@ -126,3 +126,13 @@ def test_what_is_drawn_for_a_red_cube_is_drawn_for_another_object() -> None:
             thing.centre_m for thing in green.distractors
         ]
         assert red.objects[0].scale == green.objects[0].scale
+
+
+def test_a_mesh_keeps_its_size_and_a_ball_does_not() -> None:
+    ball = TargetObject("ball", Shape.BALL, 0.1, 0.1)
+    mesh = TargetObject("mesh", Shape.MESH, 0.1, 0.1)
+    looks = [draw_look(np.random.default_rng(seed), (ball, mesh)).objects for seed in range(20)]
+    assert {mesh_look.scale for _, mesh_look in looks} == {1.0}
+    scales = [ball_look.scale for ball_look, _ in looks]
+    assert min(scales) < 0.9
+    assert max(scales) > 1.1

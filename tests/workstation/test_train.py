@@ -347,7 +347,7 @@ def test_the_papers_way_is_ten_lessons_without_guide_or_memory() -> None:
 def test_a_run_keeps_its_object_and_says_when_its_file_is_gone(tmp_path: Path) -> None:
     file = tmp_path / "ball.toml"
     file.write_text(Path("models/objects/green-ball.toml").read_text())
-    config = replace(TINY, steps=64, object_file=str(configured(object_file=file).object_file))
+    config = replace(TINY, steps=64, object_file=str(configured(object=file).object_file))
     run = begin_run(tmp_path / "run", config)
     assert run_to_end(run, config).step == 64
     (ball,) = read_config(run.config_file).scene.objects
@@ -356,14 +356,14 @@ def test_a_run_keeps_its_object_and_says_when_its_file_is_gone(tmp_path: Path) -
     with pytest.raises(ConfigurationError, match=r"ball\.toml"):
         read_config(run.config_file)
     with pytest.raises(ConfigurationError, match="--calibration and --object"):
-        command._resumed(command.TrainOptions(resume=run.path, object_file=file))  # pyright: ignore[reportPrivateUsage]
+        command._resumed(command.TrainOptions(resume=run.path, object=file))  # pyright: ignore[reportPrivateUsage]
 
 
 def test_for_another_colour_the_parents_first_layer_is_turned(
     finished: RunDirectory, tmp_path: Path
 ) -> None:
     file = Path("models/objects/green-ball.toml")
-    told = configured(parent=finished.path, object_file=file, memory=0)
+    told = configured(parent=finished.path, object=file, memory=0)
     assert told.hue_turn_deg == pytest.approx(131, abs=1)
     assert told.steps == command.NEW_OBJECT_STEPS
     assert told.learner.guided_decisions == command.NEW_OBJECT_GUIDED

@@ -25,7 +25,7 @@ class DemoOptions:
         None, "360-degree photo of a room; a made-up one otherwise.", metavar="FILE"
     )
     calibration: Path | None = calibration_option()
-    object_file: Path | None = object_option()
+    object: Path | None = object_option()
     left_gain: float | None = option(
         None, "Left motor's strength; 0.5 is the paper's handicap.", min=0.05, max=2
     )
@@ -114,9 +114,9 @@ def _robot_options(options: DemoOptions) -> list[str]:
     if options.calibration is not None:
         read_files(options.calibration)
         robot += ["--calibration", str(options.calibration.absolute())]
-    if options.object_file is not None:
-        read_objects(options.object_file)
-        robot += ["--object", str(options.object_file.absolute())]
+    if options.object is not None:
+        read_objects(options.object)
+        robot += ["--object", str(options.object.absolute())]
     for name, gain in (("--left-gain", options.left_gain), ("--right-gain", options.right_gain)):
         robot += [] if gain is None else [name, str(gain)]
     if options.firmware is not None:

@@ -38,7 +38,7 @@ class EvaluateOptions:
         "all for every one. May be given several times; nominal if not.",
     )
     calibration: Path | None = calibration_option()
-    object_file: Path | None = object_option()
+    object: Path | None = object_option()
     panorama: list[Path] | None = option(
         None,
         "360-degree photo of a room to try it in, in place of the two that come along; may be "
@@ -106,6 +106,10 @@ def _judge_pictures(options: EvaluateOptions, folder: Path) -> None:
     )
     from mbot_workstation.training.evaluation.picture_report import picture_fields, picture_table
 
+    if options.object is not None:
+        raise ConfigurationError(
+            "--object does nothing with --pictures, which show what they show: leave it out"
+        )
     if blind := [name for name in options.contestants if name in BUILT_IN and name != SERVO]:
         raise ConfigurationError(f"{blind[0]} sees no pictures; give ONNX policies, or servo")
     calibrated = read_camera(options.calibration) if options.calibration else None
@@ -137,7 +141,7 @@ def _drive(options: EvaluateOptions) -> None:
     from mbot_workstation.training.worlds.rooms import evaluation_rooms
 
     files = read_files(options.calibration) if options.calibration else CalibrationFiles()
-    scene = replace(files.scene, objects=read_objects(options.object_file))
+    scene = replace(files.scene, objects=read_objects(options.object))
     stage = find_lesson(options.lesson)
     robots = _presets(options.preset or ["nominal"], files if options.calibration else None)
     panorama = photographs(options.panorama, options.calibration)

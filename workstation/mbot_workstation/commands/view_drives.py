@@ -132,6 +132,13 @@ def view(options: ViewOptions) -> None:
     from mbot_workstation.drives.rerun_view import RerunView
     from mbot_workstation.recordings.recorded_drive import read_drives
 
+    if (options.attention or options.models) and not options.recordings:
+        raise ConfigurationError(
+            "--attention is for recordings: what a live robot's policy had in mind is in the "
+            "recording on its card (`workstation recordings fetch`)"
+        )
+    if options.models and not options.attention:
+        raise ConfigurationError("--model does nothing without --attention: give both or neither")
     if options.foxglove:
         if options.recordings:
             raise ConfigurationError(

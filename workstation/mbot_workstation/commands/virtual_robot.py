@@ -86,7 +86,7 @@ class VirtualRobotOptions:
         metavar="RECORDING",
     )
     calibration: Path | None = calibration_option()
-    object_file: Path | None = object_option()
+    object: Path | None = object_option()
     left_gain: float | None = option(
         None,
         "Left motor's strength; the calibration's, or else 1, if not given.",
@@ -261,7 +261,7 @@ def _replay_settings(
     usual = VirtualRobotOptions()
     for one in fields(options):
         if one.name not in _WITH_REPLAY and getattr(options, one.name) != getattr(usual, one.name):
-            name = one.name.removesuffix("_file").replace("_", "-")
+            name = one.name.replace("_", "-")
             raise ConfigurationError(
                 f"--{name} does nothing with --replay, which simulates nothing: leave it out"
             )
@@ -288,7 +288,7 @@ def _settings(options: VirtualRobotOptions, files: "CalibrationFiles") -> "Virtu
     from mbot_workstation.virtual.stand_in import VirtualRobotSettings
 
     robot = _robot(files.robot, options)
-    scene = replace(files.scene, objects=read_objects(options.object_file))
+    scene = replace(files.scene, objects=read_objects(options.object))
     rooms = room_pictures(options.calibration) if options.calibration else ()
     panorama = options.panorama or (rooms[0] if rooms else None)
     try:

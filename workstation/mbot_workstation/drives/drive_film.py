@@ -46,13 +46,14 @@ def film(drive: RecordedDrive, path: Path) -> float:
 
 def _write_gif(drive: RecordedDrive, timed: Sequence[tuple[Beat, float]], path: Path) -> float:
     """A frame a beat, half as large: for pages that show no MP4."""
-    half = (f[::2, ::2] for f in (_frame(drive, beat) for beat, _ in timed))
-    first, *rest = [Image.fromarray(one).quantize(GIF_COLOURS) for one in half]
+    frames = (
+        Image.fromarray(_frame(drive, beat)[::2, ::2]).quantize(GIF_COLOURS) for beat, _ in timed
+    )
     # A GIF counts hundredths of a second.
     lasts_ms = [max(20, round(100 * lasts_s) * 10) for _, lasts_s in timed]
     try:
-        first.save(
-            path, save_all=True, append_images=rest, duration=lasts_ms, loop=0, optimize=True
+        next(frames).save(
+            path, save_all=True, append_images=frames, duration=lasts_ms, loop=0, optimize=True
         )
     except OSError as error:
         raise ConfigurationError(f"can't write a film to {path}: {error.strerror}") from None

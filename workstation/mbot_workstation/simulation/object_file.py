@@ -20,7 +20,12 @@ MOST_TRIANGLES = 20_000
 TEXTURE_PX = 256
 """Larger ones are reduced to this side."""
 
-_MILLIMETRES = Annotated[float, Meta(ge=20, le=400)]
+NARROWEST_MM, WIDEST_MM = 20, 300
+"""A wider one, a fifth larger as training makes it, could touch a robot in front of which it
+appears (`FetchRules.clearance_m`)."""
+
+_Width = Annotated[float, Meta(ge=NARROWEST_MM, le=WIDEST_MM)]
+_Height = Annotated[float, Meta(ge=20, le=400)]
 
 
 class ObjectSection(Struct, frozen=True, forbid_unknown_fields=True):
@@ -39,8 +44,8 @@ class ObjectSection(Struct, frozen=True, forbid_unknown_fields=True):
 
     name: str
     shape: Shape
-    width_mm: _MILLIMETRES | None = None
-    height_mm: _MILLIMETRES | None = None
+    width_mm: _Width | None = None
+    height_mm: _Height | None = None
     colour: str | None = None
     texture: str | None = None
     mesh: str | None = None
@@ -99,6 +104,11 @@ def _made(section: ObjectSection, path: Path) -> TargetObject:
             )
     if mesh is not None:
         width_m, height_m = _extent_m(mesh)
+        if not NARROWEST_MM <= 1000 * width_m <= WIDEST_MM:
+            raise ConfigurationError(
+                f"{section.name!r} is {1000 * width_m:.0f} mm wide at that height, expected "
+                f"{NARROWEST_MM} to {WIDEST_MM} mm"
+            )
     else:
         width_m = (section.width_mm or 0) / 1000
         height_m = width_m if section.height_mm is None else section.height_mm / 1000

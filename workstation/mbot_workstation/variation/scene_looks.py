@@ -24,6 +24,9 @@ NO_WALL = 0.1
 FLAT_M = 0.004
 """How high something flat lies; lower would not be told from the floor by the depth buffer."""
 
+SIZES = (0.8, 1.2)
+"""Of the object, over its own: from a fifth smaller to a fifth larger."""
+
 MOST_DRAWS = 20
 """Of a colour that several objects must not have."""
 
@@ -68,7 +71,7 @@ def draw_look(rng: np.random.Generator, objects: Sequence[TargetObject] = (RED_C
 
 def _object_look(rng: np.random.Generator, thing: TargetObject) -> ObjectLook:
     """A fifth smaller to a fifth larger; a red one from crimson to vermilion, dark to bright."""
-    scale = rng.uniform(0.8, 1.2)
+    scale = rng.uniform(*SIZES)
     hue, saturation, value = (
         rng.uniform(-0.030, 0.025), rng.uniform(0.72, 0.97), rng.uniform(0.5, 0.95)
     )  # fmt: skip
