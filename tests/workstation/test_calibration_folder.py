@@ -40,14 +40,14 @@ from mbot_workstation.training.drivers.contestants import driver
 from mbot_workstation.training.learning.run_directory import write_json
 from mbot_workstation.training.learning.training_config import TrainingConfig, read_config
 from mbot_workstation.training.worlds.fetch_env import FetchEnv
+from mbot_workstation.training.worlds.robot_body import BODY_RECORD, body_record
 from mbot_workstation.variation.effects import EFFECT_NAMES, EffectRanges, RealWorldEffects
 from mbot_workstation.variation.motion_ranges import NARROWINGS
 from mbot_workstation.variation.perturbed_robot import (
     perturbed_robot,
     perturbed_wheel_maps,
-    trimmed,
 )
-from mbot_workstation.variation.presets import PRESETS, measured, preset
+from mbot_workstation.variation.presets import KNOWN, PRESETS, preset
 
 from .calibrations import BODY, CAMERA, LIGHT, MOTION
 from .small_world import ROOMS
@@ -132,7 +132,7 @@ def test_an_empty_folder_is_the_nominal_robot(tmp_path: Path) -> None:
     calibration = read_calibration(tmp_path)
     assert calibration.robot == RobotParameters()
     assert calibration.scene == SceneParameters()
-    assert calibration.effects == measured()
+    assert calibration.effects == KNOWN
     assert calibration.rooms == ()
 
 
@@ -148,11 +148,10 @@ def test_every_file_makes_the_robot_it_describes(folder: Path) -> None:
     assert robot.right_motor.time_constant_s == pytest.approx(0.11)
     assert robot.wheel_maps.left == MotorMap(True, 0.9, 44)
     assert calibration.scene.light.ambient == 0.6
-    assert (effects.left_gain, effects.right_gain) == (1.06, 0.94)
+    assert (robot.left_motor.gain, robot.right_motor.gain) == (1.06, 0.94)
     assert (effects.action_latency_ms, effects.exposure_gain, effects.red_gain) == (35, 0.8, 1.1)
-    assert effects.dead_band == pytest.approx(50)
-    assert effects.dead_band_compensation == 40
-    assert effects.time_constant_ms == pytest.approx(100)
+    known = {"action_latency_ms", "exposure_gain", "red_gain", "blue_gain"}
+    assert {n for n in EFFECT_NAMES if getattr(effects, n) != getattr(KNOWN, n)} == known
 
 
 def test_driving_knows_better_than_the_ruler(tmp_path: Path) -> None:
@@ -198,11 +197,12 @@ def test_presets_are_centred_on_the_calibrated_robot(folder: Path) -> None:
         low, high = getattr(randomised.low, name), getattr(randomised.high, name)
         if name not in ("jpeg_quality", "scene_variety"):  # randomised leaves their nominal out
             assert low <= getattr(effects, name) <= high, name
-        if getattr(effects, name) == getattr(measured(), name):
+        if getattr(effects, name) == getattr(KNOWN, name):
             assert (low, high) == (getattr(usual.low, name), getattr(usual.high, name))
-    ratio = usual.high.left_gain / usual.low.left_gain
-    assert randomised.high.left_gain / randomised.low.left_gain == pytest.approx(ratio)
-    assert preset("handicap", effects).low.right_gain == pytest.approx(0.94 * 0.5)
+    ratio = usual.high.exposure_gain / usual.low.exposure_gain
+    assert randomised.high.exposure_gain / randomised.low.exposure_gain == pytest.approx(ratio)
+    weak = perturbed_robot(files.robot, preset("handicap", effects).low)
+    assert weak.right_motor.gain == pytest.approx(0.94 * 0.5)
     with pytest.raises(ValueError, match="'ideal' is no real robot"):
         preset("ideal", effects)
 
@@ -232,15 +232,15 @@ def test_identified_motors_are_not_randomised_as_if_nobody_had_driven_them(folde
     def ends(name: str, ranges: EffectRanges = found) -> tuple[float, float]:
         return getattr(ranges.low, name), getattr(ranges.high, name)
 
-    assert ends("left_gain") == pytest.approx((1.06 * 0.96, 1.06 * 1.04))  # as far as gains wander
+    assert ends("left_gain") == pytest.approx((0.96, 1.04))  # as far as gains wander
     # Three times an interval that is wide, though no wider than the preset.
     reach = 3 * 0.04 / 0.94
-    assert ends("right_gain") == pytest.approx((0.94 * (1 - reach), ends("right_gain", usual)[1]))
+    assert ends("right_gain") == pytest.approx((1 - reach, ends("right_gain", usual)[1]))
     assert ends("speed_scale") == pytest.approx((1 - reach, ends("speed_scale", usual)[1]))
-    assert ends("time_constant_ms") == pytest.approx((85, 115))
+    assert ends("time_constant_scale") == pytest.approx((0.85, 1.15))
     assert ends("track_scale") == pytest.approx((1 - 3 / 117, 1 + 3 / 117))
     # Of one motor only, and of none.
-    for name in ("dead_band", "wheel_radius_scale", "friction_scale"):
+    for name in ("dead_band_scale", "wheel_radius_scale", "friction_scale"):
         assert ends(name) == ends(name, usual)
     assert read_files(folder).ranges("handicap") == preset("handicap", read_files(folder).effects)
 
@@ -270,11 +270,9 @@ def test_ranges_only_ever_become_narrower_and_keep_the_robot(
 
 
 def test_a_shifted_range_never_leaves_what_can_be() -> None:
-    quick = replace(measured(), action_latency_ms=0.0, dead_band=180.0)
-    randomised = preset("randomised", quick)
+    randomised = preset("randomised", replace(KNOWN, action_latency_ms=0.0))
     assert randomised.low.action_latency_ms == 0
     assert randomised.high.action_latency_ms > 0
-    assert randomised.high.dead_band <= 200
 
 
 def test_the_wheels_keep_their_differences_under_effects(folder: Path) -> None:
@@ -282,20 +280,18 @@ def test_the_wheels_keep_their_differences_under_effects(folder: Path) -> None:
     same = perturbed_robot(robot, read_calibration(folder).effects)
     for side in ("left_motor", "right_motor"):
         one, other = getattr(same, side), getattr(robot, side)
-        assert one.gain == other.gain
-        assert one.dead_band == pytest.approx(other.dead_band)
-        assert one.time_constant_s == pytest.approx(other.time_constant_s)
-    slower = perturbed_robot(robot, replace(measured(robot), time_constant_ms=200.0))
+        assert one == other
+    slower = perturbed_robot(robot, replace(KNOWN, time_constant_scale=2.0))
     ratio = slower.left_motor.time_constant_s / slower.right_motor.time_constant_s
     assert ratio == pytest.approx(90 / 110)
-    maps = perturbed_wheel_maps(robot.wheel_maps, replace(measured(), dead_band_compensation=50))
+    maps = perturbed_wheel_maps(robot.wheel_maps, replace(KNOWN, compensation_scale=1.25))
     assert (maps.left.dead_band, maps.right.dead_band) == (55, 45)
     assert (maps.left.trim, maps.left.reversed, maps.right.reversed) == (0.9, True, False)
 
 
 def test_a_motor_map_keeps_room_for_driving() -> None:
     weak = WEAK.wheel_maps()
-    maps = perturbed_wheel_maps(weak, replace(measured(), dead_band_compensation=200))
+    maps = perturbed_wheel_maps(weak, replace(KNOWN, compensation_scale=20.0))
     assert maps.left.to_board(250) != 0
     assert maps.left.dead_band < 255 * 0.2
 
@@ -325,16 +321,19 @@ def test_a_calibrated_robot_is_trained_on_with_its_own_motor_maps(folder: Path) 
 
 
 def test_the_oracle_is_told_of_the_trim(folder: Path) -> None:
-    robot, effects = read_calibration(folder).robot, preset("nominal", measured())
-    seen = trimmed(effects, robot.wheel_maps)
-    full, dead_band = 255 * 0.9, effects.low.dead_band
-    assert seen.low.left_gain == pytest.approx((full - dead_band) / (255 - dead_band))
-    assert seen.low.right_gain == 1.0
+    robot, effects = read_calibration(folder).robot, preset("nominal")
+    told = np.array(body_record(effects.low, robot), BODY_RECORD)
+    assert told["left_gain"] == pytest.approx(1.06 * (255 * 0.9 - 54) / (255 - 54))
+    assert told["right_gain"] == pytest.approx(0.94)
+    assert (told["dead_band"], told["time_constant_ms"]) == pytest.approx((50, 100))
+    assert told["dead_band_compensation"] == pytest.approx(40)
+    even = RobotParameters()
+    trimmed = replace(even, wheel_maps=robot.wheel_maps)
     target = np.array([[1.0, 0.0]])
     plain = driver("oracle", 1, 0, effects).act(np.zeros((1, 64, 64, 3), np.uint8), target)
-    told = driver("oracle", 1, 0, effects, robot).act(np.zeros((1, 64, 64, 3), np.uint8), target)
+    acted = driver("oracle", 1, 0, effects, trimmed).act(np.zeros((1, 64, 64, 3), np.uint8), target)
     assert plain[0, 0] == pytest.approx(plain[0, 1])
-    assert told[0, 0] > told[0, 1]  # the trimmed wheel has to be told more
+    assert acted[0, 0] > acted[0, 1]  # the trimmed wheel has to be told more
 
 
 def test_a_run_keeps_its_calibration_whatever_becomes_of_the_folder(
@@ -348,7 +347,7 @@ def test_a_run_keeps_its_calibration_whatever_becomes_of_the_folder(
     assert again.robot.wheel_maps.left.trim == 0.9
     assert again.ranges().low == config.ranges().low
     resolved = json.loads((tmp_path / "config.json").read_text())
-    assert resolved["effects"]["low"]["left_gain"] == 1.06
+    assert resolved["effects"]["low"]["exposure_gain"] == 0.8
     assert resolved["training"]["calibration"]["camera"]["focal_x_px"] == 1990.0
 
 
@@ -364,19 +363,9 @@ def test_a_run_without_calibration_is_the_nominal_robots() -> None:
     st.sampled_from(sorted(set(PRESETS) - {"ideal"})),
     st.floats(0.2, 2),
     st.floats(0, 500),
-    st.floats(0, 180),
 )
-def test_any_robot_gives_usable_ranges(
-    name: str, gain: float, latency_ms: float, dead_band: float
-) -> None:
-    effects = replace(
-        measured(),
-        left_gain=gain,
-        time_constant_ms=90 * gain,
-        action_latency_ms=latency_ms,
-        dead_band=dead_band,
-        exposure_gain=gain,
-    )
+def test_any_robot_gives_usable_ranges(name: str, gain: float, latency_ms: float) -> None:
+    effects = replace(KNOWN, action_latency_ms=latency_ms, exposure_gain=gain)
     ranges = preset(name, effects)
     drawn = ranges.sample(np.random.default_rng(0))
     assert isinstance(drawn, RealWorldEffects)

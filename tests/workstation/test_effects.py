@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from mbot_protocol.camera_model import nominal_pi_camera
 from mbot_protocol.policy_contract import FULL_VIEW
+from mbot_workstation.simulation.parameter_table import with_values
 from mbot_workstation.simulation.robot_mjcf import aim_camera
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_mjcf import build_model
@@ -15,13 +16,17 @@ from mbot_workstation.simulation.simulation import Simulation
 from mbot_workstation.training.worlds.body_swap import swap_body
 from mbot_workstation.training.worlds.fast_physics import PLACEHOLDER
 from mbot_workstation.variation.effects import EFFECT_NAMES, IDEAL, EffectRanges, RealWorldEffects
-from mbot_workstation.variation.perturbed_robot import observing_camera, perturbed_robot
+from mbot_workstation.variation.perturbed_robot import (
+    MOST_DEAD_BAND,
+    observing_camera,
+    perturbed_robot,
+)
 from mbot_workstation.variation.presets import (
+    KNOWN,
     NOMINAL,
     PERTURBATIONS,
     PRESETS,
     RANDOMISED,
-    measured,
     preset,
 )
 
@@ -36,11 +41,11 @@ def test_draws_stay_in_their_ranges(seed: int) -> None:
 def test_the_same_seed_draws_the_same_robot_and_another_one_another() -> None:
     draws = [RANDOMISED.sample(np.random.default_rng(seed)) for seed in (1, 1, 2)]
     assert draws[0] == draws[1] != draws[2]
-    assert NOMINAL.sample(np.random.default_rng(1)) == NOMINAL.low == measured()
+    assert NOMINAL.sample(np.random.default_rng(1)) == NOMINAL.low == KNOWN
 
 
 def test_randomisation_covers_what_was_measured() -> None:
-    low, high, nominal = (asdict(e) for e in (RANDOMISED.low, RANDOMISED.high, measured()))
+    low, high, nominal = (asdict(e) for e in (RANDOMISED.low, RANDOMISED.high, KNOWN))
     left_out = {"jpeg_quality", "scene_variety"}
     outside = {n for n in EFFECT_NAMES if not low[n] <= nominal[n] <= high[n]} - left_out
     assert not outside
@@ -48,7 +53,7 @@ def test_randomisation_covers_what_was_measured() -> None:
 
 def test_a_perturbation_is_nominal_but_for_its_own_effects() -> None:
     for name, ranges in PERTURBATIONS.items():
-        changed = {n for n in EFFECT_NAMES if getattr(ranges.low, n) != getattr(measured(), n)}
+        changed = {n for n in EFFECT_NAMES if getattr(ranges.low, n) != getattr(KNOWN, n)}
         assert (
             1 <= len(changed) <= (12 if name in ("automatic", "any-room", "light-held") else 4)
         ), name
@@ -76,7 +81,7 @@ def test_unknown_presets_are_refused_with_the_known_ones() -> None:
         {"exposure_ms": -1.0},
         {"camera_pitch_deg": float("nan")},
         {"battery_sag": 1.0},
-        {"dead_band": 255.0},
+        {"dead_band_scale": -0.1},
     ],
 )
 def test_impossible_effects_are_refused(wrong: dict[str, float]) -> None:
@@ -99,6 +104,13 @@ def test_no_effects_leave_body_mount_and_view_alone() -> None:
     whole = nominal_pi_camera(64, 64)
     assert (FULL_VIEW.horizontal_deg, FULL_VIEW.vertical_deg) == (55.3, 42.9)
     assert view == whole
+
+
+def test_no_dead_band_becomes_a_motor_that_never_turns() -> None:
+    stiff = with_values(RobotParameters(), {"left_dead_band": 0.7})
+    worse = perturbed_robot(stiff, replace(KNOWN, dead_band_scale=1.3))
+    assert worse.left_motor.dead_band == MOST_DEAD_BAND
+    assert worse.right_motor.dead_band == pytest.approx(1.3 * stiff.right_motor.dead_band)
 
 
 def test_a_swapped_body_is_the_compiled_one_in_every_number() -> None:

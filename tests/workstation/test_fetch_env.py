@@ -296,9 +296,9 @@ def test_compensation_meets_the_dead_band() -> None:
             robot.decide(0.1, 0.1)
         return robot.robot.x_m
 
-    assert way_m(dead_band=50.0) == pytest.approx(0, abs=1e-3)
+    assert way_m(dead_band_scale=1.0) == pytest.approx(0, abs=1e-3)
     full = way_m()
-    assert way_m(dead_band=50.0, dead_band_compensation=50.0) == pytest.approx(full, rel=0.1)
+    assert way_m(dead_band_scale=1.0, compensation_scale=1.25) == pytest.approx(full, rel=0.1)
 
 
 def test_the_blur_lesson_blurs_an_ideal_robot() -> None:

@@ -22,7 +22,7 @@ from mbot_workstation.training.studies.tolerance_file import (
     write_tolerances,
 )
 from mbot_workstation.training.studies.tolerance_map import BEARABLE, ToleranceMap, as_file
-from mbot_workstation.variation.presets import measured
+from mbot_workstation.variation.presets import KNOWN
 
 from .calibrations import BODY, CAMERA, LIGHT, MOTION
 from .gap_samples import compared_runs, tolerances
@@ -128,7 +128,7 @@ def test_quantities_stand_on_the_axes_of_the_tolerance_maps() -> None:
     rows = quantities(ALL, ())
     assert tuple(row.deviation for row in rows) == tuple(TITLES)
     assert set(TITLES) <= set(DEVIATIONS)
-    assert DEVIATIONS["camera_latency_ms"].nominal == measured().camera_latency_ms
+    assert DEVIATIONS["camera_latency_ms"].nominal == KNOWN.camera_latency_ms
     assert [row.words(row.nominal) for row in rows[3:]] == ["0 %", "0°", "0 ms", "0 %"]
     assert rows[0].words(0.031) == "+3.1 %"
     values = {row.title: row.uncalibrated for row in rows}

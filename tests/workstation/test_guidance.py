@@ -21,7 +21,7 @@ from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 from mbot_workstation.training.worlds.robot_body import BODY_RECORD, body_record
 from mbot_workstation.training.worlds.shared_arrays import STEP_RECORD
 from mbot_workstation.variation.effects import RealWorldEffects
-from mbot_workstation.variation.presets import preset
+from mbot_workstation.variation.presets import KNOWN, preset
 
 NOMINAL = preset("nominal")
 SEARCH = Oracle(1, middle(NOMINAL)).commands(np.array([SEARCH_SPEED]), np.array([-SEARCH_SPEED]))[0]
@@ -88,7 +88,7 @@ def test_who_knows_of_a_weak_motor_drives_straight_with_it() -> None:
     """The stronger wheel is told less, so that both turn alike."""
     effects = RealWorldEffects(left_gain=0.5)
     guide = Guide(1, preset("ideal"))
-    guide.become(np.array([body_record(effects, RobotParameters().wheel_maps)], BODY_RECORD))
+    guide.become(np.array([body_record(effects, RobotParameters())], BODY_RECORD))
     left, right = guide.act(situation(2.0, 0.0))[0]
     assert left == pytest.approx(1.0, abs=0.01)
     assert right == pytest.approx(0.5, abs=0.05)
@@ -99,14 +99,17 @@ def test_who_knows_of_a_weak_motor_drives_straight_with_it() -> None:
 def test_a_trim_is_a_weak_motor_to_a_body() -> None:
     maps = RobotParameters().wheel_maps
     weaker = WheelMaps(maps.left, replace(maps.right, trim=0.5))
-    body = np.array([body_record(RealWorldEffects(), weaker)], BODY_RECORD)[0]
+    body = np.array(
+        [body_record(RealWorldEffects(), replace(RobotParameters(), wheel_maps=weaker))],
+        BODY_RECORD,
+    )[0]
     assert body["left_gain"] == 1.0
     assert body["right_gain"] == pytest.approx(0.5)
 
 
 @given(st.floats(-1, 1), st.floats(0.4, 1.1))
 def test_the_oracle_knows_how_fast_its_commands_turn_a_wheel(speed: float, gain: float) -> None:
-    oracle = Oracle(1, RealWorldEffects(left_gain=gain, dead_band=50, dead_band_compensation=40))
+    oracle = Oracle(1, replace(KNOWN, left_gain=gain))
     speed *= gain
     if abs(speed) < 1e-3:
         return

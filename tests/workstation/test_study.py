@@ -22,9 +22,10 @@ from mbot_workstation.training.studies.study_plans import (
     deviating,
     study_plan,
 )
-from mbot_workstation.training.studies.study_run import run_study
+from mbot_workstation.training.studies.study_run import Condition, run_study
 from mbot_workstation.training.studies.tolerance_map import ToleranceMap
 from mbot_workstation.training.worlds.lessons import lesson
+from mbot_workstation.variation.perturbed_robot import perturbed_robot
 from mbot_workstation.variation.presets import NOMINAL
 
 from .calibrations import LIGHT, MOTION
@@ -93,13 +94,18 @@ def test_a_study_becomes_a_page_and_a_picture(tmp_path: Path) -> None:
 
 def test_studies_are_made_around_a_calibrated_robot(tmp_path: Path) -> None:
     files = CalibrationFiles(motion=MOTION, light=LIGHT)
+
+    def gains(condition: Condition) -> tuple[float, float]:
+        robot = perturbed_robot(files.robot, condition.effects.low)
+        return robot.left_motor.gain, robot.right_motor.gain
+
     left, right = study_plan("handicap", files.ranges).conditions[1:]
-    assert (left.effects.low.left_gain, left.effects.low.right_gain) == (1.06 / 2, 0.94)
-    assert (right.effects.low.left_gain, right.effects.low.right_gain) == (1.06, 0.94 / 2)
+    assert gains(left) == (1.06 / 2, 0.94)
+    assert gains(right) == (1.06, 0.94 / 2)
     for condition in study_plan("latency", files.ranges).conditions:
         assert condition.effects.low.camera_latency_ms == condition.value
         assert condition.effects.low.action_latency_ms == 0
-        assert condition.effects.low.left_gain == 1.06
+        assert gains(condition) == (1.06, 0.94)
     uneven, *_ = (c for c in study_plan("robots", files.ranges).conditions if c.label == "uneven")
     assert uneven.effects == files.ranges("uneven")
     robot = files.ranges("nominal")
@@ -128,7 +134,7 @@ def test_the_command_tries_the_calibrated_robot_in_its_rooms(
     invoke(TOLERANCE, "oracle", *options, "--pair", "track_scale:fov_scale", "--cells", "2")
     robot = read_files(folder).robot
     assert all(trial.robot == robot and len(trial.rooms) == 1 for trial in tried)
-    assert {trial.preset.low.right_gain for trial in tried} == {0.94, 0.94 / 2}
+    assert {trial.preset.low.right_gain for trial in tried} == {1.0, 0.5}
     for page in ("handicap.md", "tolerance.md"):
         text = (tmp_path / page).read_text()
         assert f"Nominal here is the robot of {folder}." in text

@@ -31,7 +31,7 @@ from mbot_workstation.simulation.robot_parameters import (
 from mbot_workstation.simulation.scene_parameters import Light, SceneParameters
 from mbot_workstation.variation.effects import EffectRanges, RealWorldEffects
 from mbot_workstation.variation.motion_ranges import narrowed
-from mbot_workstation.variation.presets import measured, preset
+from mbot_workstation.variation.presets import KNOWN, preset
 
 ROOMS_FOLDER = "rooms"
 ROOM_SUFFIXES = (".jpg", ".jpeg", ".png")
@@ -85,7 +85,7 @@ class CalibrationFiles(Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def effects(self) -> RealWorldEffects:
         """Every effect at its value for this robot."""
-        effects = measured(self.robot)
+        effects = KNOWN
         if self.motion is not None:
             effects = replace(effects, action_latency_ms=self.motion.latency_ms)
         if self.light is not None:
@@ -110,7 +110,7 @@ class CalibrationFiles(Struct, frozen=True, forbid_unknown_fields=True):
         if self.camera is not None:
             ranges = ranges.changed(**CALIBRATED_LENS)
         if self.motion is not None:
-            ranges = narrowed(ranges, self.effects, self.motion)
+            ranges = narrowed(ranges, self.motion)
         return ranges
 
 

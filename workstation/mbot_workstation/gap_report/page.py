@@ -21,7 +21,7 @@ from mbot_workstation.pictures.picture_file import encode_picture
 from mbot_workstation.simulation.motion_calibration import MotionCalibration, motion_value
 from mbot_workstation.simulation.parameter_table import PARAMETERS, value
 from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.variation.presets import measured
+from mbot_workstation.variation.presets import KNOWN
 from mbot_workstation.wording import degrees, metres, percent, seconds
 
 JPEG_QUALITY = 88
@@ -184,7 +184,7 @@ def parameter_rows(motion: MotionCalibration) -> Iterator[tuple[str, ...]]:
         for one in PARAMETERS
         if (found := motion_value(motion, one)) is not None
     ]
-    latency = (motion.latency_ms, measured().action_latency_ms)
+    latency = (motion.latency_ms, KNOWN.action_latency_ms)
     rows.append(("latency [ms]", "latency_ms", *latency, 1.0, 1.0))
     for words, key, found, usual, shown, in_file in rows:
         interval = motion.intervals.get(key)

@@ -11,7 +11,7 @@ from mbot_workstation.gap_report.compare import CALIBRATED, MEASURED, NOMINAL, C
 from mbot_workstation.gap_report.figures import SPINS, STRAIGHT
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.training.studies.study_plans import DEVIATIONS
-from mbot_workstation.variation.presets import measured
+from mbot_workstation.variation.presets import KNOWN
 
 Pair = tuple[float | None, float | None]
 """A value seen from the nominal simulation, and from the calibrated one; None if not known."""
@@ -159,8 +159,8 @@ def _latency(files: CalibrationFiles) -> tuple[Pair, str]:
         return UNKNOWN, "needs motion.toml: `workstation identify RECORDING`"
     if "latency_ms" in motion.undetermined:
         return UNKNOWN, f"not identified: {motion.undetermined['latency_ms']}"
-    agrees = measured().camera_latency_ms
-    value = agrees + motion.latency_ms - measured().action_latency_ms
+    agrees = KNOWN.camera_latency_ms
+    value = agrees + motion.latency_ms - KNOWN.action_latency_ms
     interval = motion.intervals.get("latency_ms")
     if interval is None:
         return (value, None), "motion.toml, from command to wheels; nothing checks what remains"

@@ -16,7 +16,7 @@ from mbot_workstation.simulation.parameter_table import (
 )
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.timestep import TIMESTEP_S
-from mbot_workstation.variation.presets import measured
+from mbot_workstation.variation.presets import KNOWN
 
 QUANTILE_95 = 1.96
 
@@ -87,7 +87,7 @@ def _why_not(covariance: Array, index: int, names: tuple[str, ...]) -> str:
 
 def latency(solution: Solution, problem: Problem, data: Data, *, same_clock: bool) -> Estimate:
     """From command to wheel [s], if the clocks were one."""
-    before = measured().action_latency_ms / 1000
+    before = KNOWN.action_latency_ms / 1000
     if not same_clock:
         why = (
             "a tracker whose clock is not the robot's shows the sum of this delay and the clocks' "

@@ -15,7 +15,7 @@ _POSITIVE = frozenset(
         "left_gain",
         "right_gain",
         "speed_scale",
-        "time_constant_ms",
+        "time_constant_scale",
         "friction_scale",
         "mass_scale",
         "wheel_radius_scale",
@@ -34,9 +34,6 @@ _POSITIVE = frozenset(
     }
 )
 """Of no meaning at 0 or below."""
-
-MOST_DEAD_BAND = 200
-"""Of 255, a board speed."""
 
 _SIGNED = frozenset(
     {
@@ -58,25 +55,26 @@ _SIGNED = frozenset(
 class RealWorldEffects:
     """One robot on one day. The defaults are the off values: an ideal robot.
 
-    Scales are shares of the robot's own parameters (`RobotParameters`), so a calibrated robot
-    keeps its calibration. Origins: facts of a unit as measured or public where said; the rest
-    are estimates.
+    What concerns the body is a change of the robot's own parameters (`RobotParameters`, made by
+    `perturbed_robot`), so a calibrated robot keeps its calibration. Origins: facts of a unit as
+    measured or public where said; the rest are estimates.
 
     Attributes:
         action_latency_ms: from the decision's tick to the wheels' voltage: inference and serial
             line. Off 0.
         action_jitter_ms: drawn evenly from 0 to this at every decision and added. Off 0.
-        dead_band_compensation: the board speed, of 255, above which the robot's `MotorMap` starts
-            its steps: a setting of the robot. Off 0.
-        dead_band: the board speed, of 255, up to which the wheels stand; public notes: 40-60.
-            Off 0.
-        left_gain, right_gain: strength of a motor; +-5 % a side is usual, 0.5 is the paper's
-            handicap. Off 1.
+        compensation_scale: of the board speed above which the robot's `MotorMap` starts its steps,
+            a setting of the robot. Off 0.
+        dead_band_scale: of the board speed up to which the wheels stand; public notes: 40-60 of
+            255. Off 0.
+        left_gain, right_gain: strength of a motor, of its own; +-5 % a side is usual, 0.5 is the
+            paper's handicap. Off 1.
         speed_scale: free wheel speed of both; other units have 105-132 of 120 rpm. Off 1.
-        time_constant_ms: of a wheel's speed; 60-120. Off 60, the quickest: less than its mass
-            allows a robot would slip and tip.
-        battery_sag: share of the voltage lost at full command on both motors. The paper measured
-            none (3.9 V at 3.7 V rated), thanks to its second battery. Off 0.
+        time_constant_scale: of a wheel's speed; 60-120 of 90 ms. Off 2/3, the quickest: less than
+            its mass allows a robot would slip and tip.
+        battery_sag: share of the voltage lost at full command on both motors, beyond the robot's
+            own. The paper measured none (3.9 V at 3.7 V rated), thanks to its second battery.
+            Off 0.
         friction_scale: of the wheels on the floor; 0.25 slips in every start. Off 1.
         mass_scale: 0.8-1.1 kg of 0.94. Off 1.
         wheel_radius_scale, track_scale: +-0.6 of 32.5 mm, +-2 of 115 mm. Off 1.
@@ -123,12 +121,12 @@ class RealWorldEffects:
 
     action_latency_ms: float = 0.0
     action_jitter_ms: float = 0.0
-    dead_band_compensation: float = 0.0
-    dead_band: float = 0.0
+    compensation_scale: float = 0.0
+    dead_band_scale: float = 0.0
     left_gain: float = 1.0
     right_gain: float = 1.0
     speed_scale: float = 1.0
-    time_constant_ms: float = 60.0
+    time_constant_scale: float = 60 / 90
     battery_sag: float = 0.0
     friction_scale: float = 1.0
     mass_scale: float = 1.0
@@ -180,8 +178,6 @@ class RealWorldEffects:
                 raise ValueError(f"{name} is {value}, expected at least 0")
         if self.battery_sag >= 1 or self.exposure_drift >= 1:
             raise ValueError("battery_sag and exposure_drift are shares, expected below 1")
-        if max(self.dead_band, self.dead_band_compensation) > MOST_DEAD_BAND:
-            raise ValueError("a dead band is a board speed, expected at most 200 of 255")
 
 
 EFFECT_NAMES = tuple(field.name for field in fields(RealWorldEffects))
@@ -247,8 +243,7 @@ class EffectRanges:
                 low, high = (end * there / here for end in ends)
             else:
                 least = -math.inf if name in _SIGNED else 0.0
-                most = MOST_DEAD_BAND if name.startswith("dead_band") else math.inf
-                low, high = (min(max(end + there - here, least), most) for end in ends)
+                low, high = (max(end + there - here, least) for end in ends)
             pairs[name] = low, high
         return self.changed(**pairs)
 

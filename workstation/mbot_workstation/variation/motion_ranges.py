@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from mbot_workstation.simulation.motion_calibration import Interval, MotionCalibration
-from mbot_workstation.variation.effects import EffectRanges, RealWorldEffects
+from mbot_workstation.variation.effects import EffectRanges
 
 CAUTION = 3.0
 """So many times an interval of 95 % must fit into the range: it is of one day, floor and model."""
@@ -17,17 +17,14 @@ class Narrowing:
     Attributes:
         effect: its name in `RealWorldEffects`.
         keys: in motion.toml's intervals; all of them must be known, the widest counts.
-        least: the range reaches at least so far to both sides: a share of the value, or a board
-            speed of 255 for dead bands. What changes from day to day, however well one day is
-            known.
-        is_share: whether `least` is a share.
+        least: the range reaches at least so far to both sides, as a share of the value. What
+            changes from day to day, however well one day is known.
 
     """
 
     effect: str
     keys: tuple[str, ...]
     least: float
-    is_share: bool = True
 
 
 def _both(field: str) -> tuple[str, ...]:
@@ -42,8 +39,8 @@ NARROWINGS = (
     # The rest is the battery's charge; what it loses under load is `battery_sag`.
     Narrowing("speed_scale", _both("gain"), 0.06),
     # Grease that is warm or cold; and no model has quite the curve of a real start.
-    Narrowing("time_constant_ms", _both("time_constant_ms"), 0.15),
-    Narrowing("dead_band", _both("dead_band"), 6.0, is_share=False),
+    Narrowing("time_constant_scale", _both("time_constant_ms"), 0.15),
+    Narrowing("dead_band_scale", _both("dead_band"), 0.12),
     # Tyres that creep on another floor make another effective track.
     Narrowing("track_scale", ("track_m",), 0.015),
     # Tyres wear and sink in.
@@ -52,14 +49,11 @@ NARROWINGS = (
 """The least reaches are assumptions; without an interval a range stays as the preset has it."""
 
 
-def narrowed(
-    ranges: EffectRanges, effects: RealWorldEffects, motion: MotionCalibration
-) -> EffectRanges:
+def narrowed(ranges: EffectRanges, motion: MotionCalibration) -> EffectRanges:
     """Ranges around a robot, without what identification has ruled out.
 
     Args:
-        ranges: of a preset, around this robot.
-        effects: the robot's own values.
+        ranges: of a preset.
         motion: what was identified, and how surely.
 
     Returns:
@@ -72,18 +66,13 @@ def narrowed(
         intervals = [motion.intervals[key] for key in one.keys if key in motion.intervals]
         if len(intervals) < len(one.keys):
             continue
-        middle: float = getattr(effects, one.effect)
-        reach = max(one.least, *(CAUTION * _half(interval, one) for interval in intervals))
-        if one.is_share:
-            reach *= middle
+        reach = max(one.least, *(CAUTION * _half_share(interval) for interval in intervals))
         low, high = getattr(ranges.low, one.effect), getattr(ranges.high, one.effect)
-        pairs[one.effect] = max(low, middle - reach), min(high, middle + reach)
+        pairs[one.effect] = max(low, 1 - reach), min(high, 1 + reach)
     return ranges.changed(**pairs)
 
 
-def _half(interval: Interval, narrowing: Narrowing) -> float:
-    """Half of its width, as a share of its middle if that is how the effect counts."""
+def _half_share(interval: Interval) -> float:
+    """Half of its width, as a share of its middle."""
     half, middle = (interval.high - interval.low) / 2, (interval.high + interval.low) / 2
-    if not narrowing.is_share:
-        return half
     return half / middle if middle > 0 else math.inf

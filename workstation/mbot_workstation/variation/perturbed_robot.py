@@ -12,19 +12,18 @@ from mbot_workstation.simulation.robot_parameters import (
     MotorParameters,
     RobotParameters,
 )
-from mbot_workstation.variation.effects import EffectRanges, RealWorldEffects
+from mbot_workstation.variation.effects import RealWorldEffects
+
+MOST_DEAD_BAND = 200 / 255
+"""However much larger it becomes: a motor that never turns is no robot to drive."""
 
 
 def perturbed_robot(robot: RobotParameters, effects: RealWorldEffects) -> RobotParameters:
     """The robot's body, motors and camera mount under these effects; its camera is left as it is.
 
-    The effects' gains replace the robot's. Their dead band and time constant are the mean of both
-    wheels, around which left and right differ as they do in the robot. The rest scales it.
+    Scales multiply what the robot has, the mount is shifted.
     """
     scale = effects.mass_scale
-    left, right = robot.left_motor, robot.right_motor
-    dead_bands = shares(left.dead_band, right.dead_band)
-    times = shares(left.time_constant_s, right.time_constant_s)
     return replace(
         robot,
         bodies=tuple(replace(body, mass_kg=body.mass_kg * scale) for body in robot.bodies),
@@ -32,60 +31,30 @@ def perturbed_robot(robot: RobotParameters, effects: RealWorldEffects) -> RobotP
         wheel_friction=robot.wheel_friction * effects.friction_scale,
         track_m=robot.track_m * effects.track_scale,
         free_speed_rpm=robot.free_speed_rpm * effects.speed_scale,
-        left_motor=_motor(left, effects, effects.left_gain, dead_bands[0], times[0]),
-        right_motor=_motor(right, effects, effects.right_gain, dead_bands[1], times[1]),
+        left_motor=_motor(robot.left_motor, effects, effects.left_gain),
+        right_motor=_motor(robot.right_motor, effects, effects.right_gain),
         camera_mount=_mount(robot.camera_mount, effects),
     )
 
 
 def perturbed_wheel_maps(maps: WheelMaps, effects: RealWorldEffects) -> WheelMaps:
-    """The daemon's motor maps under these effects: left and right differ as they do in `maps`."""
-    left, right = shares(maps.left.dead_band, maps.right.dead_band)
-    return WheelMaps(
-        left=_motor_map(maps.left, effects.dead_band_compensation * left),
-        right=_motor_map(maps.right, effects.dead_band_compensation * right),
-    )
+    """The daemon's motor maps under these effects."""
+    left, right = (_motor_map(one, effects.compensation_scale) for one in (maps.left, maps.right))
+    return WheelMaps(left, right)
 
 
-def trimmed(ranges: EffectRanges, maps: WheelMaps) -> EffectRanges:
-    """The ranges with what the trims take away counted as weaker motors.
-
-    For drivers that know a robot's effects but not its motor maps. Exact at full speed.
-    """
-    changed = ranges
-    for name, wheel in (("left_gain", maps.left), ("right_gain", maps.right)):
-        if wheel.trim < 1:
-            dead_band = (ranges.low.dead_band + ranges.high.dead_band) / 2
-            share = max(SPEED_LIMIT * wheel.trim - dead_band, 1.0) / (SPEED_LIMIT - dead_band)
-            ends = getattr(ranges.low, name) * share, getattr(ranges.high, name) * share
-            changed = changed.changed(**{name: ends})
-    return changed
-
-
-def shares(left: float, right: float) -> tuple[float, float]:
-    """Both values in units of their mean."""
-    mean = (left + right) / 2
-    return (left / mean, right / mean) if mean > 0 else (1.0, 1.0)
-
-
-def _motor(
-    motor: MotorParameters,
-    effects: RealWorldEffects,
-    gain: float,
-    dead_band_share: float,
-    time_share: float,
-) -> MotorParameters:
+def _motor(motor: MotorParameters, effects: RealWorldEffects, gain: float) -> MotorParameters:
     return replace(
         motor,
-        gain=gain,
-        dead_band=effects.dead_band * dead_band_share / 255,
-        time_constant_s=effects.time_constant_ms * time_share / 1000,
+        gain=motor.gain * gain,
+        dead_band=min(motor.dead_band * effects.dead_band_scale, MOST_DEAD_BAND),
+        time_constant_s=motor.time_constant_s * effects.time_constant_scale,
     )
 
 
-def _motor_map(nominal: MotorMap, dead_band: float) -> MotorMap:
-    most = math.ceil(SPEED_LIMIT * nominal.trim) - 1  # a motor map leaves some range for driving
-    return replace(nominal, dead_band=min(round(dead_band), most))
+def _motor_map(own: MotorMap, scale: float) -> MotorMap:
+    most = math.ceil(SPEED_LIMIT * own.trim) - 1  # a motor map leaves some range for driving
+    return replace(own, dead_band=min(round(own.dead_band * scale), most))
 
 
 def _mount(mount: CameraMount, effects: RealWorldEffects) -> CameraMount:

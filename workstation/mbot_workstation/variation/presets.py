@@ -6,42 +6,34 @@ with one thing wrong, mostly by more than `randomised` ever shows.
 """
 
 from mbot_protocol.did_you_mean import did_you_mean
-from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.variation.effects import IDEAL, EffectRanges, RealWorldEffects
 
+KNOWN = RealWorldEffects(
+    action_latency_ms=15.0,
+    action_jitter_ms=10.0,
+    compensation_scale=1.0,
+    dead_band_scale=1.0,
+    time_constant_scale=1.0,
+    camera_latency_ms=60.0,
+    frame_interval_ms=1000 / 30,
+    exposure_ms=20.0,
+    readout_ms=23.0,
+    noise=1.0,
+    jpeg_quality=90.0,
+)
+"""What is known of any robot; its body is as it is."""
 
-def measured(robot: RobotParameters | None = None) -> RealWorldEffects:
-    """The effects at the values known for a robot; the nominal robot when None."""
-    robot = robot or RobotParameters()
-    left, right, maps = robot.left_motor, robot.right_motor, robot.wheel_maps
-    return RealWorldEffects(
-        action_latency_ms=15.0,
-        action_jitter_ms=10.0,
-        dead_band_compensation=(maps.left.dead_band + maps.right.dead_band) / 2,
-        dead_band=255 * (left.dead_band + right.dead_band) / 2,
-        left_gain=left.gain,
-        right_gain=right.gain,
-        time_constant_ms=500 * (left.time_constant_s + right.time_constant_s),
-        camera_latency_ms=60.0,
-        frame_interval_ms=1000 / 30,
-        exposure_ms=20.0,
-        readout_ms=23.0,
-        noise=1.0,
-        jpeg_quality=90.0,
-    )
-
-
-NOMINAL = EffectRanges.fixed(measured())
+NOMINAL = EffectRanges.fixed(KNOWN)
 
 RANDOMISED = NOMINAL.changed(
     action_latency_ms=(0.0, 50.0),
     action_jitter_ms=(0.0, 20.0),
-    dead_band_compensation=(30.0, 50.0),
-    dead_band=(35.0, 65.0),
+    compensation_scale=(0.75, 1.25),
+    dead_band_scale=(0.7, 1.3),
     left_gain=(0.85, 1.1),
     right_gain=(0.85, 1.1),
     speed_scale=(0.85, 1.1),
-    time_constant_ms=(50.0, 160.0),
+    time_constant_scale=(50 / 90, 160 / 90),
     battery_sag=(0.0, 0.1),
     friction_scale=(0.5, 1.1),
     mass_scale=(0.8, 1.2),
@@ -106,7 +98,7 @@ daemon does with `camera.automatic = "settle"`."""
 PERTURBATIONS: dict[str, EffectRanges] = {
     "uneven": NOMINAL.changed(left_gain=1.0, right_gain=0.85),
     "handicap": NOMINAL.changed(left_gain=1.0, right_gain=0.5),
-    "sluggish": NOMINAL.changed(time_constant_ms=200.0),
+    "sluggish": NOMINAL.changed(time_constant_scale=200 / 90),
     "slippery": NOMINAL.changed(friction_scale=0.25),
     "blurry": NOMINAL.changed(exposure_ms=30.0),
     "noisy": NOMINAL.changed(noise=5.0, jpeg_quality=60.0),
@@ -154,4 +146,4 @@ def preset(name: str, calibrated: RealWorldEffects | None = None) -> EffectRange
         return _BY_NAME[name]
     if name == "ideal":
         raise ValueError("the preset 'ideal' is no real robot, expected another with a calibration")
-    return _BY_NAME[name].moved(measured(), calibrated)
+    return _BY_NAME[name].moved(KNOWN, calibrated)

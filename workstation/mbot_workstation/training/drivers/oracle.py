@@ -43,7 +43,7 @@ class Oracle:
         """Begin with robots that are all of one kind; `become` tells them apart."""
         self._nominal = nominal or RobotParameters()
         self._last_turn = np.zeros(robots)
-        body = body_record(effects, self._nominal.wheel_maps)
+        body = body_record(effects, self._nominal)
         self.become(np.array([body] * robots, BODY_RECORD))
 
     def become(self, bodies: NDArray[np.void]) -> None:

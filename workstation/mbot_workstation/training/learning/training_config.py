@@ -17,7 +17,7 @@ from mbot_workstation.training.learning.progress_log import ROW_EVERY
 from mbot_workstation.training.worlds.lessons import LESSONS, Lesson, lesson
 from mbot_workstation.training.worlds.rooms import TRAINING_PHOTOGRAPHS
 from mbot_workstation.variation.effects import EffectRanges
-from mbot_workstation.variation.presets import measured, preset
+from mbot_workstation.variation.presets import KNOWN, preset
 
 ALL_LESSONS = tuple(lesson.name for lesson in LESSONS)
 
@@ -114,7 +114,7 @@ class TrainingConfig:
         if self.calibration is None:
             return stages
         effects = self.calibration.effects
-        return tuple(stage.moved(measured(), effects) for stage in stages)
+        return tuple(stage.moved(KNOWN, effects) for stage in stages)
 
     def resolved(self) -> dict[str, Any]:
         """Everything spelt out, for the run's folder: also what the names stand for."""

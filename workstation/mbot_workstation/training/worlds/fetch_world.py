@@ -47,7 +47,7 @@ calibrated one may."""
 OVERSHOOT = 1.1
 """Of a robot's free speed, for its front is further out than its wheels."""
 
-CHANGING = ("left_gain", "right_gain", "speed_scale", "dead_band", "friction_scale")
+CHANGING = ("left_gain", "right_gain", "speed_scale", "dead_band_scale", "friction_scale")
 """Effects of a robot that changes on the way: a battery, a gear, another floor."""
 
 SLACK_S = 1e-6
@@ -211,11 +211,11 @@ class FetchWorld:
         robot = perturbed_robot(self._nominal, effects)
         swap_body(self.simulation, robot)
         self._wheels = perturbed_wheel_maps(robot.wheel_maps, effects)
-        gain = max(effects.left_gain, effects.right_gain)
+        gain = max(robot.left_motor.gain, robot.right_motor.gain)
         free_m_s = robot.free_speed_rad_s * robot.wheel_radius_m * gain
         self._fastest_m_s = max(FASTEST_M_S, free_m_s * OVERSHOOT)
         self._effects = effects
-        self._body = body_record(effects, self._nominal.wheel_maps)
+        self._body = body_record(effects, self._nominal)
         return robot
 
     def _draw_look(self, variety: float) -> SceneLook:

@@ -125,7 +125,7 @@ BLUR_LESSON = Lesson(
 _WORN: Kind = (
     ("left_gain", (0.6, 1.1)),
     ("right_gain", (0.6, 1.1)),
-    ("time_constant_ms", (50.0, 230.0)),
+    ("time_constant_scale", (50 / 90, 230 / 90)),
     ("friction_scale", (0.15, 1.0)),
     ("camera_latency_ms", (30.0, 190.0)),
     ("exposure_gain", (0.5, 1.6)),
@@ -136,9 +136,9 @@ _CRISP: Kind = (
     ("action_latency_ms", (0.0, 15.0)),
     ("action_jitter_ms", (0.0, 5.0)),
     ("camera_latency_ms", (0.0, 30.0)),
-    ("dead_band", (0.0, 30.0)),
-    ("dead_band_compensation", (0.0, 40.0)),
-    ("time_constant_ms", (60.0, 90.0)),
+    ("dead_band_scale", (0.0, 0.6)),
+    ("compensation_scale", (0.0, 1.0)),
+    ("time_constant_scale", (60 / 90, 1.0)),
 )
 
 ROUGH_LESSON = Lesson(

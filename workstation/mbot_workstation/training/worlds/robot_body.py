@@ -2,9 +2,11 @@
 
 import numpy as np
 
-from mbot_protocol.actions import WheelMaps
-from mbot_workstation.variation.effects import EffectRanges, RealWorldEffects
-from mbot_workstation.variation.perturbed_robot import trimmed
+from mbot_protocol.actions import MotorMap
+from mbot_protocol.mcore import SPEED_LIMIT
+from mbot_workstation.simulation.robot_parameters import MotorParameters, RobotParameters
+from mbot_workstation.variation.effects import RealWorldEffects
+from mbot_workstation.variation.perturbed_robot import perturbed_robot
 
 BODY = (
     "left_gain",
@@ -20,18 +22,37 @@ BODY = (
     "friction_scale",
     "camera_latency_ms",
 )
-"""Fields of `RealWorldEffects`, which has their units; the gains are those left by motor trims."""
+"""Gains are those left by motor trims, scales of what the robot has; dead bands are board speeds of
+255 and, as the time constant, the mean of both wheels."""
 
 BODY_RECORD = np.dtype([(name, np.float32) for name in BODY])
 
 
-def body_record(effects: RealWorldEffects, maps: WheelMaps) -> tuple[float, ...]:
+def body_record(effects: RealWorldEffects, robot: RobotParameters) -> tuple[float, ...]:
     """One robot's BODY_RECORD.
 
     Args:
         effects: on it.
-        maps: its daemon's motor maps.
+        robot: what the effects start from, with its daemon's motor maps.
 
     """
-    body = trimmed(EffectRanges.fixed(effects), maps).low
-    return tuple(getattr(body, name) for name in BODY)
+    body, maps = perturbed_robot(robot, effects), robot.wheel_maps
+    left, right = body.left_motor, body.right_motor
+    known = {
+        "left_gain": _trimmed_gain(left, maps.left),
+        "right_gain": _trimmed_gain(right, maps.right),
+        "dead_band": SPEED_LIMIT * (left.dead_band + right.dead_band) / 2,
+        "dead_band_compensation": effects.compensation_scale
+        * (maps.left.dead_band + maps.right.dead_band)
+        / 2,
+        "time_constant_ms": 1000 * (left.time_constant_s + right.time_constant_s) / 2,
+    }
+    return tuple(known[name] if name in known else getattr(effects, name) for name in BODY)
+
+
+def _trimmed_gain(motor: MotorParameters, own: MotorMap) -> float:
+    """What a trim takes away counts as a weaker motor. Exact at full speed."""
+    if own.trim >= 1:
+        return motor.gain
+    dead_band = SPEED_LIMIT * motor.dead_band
+    return motor.gain * max(SPEED_LIMIT * own.trim - dead_band, 1.0) / (SPEED_LIMIT - dead_band)
