@@ -19,6 +19,7 @@ from .fake_board import FakeBoard
 
 FORWARD = Joystick(-100, 100)
 LONG_NS = 10_000_000_000
+ASK_VERSION = b"\xff\x55\x03\x00\x01\x00"
 
 
 def until(condition: object, timeout_s: float = 8.0) -> bool:
@@ -32,6 +33,13 @@ def until(condition: object, timeout_s: float = 8.0) -> bool:
 
 def for_ms(milliseconds: float) -> int:
     return time.monotonic_ns() + int(milliseconds * 1e6)
+
+
+def stays_stopped(board: FakeBoard) -> bool:
+    """Until the standing STOP has come twice more."""
+    seen = len(board.commands)
+    assert until(lambda: len(board.commands) >= seen + 2)
+    return not any(m1 or m2 for _, m1, m2 in board.commands[seen:])
 
 
 @pytest.fixture
@@ -88,8 +96,7 @@ def test_stop_and_halt(motors: Motors, board: FakeBoard) -> None:
     assert motors.wait_stopped(1.0)
     assert board.speeds == (0, 0)
     motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
-    time.sleep(0.3)
-    assert board.speeds == (0, 0)
+    assert stays_stopped(board)
 
 
 def test_a_stop_is_on_the_wire_within_20_ms(motors: Motors, board: FakeBoard) -> None:
@@ -151,7 +158,7 @@ def test_stock_firmware_drives_only_when_accepted(board: FakeBoard) -> None:
         assert motors.fault is not None
         assert motors.fault.kind == "board-no-deadman"
         motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
-        time.sleep(0.3)
+        assert stays_stopped(board)
         assert not board.moved
 
 
@@ -169,12 +176,11 @@ def test_a_reset_board_is_not_driven_before_a_new_handshake(
     assert board.wait_for(-100, 100)
     mark = len(board.received)
     board.reset()
-    assert until(lambda: b"\xff\x55\x03\x00\x01\x00" in bytes(board.received[mark:]))
+    assert until(lambda: ASK_VERSION in bytes(board.received[mark:]))
     assert motors.resets == 1
     assert until(lambda: motors.fault is None)
     # The command in force is forgotten: whoever wants to drive on must say so again.
-    time.sleep(0.3)
-    assert board.speeds == (0, 0)
+    assert stays_stopped(board)
 
 
 def test_a_mute_board_is_a_fault_and_gets_stopped_when_it_is_back(
@@ -192,12 +198,15 @@ def test_a_mute_board_is_a_fault_and_gets_stopped_when_it_is_back(
 def test_a_lost_acknowledgement_stops_until_the_next_command(
     motors: Motors, board: FakeBoard
 ) -> None:
-    board.acknowledge = False
     motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
     assert board.wait_for(-100, 100)
+    board.acknowledge = False  # of the next refresh
     assert board.wait_for(0, 0)
     board.acknowledge = True
     assert until(lambda: motors.fault is None)
+    assert stays_stopped(board)
+    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    assert board.wait_for(-100, 100)
 
 
 def test_unplugging_is_noticed_and_plugging_in_mended(tmp_path: object) -> None:
@@ -241,7 +250,8 @@ def test_a_silent_device_never_gets_a_drive_frame(
     with Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
         assert until(lambda: motors.fault is not None and "baud" in motors.fault.detail)
         motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
-        time.sleep(0.3)
+        asked = bytes(board.received).count(ASK_VERSION)
+        assert until(lambda: bytes(board.received).count(ASK_VERSION) >= asked + 2)
     assert FORWARD.to_bytes() not in bytes(board.received)
 
 
