@@ -222,6 +222,7 @@ def test_a_robot_without_friction_is_not_taken_for_one_with_much_of_it(seed: int
     assert found.robot.right_motor.time_constant_s == pytest.approx(0.09, rel=0.1)
 
 
+@pytest.mark.slow
 def test_dead_bands_are_told_from_gains_at_several_speeds() -> None:
     truth = with_values(
         RobotParameters(),

@@ -1,7 +1,8 @@
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from mbot_workstation.calibration_files.calibration_folder import (
 from mbot_workstation.commands.identify import identify
 from mbot_workstation.identification.fit import identify as real_identify
 from mbot_workstation.identification.result import Identification
-from mbot_workstation.recordings.recording_folder import read_recording, write_recording
+from mbot_workstation.recordings.recording_folder import write_recording
 from mbot_workstation.recordings.run import Recording
 from mbot_workstation.recordings.track import Track
 from mbot_workstation.simulation.motion_calibration import (
@@ -64,9 +65,34 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write(record(PlanarRobot(), session(), calm, seed=3), made)
 
 
+@dataclass(frozen=True)
+class First:
+    """What the command said and wrote in a folder, and the fit behind it: the only one here."""
+
+    result: Result
+    where: Path
+    found: Identification
+
+
 @pytest.fixture(scope="module")
-def found(folder: Path) -> Identification:
-    return real_identify([read_recording(folder)], RobotParameters(), robot_id="mbot-7")
+def first(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> First:
+    where, kept = tmp_path_factory.mktemp("first"), list[Identification]()
+
+    def keep(*arguments: Any, **named: Any) -> Identification:
+        kept.append(real_identify(*arguments, **named))
+        return kept[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(where)
+        patch.setattr("mbot_workstation.identification.fit.identify", keep)
+        result = invoke(folder)
+    (found,) = kept
+    return First(result, where, found)
+
+
+@pytest.fixture
+def found(first: First) -> Identification:
+    return replace(first.found, robot_id="mbot-7")
 
 
 def answering(monkeypatch: pytest.MonkeyPatch, found: Identification) -> None:
@@ -83,11 +109,8 @@ def invoke(*arguments: str | Path) -> Result:
     return result
 
 
-def test_a_recording_becomes_motion_toml(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    told = invoke(folder)
+def test_a_recording_becomes_motion_toml(first: First) -> None:
+    told, calibration = first.result, first.where / "calibration" / "planar-1"
     assert told.exit_code == 0, told.output
     assert "planar-1: fitted 8 runs, 4 held out" in told.output
     assert "left motor gain" in told.output
@@ -98,11 +121,11 @@ def test_a_recording_becomes_motion_toml(
     assert max(map(len, tables)) <= 80
     assert "the left motor is the stronger one: trim 0.9" in told.output
     assert f"wrote {Path('calibration/planar-1/motion.toml')}" in told.output
-    motion = read_motion(Path("calibration/planar-1"))
+    motion = read_motion(calibration)
     assert motion is not None
     assert motion.track_m == pytest.approx(0.117, abs=0.004)
     assert motion.left_motor.trim < 1 == motion.right_motor.trim
-    robot = read_calibration(Path("calibration/planar-1")).robot
+    robot = read_calibration(calibration).robot
     assert robot.left_motor.gain == motion.left_motor.gain
     assert robot.inertia_scale == motion.inertia_scale != 1
     assert robot.centre_of_mass_m == motion.mass_ahead_m
