@@ -23,7 +23,7 @@ demo-firmware: $(VENV)/.demo $(FIRMWARE)/mbot-deadman.elf ## The demo with the b
 	@PYTHON=$(PYTHON) sh deploy/workstation-libraries.sh emulator
 	$(BIN)/workstation demo --model models/red-cube.onnx --firmware $(FIRMWARE)/mbot-deadman.elf $(DEMO)
 
-test: $(VENV)/.all ## Run the tests that a change needs, 5 minutes
+test: $(VENV)/.all ## Run the tests that a change needs, 6 to 9 minutes
 	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile $(TEST)
 
 test-all: $(VENV)/.all ## Run all tests: those too that run real programs in real time, 18 minutes
