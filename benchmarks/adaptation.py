@@ -85,8 +85,9 @@ class Guided:
     def act(self, environment: FetchVecEnv, pictures: NDArray[np.uint8]) -> Actions:
         """Both wheels of every robot."""
         del pictures
-        self._guide.become(environment.bodies)
-        actions = np.nan_to_num(self._guide.act(environment.situations))
+        sight = environment.sight(np.arange(environment.num_envs))
+        self._guide.become(sight.bodies)
+        actions = np.nan_to_num(self._guide.act(sight.situations))
         self._guide.drove(actions)
         return actions
 
@@ -97,13 +98,13 @@ def drive(driver: Driven | Guided, robots: int) -> Drive:
     turn = np.full((DECISIONS, robots), np.nan)
     with FetchVecEnv(robots, 0, preset("nominal"), SWAP, evaluation_rooms([])) as environment:
         pictures: Any = environment.reset()
-        first_episode = np.ones(robots, np.bool_)
+        first_episode, rows = np.ones(robots, np.bool_), np.arange(robots)
         for decision in range(DECISIONS):
-            before = environment.situations
+            before = environment.sight(rows).situations
             actions = driver.act(environment, pictures)
             pictures, _, ended, _ = environment.step(actions)
             first_episode &= ~ended
-            after = environment.situations
+            after = environment.sight(rows).situations
             same_object = after["touches"] == before["touches"]
             counts = first_episode & same_object
             progress[decision] = np.where(counts, _distance_m(before) - _distance_m(after), np.nan)

@@ -5,7 +5,8 @@
 Whole loop: collect with 16 robots, then PPO's update, with the paper's network (no memory), the
 same batch and epochs on both sides. Plain is `PPO` with `SubprocVecEnv` and `mujoco.Renderer` at
 the same picture settings (benchmarks/training_environment.py measures the environments alone). The
-bare kernels are physics, picture, forward pass and update, each alone on one core, spread over all.
+bare kernels are physics, picture, forward pass and update without anything around them, on all
+cores at once, as they run in a training.
 """
 
 import argparse
@@ -14,6 +15,8 @@ import os
 import resource
 import statistics
 import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
@@ -26,11 +29,16 @@ from torch.distributions import Normal
 from training_environment import PlainEnv, kernels
 
 from mbot_workstation.simulation.room_generator import generate_room
+from mbot_workstation.training.learning.collection import Collection
 from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
-from mbot_workstation.training.learning.memory_policy import TRUTH
+from mbot_workstation.training.learning.memory_policy import (
+    TRUTH,
+    Before,
+    MemoryPolicy,
+    memory_policy_arguments,
+)
 from mbot_workstation.training.learning.picture_ppo import PicturePPO
-from mbot_workstation.training.learning.remembering import Remembering
-from mbot_workstation.training.learning.scaled_rewards import ScaledRewards
+from mbot_workstation.training.worlds.fetch_env import action_space, observation_space
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 
 ROBOTS = 16
@@ -72,34 +80,36 @@ def plain_learner(room: Any) -> PPO:
 
 def our_learner(preset: str, rooms: list[Any]) -> PicturePPO:
     environment = FetchVecEnv(ROBOTS, 0, preset, "10", rooms)
-    return make_learner(ScaledRewards(environment, SETTINGS.reward_scale), SETTINGS, seed=0)
+    learner = make_learner(environment, SETTINGS, seed=0)
+    learner.collection = Collection(environment)
+    return learner
 
 
 def speed(learner: PPO, iterations: int, *, threads: int) -> float:
     """Decisions a second over some rounds of collecting and learning."""
-    beside = None
-    if isinstance(learner, PicturePPO):
-        assert isinstance(learner.env, ScaledRewards)
-        assert isinstance(learner.env.venv, FetchVecEnv)
-        beside = Remembering(learner.env.venv, None, seed=0)
     torch.set_num_threads(threads)
     decisions = iterations * SETTINGS.steps_per_robot * ROBOTS
     start_s = time.perf_counter()
-    learner.learn(decisions, callback=beside, reset_num_timesteps=False)
+    learner.learn(decisions, reset_num_timesteps=False)
     return decisions / (time.perf_counter() - start_s)
 
 
-def network_ms(learner: PicturePPO) -> dict[str, float]:
+def network_ms() -> dict[str, float]:
     """Milliseconds a decision takes one core: forward pass while collecting, update afterwards."""
     torch.set_num_threads(1)
-    pictures = torch.randint(0, 255, (ROBOTS, 64, 64, 3)).float()
     rounds = 200
-    policy = learner.policy
-    policy.begin(ROBOTS)
+    arguments = memory_policy_arguments(SETTINGS.memory_units, 0.0)
+    policy = MemoryPolicy(observation_space(), action_space(), lambda _: 1e-4, **arguments)
+    before = Before(
+        pictures=torch.randint(0, 255, (ROBOTS, 64, 64, 3)).to(torch.uint8),
+        state=torch.zeros(ROBOTS, policy.units),
+        previous_actions=torch.zeros(ROBOTS, 2),
+        truth=torch.zeros(ROBOTS, TRUTH),
+    )
     with torch.no_grad():
         start_s = time.perf_counter()
         for _ in range(rounds):
-            policy(pictures)
+            policy.decide(before)
         forward_s = time.perf_counter() - start_s
     batch = torch.randint(0, 255, (1, SETTINGS.batch, 64, 64, 3)).float()
     nothing = [torch.zeros(1, SETTINGS.batch, 2), torch.zeros(1, SETTINGS.batch)]
@@ -121,6 +131,11 @@ def network_ms(learner: PicturePPO) -> dict[str, float]:
     }
 
 
+def all_kernels(room: Any) -> dict[str, float]:
+    """Milliseconds a decision takes one core, one kernel after the other."""
+    return kernels(room, 480) | network_ms()
+
+
 def measure(rounds: int, iterations: int) -> dict[str, Any]:
     rooms = [generate_room(seed, 512) for seed in range(6)]
     cores = os.cpu_count() or 1
@@ -133,7 +148,9 @@ def measure(rounds: int, iterations: int) -> dict[str, Any]:
     for _ in range(rounds):
         for name, (learner, threads) in learners.items():
             speeds[name].append(speed(learner, iterations, threads=threads))
-    kernel = kernels(rooms[0], 480) | network_ms(ours["ideal"])
+    with ProcessPoolExecutor(cores, get_context("spawn")) as pool:
+        timed = list(pool.map(all_kernels, [rooms[0]] * cores))  # as they run: all cores busy
+    kernel = {name: statistics.mean(one[name] for one in timed) for name in timed[0]}
     for learner, _ in learners.values():
         environment = learner.get_env()
         assert environment is not None

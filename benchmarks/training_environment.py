@@ -67,7 +67,7 @@ class PlainEnv(gymnasium.Env[Any, Any]):
         return self._picture(), {}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        self.data.ctrl[:] = 3.7 * np.clip(action, -1, 1)
+        self.data.ctrl[:2] = 3.7 * np.clip(action, -1, 1)
         reward, ended = 0.0, False
         self.left -= 1
         for _ in range(round(DECISION_S / self.model.opt.timestep)):
@@ -112,7 +112,7 @@ def kernels(room: Any, decisions: int) -> dict[str, float]:
 
     start_s = time.perf_counter()
     for action in actions:
-        data.ctrl[:] = action
+        data.ctrl[:2] = action
         mujoco.mj_step(model, data, steps)
     physics_s = time.perf_counter() - start_s
 

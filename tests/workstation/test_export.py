@@ -32,6 +32,7 @@ from mbot_workstation.training.learning.checkpoint import (
 from mbot_workstation.training.learning.curriculum import CurriculumState
 from mbot_workstation.training.learning.golden_answers import check_golden_frames, golden_property
 from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
+from mbot_workstation.training.learning.memory_policy import TRUTH, Before
 from mbot_workstation.training.learning.picture_ppo import PicturePPO
 from mbot_workstation.training.learning.policy_graph import policy_graph
 from mbot_workstation.training.learning.run_directory import RunDirectory, write_json
@@ -94,16 +95,22 @@ sqrt(5000) is 4e-5 (1.2e-5 was seen). A wheel's smallest step is 4e-3."""
 def test_onnx_decides_as_the_learner_does(learner: PicturePPO, run: RunDirectory) -> None:
     model = policy_graph(read_weights(run.last_checkpoint()), PolicyMetadata("first"))
     policy = OnnxPolicy(model.SerializeToString())
-    learner.policy.begin(len(PICTURES))
+    robots = len(PICTURES)
+    state, told = torch.zeros(robots, learner.policy.units), torch.zeros(robots, 2)
     for moment in range(4):
         ours = policy.act(PICTURES)
-        theirs, _ = learner.policy.predict(PICTURES, deterministic=True)
+        before = Before(torch.from_numpy(PICTURES), state, told, torch.zeros(robots, TRUTH))
+        with torch.no_grad():
+            decided = learner.policy.decide(before, deterministic=True)
+        theirs = decided.actions.clip(-1, 1)
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=FLOAT32)
         assert (np.abs(ours) == 1.0).any(), "the test must reach the clipping"
         assert (np.abs(ours) < 1.0).any()
         forgets = np.arange(len(PICTURES)) % 3 == moment
         policy.forget(forgets)
-        learner.policy.drove(np.round(ours * 250) / np.float32(250), forgets)
+        keep = torch.from_numpy(~forgets).float().unsqueeze(1)
+        state, told = decided.state * keep, torch.from_numpy(np.round(ours * 250) / 250) * keep
+        told = told.float()
 
 
 def test_a_network_without_memory_follows_the_first_contract() -> None:
@@ -115,7 +122,6 @@ def test_a_network_without_memory_follows_the_first_contract() -> None:
     assert [one.name for one in model.graph.input] == ["observation"]
     policy = OnnxPolicy(model.SerializeToString())
     assert policy.metadata.contract_version == 1
-    plain.policy.begin(len(PICTURES))
     theirs, _ = plain.policy.predict(PICTURES, deterministic=True)
     np.testing.assert_allclose(policy.act(PICTURES), theirs, rtol=0, atol=FLOAT32)
 

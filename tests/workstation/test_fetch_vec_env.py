@@ -81,6 +81,41 @@ def test_the_number_of_workers_changes_nothing(pair: FetchVecEnv) -> None:
         assert all(np.array_equal(a, b) for a, b in zip(both, run(alone, 9), strict=True))
 
 
+def test_halves_drive_as_all_of_them_do(pair: FetchVecEnv) -> None:
+    """One half drives while the other one's next actions are being chosen."""
+    steps = 200  # 167 decisions are an episode at least
+    together = run(pair, seed=4, steps=steps)
+    pair.seed(4)
+    frames = np.array(pair.reset())
+    assert [half.tolist() for half in pair.halves] == [[0], [1, 2]], "a half of each worker's"
+    told = actions(steps)
+    apart, infos = [frames.copy()], []
+    pair.send(0, told[0, pair.halves[0]])
+    for step in range(steps):
+        rewards, ended = np.zeros(ROBOTS, np.float32), np.zeros(ROBOTS, np.bool_)
+        pair.send(1, told[step, pair.halves[1]])
+        for half, rows in enumerate(pair.halves):
+            arrival = pair.receive(half)
+            rewards[rows], ended[rows] = arrival.rewards, arrival.ended
+            frames[rows] = pair.sight(rows).pictures
+            infos += arrival.infos
+            if half == 0 and step + 1 < steps:
+                pair.send(0, told[step + 1, rows])
+        apart += [frames.copy(), rewards, ended]
+    assert all(np.array_equal(a, b) for a, b in zip(together, apart, strict=True))
+    ends = sum(int(part.sum()) for part in apart[3::3])
+    assert ends == len([info for info in infos if info["episode"]["l"] > 0]) > 0
+
+
+def test_a_lesson_may_be_given_while_robots_drive(pair: FetchVecEnv) -> None:
+    pair.reset()
+    pair.send(0, np.zeros((len(pair.halves[0]), 2), np.float32))
+    pair.set_lesson("2")
+    pair.set_lesson("1")
+    pair.receive_all()
+    assert pair.reset().std() > 0
+
+
 def test_observations_are_the_callers_to_keep(pair: FetchVecEnv) -> None:
     before = pair.reset()
     kept = before.copy()
@@ -152,10 +187,11 @@ def test_drivers_are_told_of_a_robot_that_changes_on_the_way() -> None:
     swap = Lesson("swap", 2.5, objects=10, changes=1.0, change_after=(2, 3), change_to=weak)
     with FetchVecEnv(2, 0, "ideal", swap, ROOMS, workers=1) as environment:
         environment.reset()
-        told = [environment.bodies["left_gain"].tolist()]
+        rows = np.arange(2)
+        told = [environment.sight(rows).bodies["left_gain"].tolist()]
         for _ in range(3):
             environment.step(np.zeros((2, 2), np.float32))
-            told.append(environment.bodies["left_gain"].tolist())
+            told.append(environment.sight(rows).bodies["left_gain"].tolist())
     assert told == [[1.0, 1.0]] * 3 + [[0.5, 0.5]]
 
 

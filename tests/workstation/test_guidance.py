@@ -13,9 +13,9 @@ from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.training.drivers.guide import SEARCH_SPEED, Guide
 from mbot_workstation.training.drivers.oracle import Oracle, middle
 from mbot_workstation.training.learning.advice_memory import BURN_IN, AdviceMemory
+from mbot_workstation.training.learning.collection import Collection
 from mbot_workstation.training.learning.guidance import advice_loss, guide_weight
 from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
-from mbot_workstation.training.learning.remembering import Remembering
 from mbot_workstation.training.learning.sequences import Sequences
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 from mbot_workstation.training.worlds.robot_body import BODY_RECORD, body_record
@@ -136,53 +136,6 @@ def test_the_guides_weight_falls_to_nothing(decisions: int, guided: int) -> None
     assert (weight == 0.0) == (decisions >= guided)
 
 
-def test_advice_stays_with_its_observation_and_teaches() -> None:
-    """A few updates bring the student's wheels nearer to what the guide would have done."""
-    settings = LearnerSettings(steps_per_robot=32, batch=64, guided_decisions=10**6)
-    with FetchVecEnv(robots=2, seed=1, preset="ideal", lesson="4", workers=1) as environment:
-        learner = make_learner(environment, settings, seed=0)
-        asker = Remembering(environment, Guide(2, preset("ideal")), seed=0)
-        distances: list[float] = []
-        for _ in range(6):
-            learner.learn(64, callback=asker, reset_num_timesteps=False)
-            everything = learner.rollout_buffer.everything()
-            with torch.no_grad():
-                wheels = learner.policy.action_net(learner._known(everything))  # pyright: ignore[reportPrivateUsage]
-            asked = torch.from_numpy(everything.advice).flatten(0, 1)
-            distances.append(float(advice_loss(wheels, asked)) / 64)
-    assert np.mean(distances[-2:]) < distances[0]
-
-
-@pytest.mark.parametrize("units", [8, 0])
-def test_an_update_finds_the_rollout_as_it_was(units: int) -> None:
-    """With unchanged weights every action is as likely as when it was drawn, over the ends of
-    episodes and forgettings too: pictures, states and previous actions belong together.
-    """
-    settings = LearnerSettings(
-        steps_per_robot=160,
-        batch=320,
-        epochs=1,
-        memory_units=units,
-        learning_rate=1e-12,
-        final_learning_rate=1e-12,
-    )
-    with FetchVecEnv(robots=2, seed=1, preset="ideal", lesson="1", workers=1) as environment:
-        learner = make_learner(environment, settings, seed=0)
-        torch.nn.init.normal_(learner.policy.action_net.weight, std=0.2)
-        learner.learn(320, callback=Remembering(environment, None, seed=0))
-    lived = learner.rollout_buffer.everything()
-    assert lived.forgot.sum() > 2, "nobody has begun anew"
-    with torch.no_grad():
-        known = learner._known(lived)  # pyright: ignore[reportPrivateUsage]
-        wheels = torch.distributions.Normal(
-            learner.policy.action_net(known), learner.policy.log_std.exp()
-        )
-        found = wheels.log_prob(torch.from_numpy(lived.actions).flatten(0, 1)).sum(dim=1)
-    np.testing.assert_allclose(found, lived.old_log_prob.flatten(), rtol=0, atol=2e-3)
-    told = np.clip(lived.actions[:-1], -1, 1) * (1 - lived.forgot[1:, :, None])
-    np.testing.assert_allclose(lived.previous_actions[1:], told, rtol=0, atol=1e-6)
-
-
 def sequences(count: int, level: int, length: int = 12) -> Sequences:
     shape = (length, count)
     return Sequences(
@@ -229,8 +182,8 @@ def test_rehearsing_moves_the_wheels_and_the_memory() -> None:
     )
     with FetchVecEnv(robots=1, seed=1, preset="ideal", lesson="4", workers=1) as environment:
         learner = make_learner(environment, settings, seed=0)
-        guide = Guide(1, preset("ideal"))
-        learner.learn(16, callback=Remembering(environment, guide, seed=0))
+        learner.collection = Collection(environment, lambda robots: Guide(robots, preset("ideal")))
+        learner.learn(16)
         before = {k: v.clone() for k, v in learner.policy.state_dict().items()}
         for group in learner.policy.optimizer.param_groups:
             group["lr"] = 1e-2

@@ -6,6 +6,7 @@ import torch
 
 from mbot_workstation.training.learning.memory_policy import (
     TRUTH,
+    Before,
     MemoryPolicy,
     memory_policy_arguments,
     truth,
@@ -31,17 +32,20 @@ def made(units: int) -> MemoryPolicy:
 
 def driven(policy: MemoryPolicy) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     """Nine decisions of three robots: wheels, previous actions, forgettings."""
-    policy.begin(3)
+    state, told = torch.zeros(3, policy.units), torch.zeros(3, 2)
     wheels: list[torch.Tensor] = []
     previous: list[torch.Tensor] = []
     forgot = np.ones(3, np.bool_)
     all_forgot: list[np.ndarray] = []
     for pictures, actions, forget in zip(PICTURES, ACTIONS, FORGETS, strict=True):
-        previous.append(policy.previous_action)
+        previous.append(told)
         all_forgot.append(forgot)
+        before = Before(torch.from_numpy(pictures), state, told, torch.zeros(3, TRUTH))
         with torch.no_grad():
-            wheels.append(policy(torch.from_numpy(pictures), deterministic=True)[0])
-        policy.drove(actions, forget)
+            decided = policy.decide(before, deterministic=True)
+        wheels.append(decided.actions)
+        keep = torch.from_numpy(~forget).float().unsqueeze(1)
+        state, told = decided.state * keep, torch.from_numpy(actions) * keep
         forgot = forget
     return torch.stack(wheels), torch.stack(previous), torch.tensor(np.array(all_forgot)).float()
 
@@ -79,13 +83,24 @@ def test_the_last_action_is_a_part_of_what_is_remembered() -> None:
     assert not torch.allclose(ours, other)
 
 
-def test_looking_ahead_for_a_value_remembers_nothing() -> None:
+def test_what_is_drawn_is_as_likely_as_is_said() -> None:
     policy = made(16)
-    policy.begin(3)
-    before = policy.state.clone()
+    many = 4000
+    before = Before(
+        torch.from_numpy(np.repeat(PICTURES[0][:1], many, axis=0)),
+        torch.zeros(many, 16),
+        torch.zeros(many, 2),
+        torch.zeros(many, TRUTH),
+    )
     with torch.no_grad():
-        policy.predict_values(torch.from_numpy(PICTURES[0]))
-    torch.testing.assert_close(policy.state, before)
+        decided, plain = policy.decide(before), policy.decide(before, deterministic=True)
+    noise = torch.exp(torch.tensor(-1.0))
+    spread = (decided.actions - plain.actions) / noise
+    assert spread.mean().abs() < 0.06, "4,000 draws: 4 standard errors"
+    assert (spread.std() - 1).abs() < 0.05
+    expected = torch.distributions.Normal(plain.actions, noise).log_prob(decided.actions).sum(1)
+    torch.testing.assert_close(decided.log_probs, expected)
+    torch.testing.assert_close(policy.values(before), plain.values)
 
 
 def test_the_critic_is_told_finite_numbers_of_about_one() -> None:

@@ -25,7 +25,12 @@ from mbot_workstation.commands import train as command
 from mbot_workstation.training.learning.checkpoint import read_state, read_weights, restore_learner
 from mbot_workstation.training.learning.curriculum import CurriculumState
 from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
-from mbot_workstation.training.learning.memory_policy import MEMORY_UNITS, TRUTH, MemoryPolicy
+from mbot_workstation.training.learning.memory_policy import (
+    MEMORY_UNITS,
+    TRUTH,
+    Before,
+    MemoryPolicy,
+)
 from mbot_workstation.training.learning.picture_ppo import PicturePPO
 from mbot_workstation.training.learning.progress_display import LineDisplay
 from mbot_workstation.training.learning.progress_log import Episode, ProgressLog, read_progress
@@ -288,7 +293,6 @@ def test_threads_learn_what_stable_baselines_learns(monkeypatch: pytest.MonkeyPa
     for update in (PicturePPO.train, PPO.train):
         environment = DummyVecEnv([Pictures, Pictures])
         learner = make_learner(environment, settings, seed=3)
-        learner.policy.begin(2)
         learner.set_logger(Logger(None, []))
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(PicturePPO, "train", update)
@@ -393,16 +397,14 @@ def test_a_policy_without_memory_gets_one_that_it_does_not_heed_yet(tmp_path: Pa
         before = make_learner(environment, paper.learner, seed=6)
         restore_learner(Path(config.parent), before, with_optimizer=True)
         pictures = environment.reset()
-        for one in (learner, before):
-            one.policy.begin(2)
-        for _ in range(3):
-            ours, theirs = (one.policy.predict(pictures)[0] for one in (learner, before))
-            means = [
-                one.policy.predict(pictures, deterministic=True)[0] for one in (learner, before)
-            ]
-            np.testing.assert_allclose(means[0], means[1], rtol=0, atol=1e-5)
-            assert ours.shape == theirs.shape == (2, 2)
-            learner.policy.drove(ours, np.zeros(2, np.bool_))
+        state, told = torch.randn(2, 16), torch.rand(2, 2)
+        sight = torch.from_numpy(pictures)
+        for remembered in (torch.zeros(2, 16), state):
+            ours = learner.policy.decide(
+                Before(sight, remembered, told, torch.zeros(2, TRUTH)), deterministic=True
+            )
+            theirs = before.policy.predict(pictures, deterministic=True)[0]
+            np.testing.assert_allclose(ours.actions.detach(), theirs, rtol=0, atol=1e-5)
     with pytest.raises(ConfigurationError, match="weights of another network"):
         restore_learner(Path(config.parent), learner, with_optimizer=True)
 

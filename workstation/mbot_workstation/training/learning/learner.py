@@ -120,6 +120,7 @@ def make_learner(
         seed=seed,
         device=device,
     )
+    learner.reward_scale = settings.reward_scale
     learner.noise_at = settings.noise_at
     learner.guided_decisions = settings.guided_decisions
     learner.rehearsals = settings.rehearsals

@@ -10,6 +10,7 @@ training, and is told the truth: where the object is and what the robot is like.
 """
 
 import itertools
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -59,17 +60,46 @@ def truth(situations: NDArray[np.void], bodies: NDArray[np.void]) -> NDArray[np.
     return np.nan_to_num(np.concatenate([where, what], axis=1)).astype(np.float32)
 
 
-class MemoryPolicy(ActorCriticPolicy):
-    """SB3's policy with a memory that runs along while a rollout is collected.
+@dataclass(frozen=True, slots=True, eq=False)
+class Before:
+    """What n robots and the critic go by in a decision.
 
-    `forward` decides for the running robots and keeps what it would remember; `drove` makes that
-    the memory. Updates use `unroll` on stored sequences and leave the running memory alone.
+    Attributes:
+        pictures: uint8, shape (n, 64, 64, 3).
+        state: what each remembers, shape (n, units).
+        previous_actions: as the wheels were told, shape (n, 2).
+        truth: for the critic, shape (n, TRUTH).
+
+    """
+
+    pictures: torch.Tensor
+    state: torch.Tensor
+    previous_actions: torch.Tensor
+    truth: torch.Tensor
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decided:
+    """What was made of it.
+
+    Attributes:
+        actions: drawn, not clipped, shape (n, 2).
+        values, log_probs: shape (n,).
+        state: what is remembered from now on, shape (n, units).
+
+    """
+
+    actions: torch.Tensor
+    values: torch.Tensor
+    log_probs: torch.Tensor
+    state: torch.Tensor
+
+
+class MemoryPolicy(ActorCriticPolicy):
+    """SB3's policy with a memory; who collects decisions keeps what the robots remember.
 
     Attributes:
         memory: GRU from features and the last action; None for a policy without memory.
-        state: what each running robot remembers, shape (robots, units).
-        previous_action: of each, as the wheels were told, shape (robots, 2).
-        truth: what the critic is told of each, shape (robots, TRUTH).
 
     """
 
@@ -78,41 +108,40 @@ class MemoryPolicy(ActorCriticPolicy):
     def __init__(self, *args: Any, memory_units: int = MEMORY_UNITS, **kwargs: Any) -> None:
         self._units = memory_units
         super().__init__(*args, **kwargs)
-        self.begin(1)
 
     @property
     def units(self) -> int:
         """How many numbers a robot remembers."""
         return self._units
 
-    def begin(self, robots: int) -> None:
-        """Forget everything, for so many robots."""
-        self.state = torch.zeros(robots, self._units, device=self.device)
-        self.previous_action = torch.zeros(robots, ACTIONS, device=self.device)
-        self.truth = torch.zeros(robots, TRUTH, device=self.device)
-        self._next_state = self.state
+    def decide(self, before: Before, deterministic: bool = False) -> Decided:
+        """One decision of some robots."""
+        known, state = self._recall(before)
+        mean, noise = self.action_net(known), self.log_std.exp()
+        actions = mean if deterministic else torch.normal(mean, noise.expand_as(mean))
+        log_probs = Normal(mean, noise, validate_args=False).log_prob(actions).sum(dim=1)
+        return Decided(actions, self.value_of(known, before.truth), log_probs, state)
+
+    def values(self, before: Before) -> torch.Tensor:
+        """What is to be expected, shape (n,)."""
+        return self.value_of(self._recall(before)[0], before.truth)
 
     def forward(
         self, obs: torch.Tensor, deterministic: bool = False
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Actions, values and log-probabilities for the running robots' pictures."""
-        known = self._recall(obs)
-        wheels = Normal(self.action_net(known), self.log_std.exp(), validate_args=False)
-        actions = wheels.mean if deterministic else wheels.sample()
-        return actions, self._value(known, self.truth), wheels.log_prob(actions).sum(dim=1)
+        """What SB3 asks for: as `decide`, for robots that remember nothing, without the truth."""
+        nothing = (
+            torch.zeros(len(obs), n, device=obs.device) for n in (self._units, ACTIONS, TRUTH)
+        )
+        decided = self.decide(Before(obs, *nothing), deterministic)
+        return decided.actions, decided.values, decided.log_probs
 
     def _predict(self, observation: Any, deterministic: bool = False) -> torch.Tensor:
         return self(observation, deterministic)[0]
 
     def predict_values(self, obs: Any) -> torch.Tensor:
-        """Values of the running robots' pictures; nothing is remembered of it."""
-        return self._value(self._recall(obs), self.truth)
-
-    def drove(self, actions: NDArray[np.float32], forget: NDArray[np.bool_]) -> None:
-        """After a decision: what the wheels were told, and which robots begin anew."""
-        keep = torch.from_numpy(~forget).to(self.device).float().unsqueeze(1)
-        self.state = self._next_state * keep
-        self.previous_action = torch.from_numpy(actions).to(self.device) * keep
+        """Likewise."""
+        return self(obs)[1]
 
     def unroll(
         self,
@@ -157,22 +186,18 @@ class MemoryPolicy(ActorCriticPolicy):
 
     def value_of(self, known: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
         """Values, shape (n,), of what is known, shape (n, features + units), and the truth."""
-        return self._value(known, truth).flatten()
+        return self.value_net(torch.cat([known, truth], dim=1)).flatten()
 
-    def _recall(self, pictures: torch.Tensor) -> torch.Tensor:
-        features = self._features(pictures)
+    def _recall(self, before: Before) -> tuple[torch.Tensor, torch.Tensor]:
+        """What is known in a decision, and what is remembered of it."""
+        features = self._features(before.pictures)
         if self.memory is None:
-            return features
-        self._next_state = self.memory(
-            torch.cat([features, self.previous_action], dim=1), self.state
-        )
-        return torch.cat([features, self._next_state], dim=1)
+            return features, before.state
+        state = self.memory(torch.cat([features, before.previous_actions], dim=1), before.state)
+        return torch.cat([features, state], dim=1), state
 
     def _features(self, pictures: torch.Tensor) -> torch.Tensor:
         return self.features_extractor(pictures.float())
-
-    def _value(self, known: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
-        return self.value_net(torch.cat([known, truth], dim=1))
 
     def _build(self, lr_schedule: Any) -> None:
         super()._build(lr_schedule)

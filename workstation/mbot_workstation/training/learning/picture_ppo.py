@@ -1,11 +1,11 @@
-"""SB3's PPO with two things changed for pictures on a few processor cores, and one for memory.
+"""SB3's PPO with three things changed for pictures on a few processor cores, and one for memory.
 
 Pictures are not transposed: PaperNetwork takes them as they are. An update splits every batch
 between Python threads that each use one core, instead of splitting every operation between torch's
 threads: the network's operations last some 100 microseconds, so that waiting for each other after
 every one costs more than it wins, by a factor of 8 when another program wants a core (measured).
-And it learns from sequences, through which the memory's gradient goes back. What is computed
-besides is SB3's PPO update.
+Decisions come from a `Collection`, which keeps all cores busy. And it learns from sequences,
+through which the memory's gradient goes back. What is computed besides is SB3's PPO update.
 """
 
 import math
@@ -16,11 +16,14 @@ from typing import Any
 
 import torch
 from stable_baselines3 import PPO
+from stable_baselines3.common.buffers import RolloutBuffer
+from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 from torch.distributions import Normal
 from torch.nn import functional
 
 from mbot_workstation.training.learning.advice_memory import AdviceMemory
+from mbot_workstation.training.learning.collection import Collection
 from mbot_workstation.training.learning.guidance import advice_loss, guide_weight
 from mbot_workstation.training.learning.memory_policy import MemoryPolicy
 from mbot_workstation.training.learning.sequences import (
@@ -47,11 +50,14 @@ class _Part:
 
 class PicturePPO(PPO):
     """PPO for pictures of shape (height, width, 3), updated by threads; its policy is a
-    `MemoryPolicy`, its rollouts need the callback `Remembering`.
+    `MemoryPolicy`.
 
     Attributes:
         update_threads: into how many parts a batch is split. It changes results only by rounding,
             and does not depend on the machine, so that a seed gives the same run anywhere.
+        collection: where rollouts come from; None is SB3's own loop, in which nothing is
+            remembered.
+        reward_scale: rewards are multiplied by it.
         noise_at: the exploration noise when this share of the planned decisions remains; None
             lets PPO learn it, as stable-baselines3 does.
         guided_decisions: for how many decisions a guide's advice counts, falling linearly.
@@ -60,7 +66,9 @@ class PicturePPO(PPO):
 
     """
 
+    collection: Collection | None = None
     update_threads = 2
+    reward_scale = 1.0
     noise_at: Callable[[float], float] | None = None
     guided_decisions = 0
     rehearsals = 0
@@ -82,7 +90,7 @@ class PicturePPO(PPO):
 
     def _excluded_save_params(self) -> list[str]:
         # The memory is gigabytes, and soon made anew; the schedule is the configuration's.
-        return [*super()._excluded_save_params(), "_memory", "noise_at"]
+        return [*super()._excluded_save_params(), "_memory", "noise_at", "collection"]
 
     def train(self) -> None:
         """Learn from the rollout, as PPO.train; the losses go to the logger."""
@@ -98,13 +106,39 @@ class PicturePPO(PPO):
                 self._rehearse(threads)
         self._log(parts)
 
-    def collect_rollouts(self, *args: Any, **options: Any) -> bool:
+    def _setup_learn(self, *args: Any, **options: Any) -> tuple[int, BaseCallback]:
+        begun = super()._setup_learn(*args, **options)
+        if self.collection is not None:
+            self.collection.begin(self.policy)
+        return begun
+
+    def collect_rollouts(
+        self,
+        env: VecEnv,
+        callback: BaseCallback,
+        rollout_buffer: RolloutBuffer,
+        n_rollout_steps: int,
+    ) -> bool:
         """A rollout, as PPO's, that explores as much as is planned."""
         if self.noise_at is not None:
             noise = self.noise_at(1.0 - self.num_timesteps / self._total_timesteps)
             with torch.no_grad():
                 self.policy.log_std.fill_(math.log(noise))
-        return super().collect_rollouts(*args, **options)
+        if self.collection is None:
+            return super().collect_rollouts(env, callback, rollout_buffer, n_rollout_steps)
+        self.policy.set_training_mode(False)
+        callback.on_rollout_start()
+
+        def go_on(infos: list[dict[str, Any]]) -> bool:
+            self.num_timesteps += env.num_envs
+            self._update_info_buffer(infos)
+            callback.update_locals({"infos": infos})
+            return callback.on_step()
+
+        whole = self.collection.fill(self.rollout_buffer, self.policy, self.reward_scale, go_on)
+        if whole:
+            callback.on_rollout_end()
+        return whole
 
     def _rehearse(self, threads: ThreadPoolExecutor) -> None:
         """Learn from advice alone, the newest and what is remembered."""

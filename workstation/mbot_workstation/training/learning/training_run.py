@@ -2,6 +2,7 @@
 
 import json
 import threading
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -10,13 +11,12 @@ from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 
 from mbot_workstation.training.drivers.guide import Guide
 from mbot_workstation.training.learning.checkpoint import read_state, restore_learner
+from mbot_workstation.training.learning.collection import Collection
 from mbot_workstation.training.learning.git_state import git_state
 from mbot_workstation.training.learning.guidance import GUIDE_REMEMBERS
 from mbot_workstation.training.learning.learner import make_learner
 from mbot_workstation.training.learning.progress_display import Display
-from mbot_workstation.training.learning.remembering import Remembering
 from mbot_workstation.training.learning.run_directory import RunDirectory, write_json
-from mbot_workstation.training.learning.scaled_rewards import ScaledRewards
 from mbot_workstation.training.learning.teacher import Teacher
 from mbot_workstation.training.learning.training_config import TrainingConfig
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
@@ -86,12 +86,8 @@ def train(
     environment = _environment(config, start.curriculum.index if start else 0, step)
     writer = TensorBoardOutputFormat(str(run.tensorboard))
     try:
-        learner = make_learner(
-            ScaledRewards(environment, config.learner.reward_scale),
-            config.learner,
-            config.seed,
-            config.device,
-        )
+        learner = make_learner(environment, config.learner, config.seed, config.device)
+        learner.collection = Collection(environment, _guides(config), config.seed + step)
         if start:
             restore_learner(checkpoints[-1], learner, with_optimizer=True)
             start.random.restore()
@@ -103,8 +99,7 @@ def train(
         learner.set_logger(Logger(str(run.tensorboard), [writer]))
         teacher = Teacher(run, config, environment, display, stop, start)
         if step < config.steps:
-            callbacks = [teacher, Remembering(environment, _guide(config), config.seed + step)]
-            learner.learn(config.steps - step, callback=callbacks, reset_num_timesteps=not start)
+            learner.learn(config.steps - step, callback=teacher, reset_num_timesteps=not start)
             teacher.save()
         return TrainingResult(
             run=str(run.path),
@@ -133,11 +128,11 @@ def _environment(config: TrainingConfig, stage: int, step: int) -> FetchVecEnv:
     )
 
 
-def _guide(config: TrainingConfig) -> Guide | None:
+def _guides(config: TrainingConfig) -> Callable[[int], Guide] | None:
     if config.learner.guided_decisions <= 0:
         return None
     remembers = GUIDE_REMEMBERS if config.learner.memory_units else 0
-    return Guide(config.robots, config.ranges(), config.robot, remembers)
+    return lambda robots: Guide(robots, config.ranges(), config.robot, remembers)
 
 
 def _note_code(run: RunDirectory, step: int) -> None:

@@ -3,6 +3,7 @@
 import os
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,11 +25,48 @@ from mbot_workstation.training.worlds.world_settings import world_settings
 from mbot_workstation.variation.effects import EffectRanges
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Sight:
+    """What some robots see, and what is true at the moment that it shows.
+
+    Attributes:
+        pictures: uint8, shape (n, 64, 64, 3).
+        situations: STEP_RECORD, shape (n,).
+        bodies: BODY_RECORD of the robots that they come from, shape (n,).
+
+    """
+
+    pictures: NDArray[np.uint8]
+    situations: NDArray[np.void]
+    bodies: NDArray[np.void]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Arrival:
+    """What a decision brought to some robots.
+
+    Attributes:
+        rewards: shape (n,).
+        ended: whether episodes ended, shape (n,); what is seen now is of the next ones.
+        infos: of those that ended.
+
+    """
+
+    rewards: NDArray[np.float32]
+    ended: NDArray[np.bool_]
+    infos: list[dict[str, Any]]
+
+
 class FetchVecEnv(VecEnv):
     """`FetchEnv` many times over; robot i is `FetchEnv` reset with `seed` + i, bit for bit.
 
     Close it, or use it in a `with`. A worker that dies or fails raises `WorkerError` in the next
     call.
+
+    Attributes:
+        halves: rows that may drive while the others are decided for, a half of each worker's
+            robots; only one if no worker has two.
+
     """
 
     def __init__(
@@ -61,6 +99,9 @@ class FetchVecEnv(VecEnv):
         workers = len(os.sched_getaffinity(0)) if workers is None else workers
         self._pool = WorkerPool(robots, max(1, min(workers, robots)), settings)
         self._arrays = self._pool.arrays
+        self._turns = _turns(self._pool.shares)
+        self.halves = [_rows(turn) for turn in self._turns]
+        self._driving = [0] * len(self.halves)
         self._lessons = [settings.lesson]
         self._returns = np.zeros(robots)
         self._lengths = np.zeros(robots, np.int64)
@@ -69,16 +110,12 @@ class FetchVecEnv(VecEnv):
         super().__init__(robots, observation_space(), action_space())
         self.seed(seed)
 
-    @property
-    def situations(self) -> NDArray[np.void]:
-        """STEP_RECORD of the moment that the present observations show, shape (robots,)."""
+    def sight(self, rows: NDArray[np.intp]) -> Sight:
+        """What these robots see now, copied; they must not be driving."""
         arrays = self._arrays
-        return np.where(self._fresh, arrays.first_records, arrays.records)
-
-    @property
-    def bodies(self) -> NDArray[np.void]:
-        """BODY_RECORD of the robots that the present observations come from, shape (robots,)."""
-        return self._arrays.bodies.copy()
+        fresh = self._fresh[rows]
+        situations = np.where(fresh, arrays.first_records[rows], arrays.records[rows])
+        return Sight(arrays.frames[rows], situations, arrays.bodies[rows])
 
     @property
     def lesson(self) -> Lesson:
@@ -95,10 +132,10 @@ class FetchVecEnv(VecEnv):
             return
         self._lessons.append(new)
         self._pool.ask([Teach(new, len(self._lessons) - 1)] * len(self._pool.shares))
-        self._pool.wait()
 
     def reset(self) -> NDArray[np.uint8]:
         """Start new episodes with all robots. Shape (robots, 64, 64, 3)."""
+        self._pool.wait()  # for what an interrupted caller has left
         seeds = self._seeds
         self._pool.ask([Reset(tuple(seeds[row] for row in share)) for share in self._pool.shares])
         self._pool.wait()
@@ -112,22 +149,51 @@ class FetchVecEnv(VecEnv):
 
     def step_async(self, actions: NDArray[np.float32]) -> None:
         """Let all robots drive; shape (robots, 2)."""
+        self._pool.wait()  # for what an interrupted caller has left
         self._arrays.actions[:] = actions
-        self._pool.ask([Step()] * len(self._pool.shares))
+        self._pool.ask([Step(share) for share in self._pool.shares])
 
     def step_wait(self) -> VecEnvStepReturn:
         """Wait for them; observations, rewards, whether episodes ended, infos."""
         self._pool.wait()
-        records = self._arrays.records
-        rewards, ended = records["reward"].copy(), records["ended"].copy()
-        self._fresh = ended
-        self._returns += rewards
-        self._lengths += 1
-        infos = [self._info(record) for record in records.tolist()]
-        for row in np.flatnonzero(ended).tolist():
-            self._end_episode(row, infos[row])
+        rewards, ended, episodes = self._arrived(np.arange(self.num_envs))
+        infos = [self._info(record) for record in self._arrays.records.tolist()]
+        for row, episode in episodes.items():
+            infos[row] |= episode
         # A copy: stable-baselines3 still needs these when the next ones are written.
         return self._arrays.frames.copy(), rewards, ended, infos
+
+    def send(self, half: int, actions: NDArray[np.float32]) -> None:
+        """Let one of the `halves` drive, shape (its robots, 2), and `receive` it later."""
+        self._arrays.actions[self.halves[half]] = actions
+        self._driving[half] = self._pool.ask([Step(robots) for robots in self._turns[half]])
+
+    def receive(self, half: int) -> Arrival:
+        """Wait for a half that has been sent."""
+        self._pool.wait(self._driving[half])
+        self._driving[half] = 0
+        rows = self.halves[half]
+        rewards, ended, episodes = self._arrived(rows)
+        records = self._arrays.records
+        infos = [self._info(records[row].item()) | told for row, told in episodes.items()]
+        return Arrival(rewards, ended, infos)
+
+    def receive_all(self) -> None:
+        """Receive all that has been sent, and forget what it brought."""
+        for half, number in enumerate(self._driving):
+            if number:
+                self.receive(half)
+
+    def _arrived(
+        self, rows: NDArray[np.intp]
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_], dict[int, dict[str, Any]]]:
+        """Rewards, whether episodes ended, and by row what is told of those that did."""
+        records = self._arrays.records[rows]
+        rewards, ended = records["reward"].copy(), records["ended"].copy()
+        self._fresh[rows] = ended
+        self._returns[rows] += rewards
+        self._lengths[rows] += 1
+        return rewards, ended, {row: self._end_episode(row) for row in rows[ended].tolist()}
 
     def close(self) -> None:
         """End the workers; a second time does nothing."""
@@ -181,10 +247,8 @@ class FetchVecEnv(VecEnv):
             "seen_left_rad": seen_rad,
         }
 
-    def _end_episode(self, row: int, info: dict[str, Any]) -> None:
-        info["TimeLimit.truncated"] = False
-        info["terminal_observation"] = self._arrays.last_frames[row].copy()
-        info["episode"] = {
+    def _end_episode(self, row: int) -> dict[str, Any]:
+        episode = {
             "r": float(self._returns[row]),
             "l": int(self._lengths[row]),
             "t": round(time.monotonic() - self._start_s, 6),
@@ -192,3 +256,20 @@ class FetchVecEnv(VecEnv):
         self._returns[row] = 0
         self._lengths[row] = 0
         self.reset_infos[row] = self._info(self._arrays.first_records[row].item())
+        return {
+            "TimeLimit.truncated": False,
+            "terminal_observation": self._arrays.last_frames[row].copy(),
+            "episode": episode,
+        }
+
+
+def _turns(shares: list[range]) -> list[list[range]]:
+    """The first halves of all shares, then the second ones; nothing where nobody has any."""
+    turns = zip(
+        *((share[: len(share) // 2], share[len(share) // 2 :]) for share in shares), strict=True
+    )
+    return [list(turn) for turn in turns if any(turn)]
+
+
+def _rows(turn: list[range]) -> NDArray[np.intp]:
+    return np.concatenate([np.asarray(part, np.intp) for part in turn])

@@ -22,7 +22,14 @@ NOTHING_YET = Outcome(0.0, Happening.NOTHING, ended=False)
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Carry out the actions in shared memory."""
+    """Carry out the actions in shared memory.
+
+    Attributes:
+        robots: whose; rows of the memory.
+
+    """
+
+    robots: range
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,17 +125,17 @@ class _Share:
     def serve(self, request: Request) -> bool:
         """Carry a request out; False if it was the last one."""
         match request:
-            case Step():
+            case Step(robots):
                 # All physics first, then all pictures: a processor's cache holds one of the two.
-                for index in range(len(self._worlds)):
-                    self._step(index)
-                self._observe()
+                for row in robots:
+                    self._step(row - self._robots.start)
+                self._observe(robots)
             case Reset(seeds):
                 for index, seed in enumerate(seeds):
                     if seed is not None:
                         self._worlds[index].seed(np.random.default_rng(seed))
                     self._begin(index)
-                self._observe()
+                self._observe(self._robots)
             case Teach(lesson, number):
                 self._lesson, self._lesson_number = lesson, number
             case Quit():
@@ -137,8 +144,9 @@ class _Share:
                 assert_never(request)
         return True
 
-    def _observe(self) -> None:
-        for row, world in zip(self._robots, self._worlds, strict=True):
+    def _observe(self, robots: range) -> None:
+        for row in robots:
+            world = self._worlds[row - self._robots.start]
             self._arrays.frames[row] = self._eye.observe(world)
 
     def _step(self, index: int) -> None:

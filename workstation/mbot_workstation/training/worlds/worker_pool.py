@@ -4,6 +4,7 @@ import contextlib
 import itertools
 import signal
 import threading
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -51,7 +52,8 @@ class WorkerPool:
         memory = SharedMemory.allocate(context, robots)
         self.arrays: SharedArrays = memory.arrays()
         self._workers: list[_Worker] = []
-        self._owing: list[_Worker] = []  # who has not replied yet
+        self._owing: deque[tuple[int, _Worker]] = deque()  # who has not replied yet, to which
+        self._asked = 0
         try:
             for share in _shares(robots, workers):
                 ours, theirs = context.Pipe()
@@ -69,7 +71,7 @@ class WorkerPool:
             # holds too, and megabytes of rooms would wait there for ever if a worker has died.
             for worker in self._workers:
                 self._send(worker, settings)
-            self._owing = list(self._workers)
+            self._owing.extend((self._asked, worker) for worker in self._workers)
             self.wait()  # until all worlds are built
         except BaseException:
             self.close()
@@ -80,22 +82,29 @@ class WorkerPool:
         """The rows of each worker."""
         return [worker.robots for worker in self._workers]
 
-    def ask(self, requests: list[Request]) -> None:
-        """Send each worker its request; `wait` for the replies."""
-        self.wait()  # for what an interrupted caller has left
+    def ask(self, requests: list[Request]) -> int:
+        """Send each worker its request; they carry out one after another.
+
+        Returns:
+            The number to `wait` for.
+
+        """
+        self._asked += 1
         for worker, request in zip(self._workers, requests, strict=True):
             self._send(worker, request)
-            self._owing.append(worker)
+            self._owing.append((self._asked, worker))
+        return self._asked
 
-    def wait(self) -> None:
-        """Wait until all have done what they were asked.
+    def wait(self, number: int | None = None) -> None:
+        """Wait until all have done what they were asked, up to this number; all of it when None.
 
         Raises:
             WorkerError: one has failed or gone.
 
         """
-        while self._owing:
-            worker = self._owing[0]
+        last = self._asked if number is None else number
+        while self._owing and self._owing[0][0] <= last:
+            worker = self._owing[0][1]
             # The end of the pipe alone does not tell of a worker that died while it started.
             if worker.pipe not in wait_for_any([worker.pipe, worker.process.sentinel]):
                 self._raise_gone(worker)
@@ -103,7 +112,7 @@ class WorkerPool:
                 reply = worker.pipe.recv()
             except (EOFError, ConnectionResetError):
                 self._raise_gone(worker)
-            self._owing.pop(0)
+            self._owing.popleft()
             match reply:
                 case Done():
                     pass
@@ -123,7 +132,7 @@ class WorkerPool:
             worker.pipe.close()
             worker.process.close()
         self._workers = []
-        self._owing = []
+        self._owing.clear()
 
     def _send(self, worker: _Worker, message: Request | WorldSettings) -> None:
         try:

@@ -1,0 +1,184 @@
+"""Fills PPO's rollouts: half of the robots drive while the policy decides for the other half.
+
+SB3's own loop decides for all, then waits for all, so that cores wait for each other twice a
+decision. What is collected does not depend on who is faster: a seed gives the same run.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from mbot_workstation.training.drivers.guide import Guide
+from mbot_workstation.training.learning.memory_policy import (
+    ACTIONS,
+    Before,
+    MemoryPolicy,
+    truth,
+)
+from mbot_workstation.training.learning.sequences import SequenceBuffer
+from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv, Sight
+
+FORGETS = 1 / 400
+"""How often a memory is zeroed in the middle of an episode: a robot zeroes it after a held
+decision, and must drive on."""
+
+
+@dataclass(slots=True, eq=False)
+class _Half:
+    """Robots that are decided for together, n of them.
+
+    Attributes:
+        index: which half.
+        rows: of the environment.
+        guide: asked beside the policy, if there is one.
+        sight: what they see now.
+        began: whether an episode began before this decision, shape (n,).
+        forgot: whether the memory did, shape (n,).
+        state: what each remembers, shape (n, units).
+        told: what the wheels were told in the last decision, shape (n, 2).
+
+    """
+
+    index: int
+    rows: NDArray[np.intp]
+    guide: Guide | None
+    sight: Sight
+    began: NDArray[np.bool_]
+    forgot: NDArray[np.bool_]
+    state: torch.Tensor
+    told: torch.Tensor
+
+
+class Collection:
+    """Collects rollouts from the robots of an environment.
+
+    Attributes:
+        environment: where they drive.
+
+    """
+
+    def __init__(
+        self,
+        environment: FetchVecEnv,
+        guide_for: Callable[[int], Guide] | None = None,
+        seed: int = 0,
+    ) -> None:
+        """Prepare; `begin` before the first rollout.
+
+        Args:
+            environment: that PPO learns in.
+            guide_for: makes a guide for so many robots, to be asked as well; None without one.
+            seed: of when memories are zeroed.
+
+        """
+        self.environment = environment
+        self._guide_for = guide_for
+        self._rng = np.random.default_rng(seed)
+
+    def begin(self, policy: MemoryPolicy) -> None:
+        """From here on, in a fresh environment or a running one; nobody remembers anything."""
+        self.environment.receive_all()
+        self._halves = [
+            _Half(
+                index=index,
+                rows=rows,
+                guide=self._guide_for(len(rows)) if self._guide_for else None,
+                sight=self.environment.sight(rows),
+                began=np.ones(len(rows), np.bool_),
+                forgot=np.ones(len(rows), np.bool_),
+                state=torch.zeros(len(rows), policy.units, device=policy.device),
+                told=torch.zeros(len(rows), ACTIONS, device=policy.device),
+            )
+            for index, rows in enumerate(self.environment.halves)
+        ]
+
+    @torch.no_grad()
+    def fill(
+        self,
+        buffer: SequenceBuffer,
+        policy: MemoryPolicy,
+        reward_scale: float,
+        go_on: Callable[[list[dict[str, Any]]], bool],
+    ) -> bool:
+        """A rollout, with its returns and advantages.
+
+        Args:
+            buffer: to be filled from its beginning.
+            policy: decides.
+            reward_scale: rewards are multiplied by it.
+            go_on: asked after every decision of all robots, with the infos of those whose episodes
+                ended in it.
+
+        Returns:
+            Whether it is whole; False if it was not to go on.
+
+        """
+        buffer.reset()
+        for half in self._halves:
+            self._decide(half, policy, buffer)
+        while not buffer.full:
+            infos: list[dict[str, Any]] = []
+            buffer.pos += 1
+            buffer.full = buffer.pos == buffer.buffer_size
+            for half in self._halves:
+                infos += self._arrive(half, buffer, reward_scale)
+                if not buffer.full:
+                    self._decide(half, policy, buffer)
+            if not go_on(infos):
+                return False
+        values, ended = np.zeros(buffer.n_envs, np.float32), np.zeros(buffer.n_envs, np.bool_)
+        for half in self._halves:
+            values[half.rows] = policy.values(self._before(half, policy)).cpu().numpy()
+            ended[half.rows] = half.began
+        buffer.compute_returns_and_advantage(torch.from_numpy(values), ended)
+        return True
+
+    def _decide(self, half: _Half, policy: MemoryPolicy, buffer: SequenceBuffer) -> None:
+        """Send a half on its way, and write down what it went by."""
+        before = self._before(half, policy)
+        decided = policy.decide(before)
+        actions = decided.actions.cpu().numpy()
+        told = actions.clip(-1, 1)
+        self.environment.send(half.index, told)
+        # From here on the workers have something to do.
+        place = buffer.pos, half.rows
+        buffer.observations[place] = half.sight.pictures
+        buffer.states[place] = half.state.cpu().numpy()
+        buffer.previous_actions[place] = half.told.cpu().numpy()
+        buffer.truth[place] = before.truth.cpu().numpy()
+        buffer.forgot[place] = half.forgot
+        buffer.episode_starts[place] = half.began
+        buffer.actions[place] = actions
+        buffer.values[place] = decided.values.cpu().numpy()
+        buffer.log_probs[place] = decided.log_probs.cpu().numpy()
+        if half.guide is not None:
+            half.guide.become(half.sight.bodies)
+            buffer.advice[place] = half.guide.act(half.sight.situations)
+            half.guide.drove(told)
+        half.state, half.told = decided.state, torch.from_numpy(told).to(policy.device)
+
+    def _arrive(
+        self, half: _Half, buffer: SequenceBuffer, reward_scale: float
+    ) -> list[dict[str, Any]]:
+        """Wait for a half, and see what it sees."""
+        arrival = self.environment.receive(half.index)
+        buffer.rewards[buffer.pos - 1, half.rows] = arrival.rewards * reward_scale
+        half.sight = self.environment.sight(half.rows)
+        half.began = arrival.ended
+        half.forgot = arrival.ended | (self._rng.random(len(half.rows)) < FORGETS)
+        keep = torch.from_numpy(~half.forgot).to(half.state).unsqueeze(1)
+        half.state, half.told = half.state * keep, half.told * keep
+        return arrival.infos
+
+    def _before(self, half: _Half, policy: MemoryPolicy) -> Before:
+        known = truth(half.sight.situations, half.sight.bodies)
+        return Before(
+            pictures=torch.from_numpy(half.sight.pictures).to(policy.device),
+            state=half.state,
+            previous_actions=half.told,
+            truth=torch.from_numpy(known).to(policy.device),
+        )
