@@ -32,7 +32,10 @@ test-all: $(VENV)/.all ## Run all tests: those too that run real programs in rea
 	$(BIN)/pytest -m slow --ignore tests/workstation
 
 test-pi: $(VENV)/.all ## Install on booted Bookworm and Trixie machines and break things there, updates included; wants root, 30 minutes
-	$(BIN)/pytest tests/pi -v -n 0 --timeout 600
+	$(BIN)/pytest tests/pi -v -n 0 --timeout 600 --ignore tests/pi/test_real_kernel.py
+
+test-kernel: $(VENV)/.all ## The service on a kernel of its own, in an emulated PC: its limits, a plug pulled out, power cuts; wants root, 8 minutes
+	$(BIN)/pytest tests/pi/test_real_kernel.py -v -n 0 --timeout 900
 
 check: $(VENV)/.all ## Lint, format, types, imports
 	$(BIN)/ruff check .

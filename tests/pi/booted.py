@@ -24,18 +24,28 @@ INSIDE = Path("/checkout")
 """Where the machine finds this checkout."""
 
 CERTIFICATES = Path("/etc/ssl/certs")
-BOOT_S = 60.0
 
 
-def base_root(release: str) -> Path:
-    """A Debian release's files, made now if they are not there: a minute or two."""
-    root = ROOTS / release
+def base_root(release: str, also: str = "", architecture: str = "amd64") -> Path:
+    """A Debian release's files, made now if they are not there: a minute or two.
+
+    Args:
+        release: its name.
+        also: packages beside `PACKAGES`, with commas between them.
+        architecture: Debian's name of it.
+
+    """
+    root = ROOTS / "-".join(filter(None, (release, architecture, also.replace(",", "-"))))
     if not root.is_dir():
-        unfinished = ROOTS / f"{release}.unfinished"
+        unfinished = ROOTS / f"{root.name}.unfinished"
         shutil.rmtree(unfinished, ignore_errors=True)
         ROOTS.mkdir(parents=True, exist_ok=True)
+        include = f"--include={PACKAGES}{',' if also else ''}{also}"
         subprocess.run(
-            ["mmdebstrap", "--variant=minbase", f"--include={PACKAGES}", release, str(unfinished)],
+            [
+                *("mmdebstrap", "--variant=minbase", f"--arch={architecture}", include),
+                *(release, str(unfinished)),
+            ],
             check=True,
             capture_output=True,
         )
@@ -52,13 +62,16 @@ class Machine:
 
     """
 
-    def __init__(self, release: str, directory: Path) -> None:
+    boot_timeout_s = 60.0
+
+    def __init__(
+        self, release: str, directory: Path, also: str = "", architecture: str = "amd64"
+    ) -> None:
         self.release = release
         self.root = directory / release
         self._log = directory / f"{release}.console"
-        subprocess.run(
-            ["cp", "-a", "--reflink=auto", str(base_root(release)), str(self.root)], check=True
-        )
+        base = base_root(release, also, architecture)
+        subprocess.run(["cp", "-a", "--reflink=auto", str(base), str(self.root)], check=True)
 
     def __enter__(self) -> Self:
         bound = [f"--bind-ro={CHECKOUT}:{INSIDE}", f"--bind-ro={CERTIFICATES}"]
@@ -78,7 +91,7 @@ class Machine:
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
             )
-        deadline_s = time.monotonic() + BOOT_S
+        deadline_s = time.monotonic() + self.boot_timeout_s
         while not self._is_up():
             assert self._nspawn.poll() is None, self._log.read_text(errors="replace")
             assert time.monotonic() < deadline_s, "the machine does not boot"

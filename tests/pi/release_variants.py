@@ -57,11 +57,11 @@ class Releases:
 
     """
 
-    def __init__(self, folder: Path, system: str) -> None:
+    def __init__(self, folder: Path, system: str, architecture: str = "amd64") -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self.system = system
         self._folder = folder
-        self._target = next(t for t in TARGETS if t.name == f"{system}-amd64")
+        self._target = next(t for t in TARGETS if t.name == f"{system}-{architecture}")
         self._wheel = build_wheel(folder, epoch_s=1, sdist=False)
 
     def make(self, version: str, sequence: int, key: SigningKey, code: str = "") -> Path:

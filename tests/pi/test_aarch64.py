@@ -35,7 +35,7 @@ def requirements() -> list[str]:
 def userland(request: pytest.FixtureRequest) -> Path:
     """A release's files for arm64 with the robot's packages; made once, some minutes."""
     release: str = request.param
-    root = ROOTS / f"{release}-arm64"
+    root = ROOTS / f"{release}-arm64-userland"
     if not (root / "whole").exists():
         ROOTS.mkdir(parents=True, exist_ok=True)
         subprocess.run(["rm", "-rf", str(root)], check=True)

@@ -32,6 +32,8 @@ class StandIn:
     """As much of picamera2.Picamera2 as the daemon uses."""
 
     cameras: list[dict[str, str]]
+    pixel_format: str
+    busy: bool
     newest: "StandIn"
 
     def __init__(self) -> None:
@@ -53,7 +55,12 @@ class StandIn:
     def configure(self, configuration: dict[str, object]) -> None:
         self.configuration = configuration
 
-    def start(self) -> None: ...
+    def camera_configuration(self) -> dict[str, object]:
+        return self.configuration | {"main": {"format": StandIn.pixel_format}}
+
+    def start(self) -> None:
+        if StandIn.busy:
+            raise RuntimeError("Failed to start camera: Device or resource busy")
 
     def capture_request(self, wait: float) -> StandInRequest:
         assert 0 < wait <= 2
@@ -78,6 +85,8 @@ def picamera2(monkeypatch: pytest.MonkeyPatch) -> None:
     module.Picamera2 = StandIn  # pyright: ignore[reportAttributeAccessIssue]
     monkeypatch.setitem(sys.modules, "picamera2", module)
     StandIn.cameras = [{"Model": "imx477"}]
+    StandIn.pixel_format = "BGR888"
+    StandIn.busy = False
 
 
 def test_the_full_view_mode_is_pinned_and_the_colour_order_asked_for() -> None:
@@ -116,6 +125,20 @@ def test_no_camera_on_the_cable_is_explained() -> None:
     StandIn.cameras = []
     with pytest.raises(CameraError, match="check the cable"):
         PiCameraSource(Camera()).__enter__()
+
+
+def test_a_camera_of_another_format_is_closed_and_refused() -> None:
+    StandIn.pixel_format = "YUYV"
+    with pytest.raises(CameraError, match="gives YUYV"):
+        PiCameraSource(Camera()).__enter__()
+    assert StandIn.newest.closed
+
+
+def test_a_camera_that_does_not_start_is_closed_for_the_next_attempt() -> None:
+    StandIn.busy = True
+    with pytest.raises(CameraError, match="resource busy; is another program using it"):
+        PiCameraSource(Camera()).__enter__()
+    assert StandIn.newest.closed
 
 
 def test_the_light_is_held_and_let_go() -> None:

@@ -10,18 +10,21 @@ from mbot_protocol.picture import Picture
 
 log = logging.getLogger(__name__)
 
+PIXEL_FORMAT = "BGR888"
+"""picamera2 names its formats backwards: this one lies as R, G, B in memory."""
+
 PICAMERA_DEFAULT_SIZE = (320, 240)
 """Five samples a side for each observation pixel; the ISP scales, so it costs the CPU nothing."""
 
 SENSOR_MODE = (2028, 1520)
-"""The IMX477's full-view mode, binned 2 x 2; others crop (1332 x 990 sees 38 x 28.7 degrees)."""
+"""The IMX477's full-view mode, binned 2 x 2; others crop (1332 x 990 sees 38 x 28.7 degrees).
+
+Another sensor gets the mode that picamera2 (0.3.38) finds nearest, which sees all as well: IMX219
+3280 x 2464, IMX708 2304 x 1296, OV5647 2592 x 1944."""
 
 
 class PiCameraSource:
-    """The Raspberry Pi camera by picamera2, scaled on the ISP.
-
-    picamera2 names its formats backwards: "BGR888" arrives as RGB in memory.
-    """
+    """The Raspberry Pi camera by picamera2, scaled on the ISP."""
 
     def __init__(self, camera: Camera) -> None:
         self._camera = camera
@@ -41,27 +44,39 @@ class PiCameraSource:
             raise CameraError(
                 "libcamera finds no camera: check the cable and `rpicam-hello --list-cameras`"
             )
-        width_px, height_px = PICAMERA_DEFAULT_SIZE
-        if self._camera.width_px is not None and self._camera.height_px is not None:
-            width_px, height_px = self._camera.width_px, self._camera.height_px
         try:
-            picamera = library.Picamera2()
-            picamera.configure(
-                picamera.create_video_configuration(
-                    main={"size": (width_px, height_px), "format": "BGR888"},
-                    sensor={"output_size": SENSOR_MODE, "bit_depth": 12},
-                    controls={"FrameRate": self._camera.frame_rate_hz},
-                    buffer_count=4,
-                    queue=False,
-                )
-            )
-            picamera.start()
+            self._picamera = library.Picamera2()
+            self._begin(self._picamera)
         except Exception as error:
+            self.__exit__(None, None, None)  # or no other attempt would get at the camera
+            if isinstance(error, CameraError):
+                raise
             raise CameraError(
                 f"the Pi camera does not start: {error}; is another program using it?"
             ) from None
-        self._picamera = picamera
         return self
+
+    def _begin(self, picamera: Any) -> None:
+        width_px, height_px = PICAMERA_DEFAULT_SIZE
+        if self._camera.width_px is not None and self._camera.height_px is not None:
+            width_px, height_px = self._camera.width_px, self._camera.height_px
+        picamera.configure(
+            picamera.create_video_configuration(
+                main={"size": (width_px, height_px), "format": PIXEL_FORMAT},
+                sensor={"output_size": SENSOR_MODE, "bit_depth": 12},
+                controls={"FrameRate": self._camera.frame_rate_hz},
+                buffer_count=4,
+                queue=False,
+            )
+        )
+        # A camera that cannot do it gets another format, and no word of it.
+        given = picamera.camera_configuration()["main"]["format"]
+        if given != PIXEL_FORMAT:
+            raise CameraError(
+                f"this camera gives {given} by picamera2, expected {PIXEL_FORMAT}: for a USB "
+                'camera, camera.source = "/dev/video0"'
+            )
+        picamera.start()
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
         if self._picamera is not None:
