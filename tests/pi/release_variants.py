@@ -54,6 +54,7 @@ class Releases:
 
     Attributes:
         system: such as "bookworm".
+        target: that system on a PC, if nothing else was asked for.
 
     """
 
@@ -61,7 +62,7 @@ class Releases:
         folder.mkdir(parents=True, exist_ok=True)
         self.system = system
         self._folder = folder
-        self._target = next(t for t in TARGETS if t.name == f"{system}-{architecture}")
+        self.target = next(t for t in TARGETS if t.name == f"{system}-{architecture}")
         self._wheel = build_wheel(folder, epoch_s=1, sdist=False)
 
     def make(self, version: str, sequence: int, key: SigningKey, code: str = "") -> Path:
@@ -70,7 +71,7 @@ class Releases:
         wheel.parent.mkdir(exist_ok=True)
         _with_code(self._wheel, wheel, code)
         return make_release(
-            self._target, wheel, version, sequence, sequence, [key], self._folder, CACHE
+            self.target, wheel, version, sequence, sequence, [key], self._folder, CACHE
         )
 
 

@@ -7,7 +7,6 @@ import pytest
 
 from mbot_workstation.models.signing_key import SigningKey
 from mbot_workstation.releases.debian_package import make_package
-from mbot_workstation.releases.robot_wheels import TARGETS
 
 from ..end_to_end.processes import until
 from ..reliability.motion import FORWARD
@@ -18,14 +17,13 @@ from .test_updates import FOLDER, running
 
 KEY = SigningKey.ephemeral("releases")
 FIRST, SECOND, MUTE = "0.1.0+deb1", "0.1.0+deb2", "0.1.0+deb3"
-TARGET = next(target for target in TARGETS if target.name == "bookworm-amd64")
 OFFLINE = "Acquire::http::Proxy=http://127.0.0.1:1"
 
 
 def package(releases: Releases, version: str, sequence: int, code: str = "") -> str:
     """A package's path, there."""
     archive = releases.make(version, sequence, KEY, code)
-    made = make_package(archive, TARGET, version, FOLDER, CHECKOUT / "deploy/debian", 1)
+    made = make_package(archive, releases.target, version, FOLDER, CHECKOUT / "deploy/debian", 1)
     return str(INSIDE / made.relative_to(CHECKOUT))
 
 
@@ -35,17 +33,18 @@ def apt(package: str) -> tuple[str, ...]:
     return (*words.split(), "apt-get", "-o", OFFLINE, "-y", "install", package)
 
 
-@pytest.fixture(scope="module")
-def releases() -> Releases:
-    return Releases(FOLDER, "bookworm")
+@pytest.fixture(scope="module", params=["bookworm", "trixie"])
+def releases(request: pytest.FixtureRequest) -> Releases:
+    return Releases(FOLDER, request.param)
 
 
 @pytest.fixture(scope="module")
 def robot(releases: Releases, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
     directory = tmp_path_factory.mktemp("package")
     first = package(releases, FIRST, 1)
-    with Machine("bookworm", directory) as machine:
-        machine.says("dpkg", "--purge", "--force-depends", "python3-venv", "python3.11-venv")
+    with Machine(releases.system, directory) as machine:
+        venv = ("python3-venv", f"python{releases.target.python}-venv")
+        machine.says("dpkg", "--purge", "--force-depends", *venv)
         made = Robot(machine, directory, apt(first))
         assert made.installed.returncode == 0, made.installed.stdout + made.installed.stderr
         with made.board, made.daemon.camera():

@@ -1,5 +1,6 @@
 import json
 import os
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -232,4 +233,8 @@ def test_the_training_curve_is_drawn(tmp_path: Path) -> None:
     rows = [f"{40_000 * n},{30 * n},{min(n, 10)},{2 * n},{300 - 9 * n},1,50" for n in range(1, 11)]
     progress.write_text("\n".join([header, *rows]) + "\n")
     invoke(training_curve, str(tmp_path))
-    assert (tmp_path / "curve.png").read_bytes().startswith(b"\x89PNG")
+    alone = (tmp_path / "curve.png").read_bytes()
+    assert alone.startswith(b"\x89PNG")
+    shutil.copytree(tmp_path, tmp_path / "second")
+    invoke(training_curve, str(tmp_path), str(tmp_path / "second"))
+    assert (tmp_path / "curve.png").read_bytes() != alone

@@ -32,7 +32,7 @@ from mbot_workstation.training.learning.checkpoint import (
 from mbot_workstation.training.learning.curriculum import CurriculumState
 from mbot_workstation.training.learning.golden_answers import check_golden_frames, golden_property
 from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
-from mbot_workstation.training.learning.memory_policy import TRUTH, Before
+from mbot_workstation.training.learning.memory_policy import Before
 from mbot_workstation.training.learning.picture_ppo import PicturePPO
 from mbot_workstation.training.learning.policy_graph import policy_graph
 from mbot_workstation.training.learning.run_directory import RunDirectory, write_json
@@ -99,7 +99,7 @@ def test_onnx_decides_as_the_learner_does(learner: PicturePPO, run: RunDirectory
     state, told = torch.zeros(robots, learner.policy.units), torch.zeros(robots, 2)
     for moment in range(4):
         ours = policy.act(PICTURES)
-        before = Before(torch.from_numpy(PICTURES), state, told, torch.zeros(robots, TRUTH))
+        before = Before(torch.from_numpy(PICTURES), state, told)
         with torch.no_grad():
             decided = learner.policy.decide(before, deterministic=True)
         theirs = decided.actions.clip(-1, 1)

@@ -40,7 +40,7 @@ def driven(policy: MemoryPolicy) -> tuple[torch.Tensor, torch.Tensor, torch.Tens
     for pictures, actions, forget in zip(PICTURES, ACTIONS, FORGETS, strict=True):
         previous.append(told)
         all_forgot.append(forgot)
-        before = Before(torch.from_numpy(pictures), state, told, torch.zeros(3, TRUTH))
+        before = Before(torch.from_numpy(pictures), state, told)
         with torch.no_grad():
             decided = policy.decide(before, deterministic=True)
         wheels.append(decided.actions)
@@ -90,7 +90,6 @@ def test_what_is_drawn_is_as_likely_as_is_said() -> None:
         torch.from_numpy(np.repeat(PICTURES[0][:1], many, axis=0)),
         torch.zeros(many, 16),
         torch.zeros(many, 2),
-        torch.zeros(many, TRUTH),
     )
     with torch.no_grad():
         decided, plain = policy.decide(before), policy.decide(before, deterministic=True)
@@ -98,9 +97,10 @@ def test_what_is_drawn_is_as_likely_as_is_said() -> None:
     spread = (decided.actions - plain.actions) / noise
     assert spread.mean().abs() < 0.06, "4,000 draws: 4 standard errors"
     assert (spread.std() - 1).abs() < 0.05
+    judged = policy.judge(decided.known, decided.actions, torch.zeros(many, TRUTH))
     expected = torch.distributions.Normal(plain.actions, noise).log_prob(decided.actions).sum(1)
-    torch.testing.assert_close(decided.log_probs, expected)
-    torch.testing.assert_close(policy.values(before), plain.values)
+    torch.testing.assert_close(judged.log_probs, expected)
+    assert judged.values.shape == (many,)
 
 
 def test_the_critic_is_told_finite_numbers_of_about_one() -> None:

@@ -13,7 +13,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.simulation.frame_edges import FrameEdges
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.training.learning.git_state import git_state
-from mbot_workstation.training.learning.learning_curve import draw_curve, mark_note
+from mbot_workstation.training.learning.learning_curve import draw_curves, mark_note
 from mbot_workstation.training.learning.policy_source import find_source
 from mbot_workstation.training.learning.progress_log import ProgressRow
 from mbot_workstation.training.learning.run_directory import RunDirectory
@@ -138,7 +138,7 @@ def test_a_curve_is_drawn(tmp_path: Path) -> None:
         ProgressRow(step, 10.0, lesson, 2.0, 20.0, 1.0, 100)
         for step, lesson in ((40_000, "1"), (80_000, "2"))
     ]
-    draw_curve(rows, tmp_path / "curve.png", "a run")
+    draw_curves({"a run": rows}, tmp_path / "curve.png")
     assert (tmp_path / "curve.png").stat().st_size > 5_000
     assert mark_note("10") == ""
     assert "rough, is harder than the paper's" in mark_note("rough")

@@ -316,7 +316,7 @@ def _train_until_stopped(run: "RunDirectory", config: "TrainingConfig") -> "Trai
     """Train; the first Ctrl-C ends the run with a checkpoint, the second one at once."""
     from mbot_workstation.commands.stop_signals import stop_signals
     from mbot_workstation.training.evaluation.checkpoint_choice import choose_checkpoint
-    from mbot_workstation.training.learning.learning_curve import draw_curve
+    from mbot_workstation.training.learning.learning_curve import draw_curves
     from mbot_workstation.training.learning.progress_display import display
     from mbot_workstation.training.learning.progress_log import read_progress
     from mbot_workstation.training.learning.training_run import train
@@ -327,5 +327,5 @@ def _train_until_stopped(run: "RunDirectory", config: "TrainingConfig") -> "Trai
             choose_checkpoint(run, config, shown, stop)
     rows = read_progress(run.progress_file)
     if rows:
-        draw_curve(rows, run.curve_file, run.path.resolve().name)
+        draw_curves({run.path.resolve().name: rows}, run.curve_file)
     return result

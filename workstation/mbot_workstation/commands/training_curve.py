@@ -1,4 +1,4 @@
-"""`workstation training-curve`: how a training run went, as a picture."""
+"""`workstation training-curve`: how training runs went, as a picture."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,38 +11,57 @@ from mbot_workstation.commands.output_paths import PICTURES
 class TrainingCurveOptions:
     """What `training_curve` takes."""
 
-    run: Path = argument("A run's folder.", metavar="RUN")
+    runs: list[Path] = argument("Folders of runs, all drawn into one picture.", metavar="RUN...")
     output: Path | None = output_file(
-        None, "RUN/curve.png if not given.", "--output", "-o", endings=PICTURES, metavar="FILE.png"
+        None,
+        "curve.png in the first run's folder if not given.",
+        "--output",
+        "-o",
+        endings=PICTURES,
+        metavar="FILE.png",
     )
 
 
 @with_options
 def training_curve(options: TrainingCurveOptions) -> None:
-    """Draw reward, episode length and lesson over the decisions of a run, as the paper's Fig. 4.
+    """Draw reward, episode length and lesson over the decisions of runs, as the paper's Fig. 4.
 
-    Example: `workstation training-curve runs/first -o curve.png`
+    Examples:
+
+    - `workstation training-curve runs/first -o curve.png`
+    - `workstation training-curve runs/seed-1 runs/seed-2 runs/seed-3 -o seeds.png`
     """
     from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.training.learning.learning_curve import draw_curve
+    from mbot_workstation.training.learning.learning_curve import draw_curves
     from mbot_workstation.training.learning.progress_display import clock
-    from mbot_workstation.training.learning.progress_log import ROW_EVERY, read_progress
+    from mbot_workstation.training.learning.progress_log import (
+        ROW_EVERY,
+        ProgressRow,
+        read_progress,
+    )
     from mbot_workstation.training.learning.run_directory import RunDirectory
     from mbot_workstation.training.learning.training_config import read_config
 
-    found = RunDirectory.open(options.run)
-    path = options.output or found.curve_file
-    steps = read_config(found.config_file).steps
-    rows = read_progress(found.progress_file) if found.progress_file.is_file() else []
-    if not rows:
-        raise ConfigurationError(
-            f"{options.run} has no row in progress.csv yet: one comes every {ROW_EVERY:,} of its "
-            f"{steps:,} decisions"
-        )
-    draw_curve(rows, path, found.path.resolve().name)
-    step, wall_s = rows[-1].step, rows[-1].wall_s
-    more = f"all {step:,} decisions made"
-    if step < steps and wall_s > 0:
-        left = clock((steps - step) * wall_s / step)
-        more = f"{step:,} of {steps:,} decisions made, {left} of training to go"
-    print(f"wrote {path}: {more}")
+    runs = {str(path): RunDirectory.open(path) for path in options.runs}
+    if len(runs) == 1:
+        runs = {run.path.resolve().name: run for run in runs.values()}
+    drawn: dict[str, list[ProgressRow]] = {}
+    said: list[str] = []
+    for name, run in runs.items():
+        steps = read_config(run.config_file).steps
+        rows = read_progress(run.progress_file) if run.progress_file.is_file() else []
+        if not rows:
+            raise ConfigurationError(
+                f"{run.path} has no row in progress.csv yet: one comes every {ROW_EVERY:,} of its "
+                f"{steps:,} decisions"
+            )
+        step, wall_s = rows[-1].step, rows[-1].wall_s
+        more = f"all {step:,} decisions made"
+        if step < steps and wall_s > 0:
+            left = clock((steps - step) * wall_s / step)
+            more = f"{step:,} of {steps:,} decisions made, {left} of training to go"
+        said.append(f"{name}: {more}" if len(runs) > 1 else more)
+        drawn[name] = rows
+    path = options.output or next(iter(runs.values())).curve_file
+    draw_curves(drawn, path)
+    print(f"wrote {path}: {'; '.join(said)}")

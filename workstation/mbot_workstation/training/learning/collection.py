@@ -53,6 +53,21 @@ class _Half:
     told: torch.Tensor
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Witness:
+    """What is only needed when a rollout is whole; shapes (steps, robots, ...).
+
+    Attributes:
+        known: what the policy knew.
+        situations, bodies: STEP_RECORD, BODY_RECORD.
+
+    """
+
+    known: torch.Tensor
+    situations: NDArray[np.void]
+    bodies: NDArray[np.void]
+
+
 class Collection:
     """Collects rollouts from the robots of an environment.
 
@@ -118,8 +133,15 @@ class Collection:
 
         """
         buffer.reset()
+        shape = (buffer.buffer_size, buffer.n_envs)
+        sight = self._halves[0].sight
+        witness = _Witness(
+            torch.zeros(*shape, policy.action_net.in_features, device=policy.device),
+            np.zeros(shape, sight.situations.dtype),
+            np.zeros(shape, sight.bodies.dtype),
+        )
         for half in self._halves:
-            self._decide(half, policy, buffer)
+            self._decide(half, policy, buffer, witness)
         while not buffer.full:
             infos: list[dict[str, Any]] = []
             buffer.pos += 1
@@ -127,20 +149,37 @@ class Collection:
             for half in self._halves:
                 infos += self._arrive(half, buffer, reward_scale)
                 if not buffer.full:
-                    self._decide(half, policy, buffer)
+                    self._decide(half, policy, buffer, witness)
             if not go_on(infos):
                 return False
-        values, ended = np.zeros(buffer.n_envs, np.float32), np.zeros(buffer.n_envs, np.bool_)
-        for half in self._halves:
-            values[half.rows] = policy.values(self._before(half, policy)).cpu().numpy()
-            ended[half.rows] = half.began
-        buffer.compute_returns_and_advantage(torch.from_numpy(values), ended)
+        self._judge(policy, buffer, witness)
         return True
 
-    def _decide(self, half: _Half, policy: MemoryPolicy, buffer: SequenceBuffer) -> None:
+    def _judge(self, policy: MemoryPolicy, buffer: SequenceBuffer, witness: _Witness) -> None:
+        """All that was decided, at once: one by one it would keep the robots waiting."""
+        known = truth(witness.situations.ravel(), witness.bodies.ravel())
+        buffer.truth[:] = known.reshape(buffer.truth.shape)
+        judged = policy.judge(
+            witness.known.flatten(0, 1),
+            torch.from_numpy(buffer.actions).to(policy.device).flatten(0, 1),
+            torch.from_numpy(known).to(policy.device),
+        )
+        buffer.values[:] = judged.values.cpu().numpy().reshape(buffer.values.shape)
+        buffer.log_probs[:] = judged.log_probs.cpu().numpy().reshape(buffer.log_probs.shape)
+        values, ended = np.zeros(buffer.n_envs, np.float32), np.zeros(buffer.n_envs, np.bool_)
+        for half in self._halves:
+            after = policy.decide(_before(half, policy), deterministic=True)
+            seen = torch.from_numpy(truth(half.sight.situations, half.sight.bodies))
+            expected = policy.value_of(after.known, seen.to(policy.device))
+            values[half.rows] = expected.cpu().numpy()
+            ended[half.rows] = half.began
+        buffer.compute_returns_and_advantage(torch.from_numpy(values), ended)
+
+    def _decide(
+        self, half: _Half, policy: MemoryPolicy, buffer: SequenceBuffer, witness: _Witness
+    ) -> None:
         """Send a half on its way, and write down what it went by."""
-        before = self._before(half, policy)
-        decided = policy.decide(before)
+        decided = policy.decide(_before(half, policy))
         actions = decided.actions.cpu().numpy()
         told = actions.clip(-1, 1)
         self.environment.send(half.index, told)
@@ -149,12 +188,12 @@ class Collection:
         buffer.observations[place] = half.sight.pictures
         buffer.states[place] = half.state.cpu().numpy()
         buffer.previous_actions[place] = half.told.cpu().numpy()
-        buffer.truth[place] = before.truth.cpu().numpy()
         buffer.forgot[place] = half.forgot
         buffer.episode_starts[place] = half.began
         buffer.actions[place] = actions
-        buffer.values[place] = decided.values.cpu().numpy()
-        buffer.log_probs[place] = decided.log_probs.cpu().numpy()
+        witness.known[place] = decided.known
+        witness.situations[place] = half.sight.situations
+        witness.bodies[place] = half.sight.bodies
         if half.guide is not None:
             half.guide.become(half.sight.bodies)
             buffer.advice[place] = half.guide.act(half.sight.situations)
@@ -174,11 +213,10 @@ class Collection:
         half.state, half.told = half.state * keep, half.told * keep
         return arrival.infos
 
-    def _before(self, half: _Half, policy: MemoryPolicy) -> Before:
-        known = truth(half.sight.situations, half.sight.bodies)
-        return Before(
-            pictures=torch.from_numpy(half.sight.pictures).to(policy.device),
-            state=half.state,
-            previous_actions=half.told,
-            truth=torch.from_numpy(known).to(policy.device),
-        )
+
+def _before(half: _Half, policy: MemoryPolicy) -> Before:
+    return Before(
+        pictures=torch.from_numpy(half.sight.pictures).to(policy.device),
+        state=half.state,
+        previous_actions=half.told,
+    )

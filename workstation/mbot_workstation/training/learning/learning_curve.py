@@ -1,6 +1,7 @@
-"""The paper's Fig. 4 of a run: reward, episode length and lesson over the decisions."""
+"""The paper's Fig. 4 of runs: reward, episode length and lesson over the decisions."""
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,47 +16,53 @@ PAPER_REWARD, PAPER_LENGTH = 19.8, 200.0
 """The paper's plateau in its last lesson."""
 
 
-_COLOUR, _PAPER = "#3b6ea5", "#999999"
+_COLOURS, _PAPER = ("#3b6ea5", "#c8553d", "#588157", "#8e6c8a", "#c99a2e"), "#999999"
 
 
-def draw_curve(rows: Sequence[ProgressRow], path: Path, title: str = "") -> None:
+def draw_curves(runs: Mapping[str, Sequence[ProgressRow]], path: Path) -> None:
     """Write the picture.
 
     Args:
-        rows: of progress.csv, at least one.
+        runs: by name, rows of progress.csv, at least one each.
         path: a file matplotlib can write, such as a PNG.
-        title: above it.
 
     Raises:
         ConfigurationError: there are no rows yet, or the file can't be written.
 
     """
-    if not rows:
-        raise ConfigurationError("the run has no row in progress.csv yet; train it longer")
+    for name, rows in runs.items():
+        if not rows:
+            raise ConfigurationError(f"{name} has no row in progress.csv yet; train it longer")
     figure = Figure(figsize=(8, 6.5), layout="constrained")
     axes: Any = figure.subplots(3, 1, sharex=True, gridspec_kw={"height_ratios": [3, 3, 1.6]})
-    steps = [row.step / 1e6 for row in rows]
-    _panel(
-        axes[0], steps, [row.mean_reward for row in rows], "mean reward of an episode", PAPER_REWARD
-    )
-    _panel(axes[1], steps, [row.mean_length for row in rows], "episode, decisions", PAPER_LENGTH)
-    names = list(dict.fromkeys(row.lesson for row in rows))
-    axes[2].step(steps, [names.index(row.lesson) for row in rows], where="post", color=_COLOUR)
-    axes[2].set_yticks(range(len(names)), names, fontsize=8 if len(names) > 5 else 10)
+    lessons = list(dict.fromkeys(row.lesson for rows in runs.values() for row in rows))
+    for (name, rows), colour in zip(runs.items(), itertools.cycle(_COLOURS), strict=False):
+        steps = [row.step / 1e6 for row in rows]
+        look: dict[str, Any] = {"color": colour, "marker": "o", "markersize": 3, "label": name}
+        axes[0].plot(steps, [row.mean_reward for row in rows], **look)
+        axes[1].plot(steps, [row.mean_length for row in rows], **look)
+        at = [lessons.index(row.lesson) for row in rows]
+        axes[2].step(steps, at, where="post", color=colour)
+    _mark(axes[0], "mean reward of an episode", PAPER_REWARD)
+    _mark(axes[1], "episode, decisions", PAPER_LENGTH)
+    axes[2].set_yticks(range(len(lessons)), lessons, fontsize=8 if len(lessons) > 5 else 10)
     axes[2].set_ylabel("lesson")
-    axes[2].set_xlabel(
-        f"decisions (millions); {rows[-1].step:,} in {rows[-1].wall_s / 60:.0f} minutes"
-    )
+    ends = [rows[-1] for rows in runs.values()]
+    took = (f"{end.step:,} in {end.wall_s / 60:.0f} minutes" for end in ends)
+    axes[2].set_xlabel(f"decisions (millions); {', '.join(took)}")
     for panel in axes:
         panel.grid(alpha=0.3)
         panel.spines[["top", "right"]].set_visible(False)
-    axes[0].set_ylim(bottom=min(0.0, *(row.mean_reward for row in rows)) - 0.5)
+    lowest = min(row.mean_reward for rows in runs.values() for row in rows)
+    axes[0].set_ylim(bottom=min(0.0, lowest) - 0.5)
     axes[1].set_ylim(bottom=0)
     axes[2].set_xlim(left=0)
-    if note := mark_note(names[-1]):
+    if note := mark_note(ends[0].lesson):
         axes[0].set_title(note, fontsize=9)
-    if title:
-        figure.suptitle(title)
+    if len(runs) > 1:
+        axes[0].legend(loc="lower right", bbox_to_anchor=(1, 0.1), fontsize=8)
+    else:
+        figure.suptitle(next(iter(runs)))
     save_figure(figure, path)
 
 
@@ -66,8 +73,7 @@ def mark_note(lesson: str) -> str:
     return f"the last lesson, {lesson}, is harder than the paper's, whose plateau is no mark for it"
 
 
-def _panel(axes: Any, steps: list[float], values: list[float], label: str, paper: float) -> None:
-    axes.plot(steps, values, color=_COLOUR, marker="o", markersize=3)
+def _mark(axes: Any, label: str, paper: float) -> None:
     axes.axhline(paper, color=_PAPER, linestyle="--", linewidth=1)
     axes.annotate(
         f"paper's plateau {paper:g}",

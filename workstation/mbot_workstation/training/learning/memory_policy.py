@@ -62,20 +62,18 @@ def truth(situations: NDArray[np.void], bodies: NDArray[np.void]) -> NDArray[np.
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Before:
-    """What n robots and the critic go by in a decision.
+    """What n robots go by in a decision.
 
     Attributes:
         pictures: uint8, shape (n, 64, 64, 3).
         state: what each remembers, shape (n, units).
         previous_actions: as the wheels were told, shape (n, 2).
-        truth: for the critic, shape (n, TRUTH).
 
     """
 
     pictures: torch.Tensor
     state: torch.Tensor
     previous_actions: torch.Tensor
-    truth: torch.Tensor
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,15 +82,28 @@ class Decided:
 
     Attributes:
         actions: drawn, not clipped, shape (n, 2).
-        values, log_probs: shape (n,).
+        known: what they were made of, shape (n, features + units).
         state: what is remembered from now on, shape (n, units).
 
     """
 
     actions: torch.Tensor
+    known: torch.Tensor
+    state: torch.Tensor
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judged:
+    """What is to be said of n decisions.
+
+    Attributes:
+        values: what was to be expected, shape (n,).
+        log_probs: how likely the actions were, shape (n,).
+
+    """
+
     values: torch.Tensor
     log_probs: torch.Tensor
-    state: torch.Tensor
 
 
 class MemoryPolicy(ActorCriticPolicy):
@@ -117,24 +128,27 @@ class MemoryPolicy(ActorCriticPolicy):
     def decide(self, before: Before, deterministic: bool = False) -> Decided:
         """One decision of some robots."""
         known, state = self._recall(before)
-        mean, noise = self.action_net(known), self.log_std.exp()
-        actions = mean if deterministic else torch.normal(mean, noise.expand_as(mean))
-        log_probs = Normal(mean, noise, validate_args=False).log_prob(actions).sum(dim=1)
-        return Decided(actions, self.value_of(known, before.truth), log_probs, state)
+        mean = self.action_net(known)
+        if deterministic:
+            return Decided(mean, known, state)
+        noise = self.log_std.exp().expand_as(mean)
+        return Decided(torch.normal(mean, noise), known, state)
 
-    def values(self, before: Before) -> torch.Tensor:
-        """What is to be expected, shape (n,)."""
-        return self.value_of(self._recall(before)[0], before.truth)
+    def judge(self, known: torch.Tensor, actions: torch.Tensor, truth: torch.Tensor) -> Judged:
+        """Of decisions that were made; for many at once it costs little."""
+        wheels = Normal(self.action_net(known), self.log_std.exp(), validate_args=False)
+        return Judged(self.value_of(known, truth), wheels.log_prob(actions).sum(dim=1))
 
     def forward(
         self, obs: torch.Tensor, deterministic: bool = False
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """What SB3 asks for: as `decide`, for robots that remember nothing, without the truth."""
-        nothing = (
+        state, previous, truth = (
             torch.zeros(len(obs), n, device=obs.device) for n in (self._units, ACTIONS, TRUTH)
         )
-        decided = self.decide(Before(obs, *nothing), deterministic)
-        return decided.actions, decided.values, decided.log_probs
+        decided = self.decide(Before(obs, state, previous), deterministic)
+        judged = self.judge(decided.known, decided.actions, truth)
+        return decided.actions, judged.values, judged.log_probs
 
     def _predict(self, observation: Any, deterministic: bool = False) -> torch.Tensor:
         return self(observation, deterministic)[0]
