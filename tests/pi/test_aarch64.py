@@ -21,6 +21,7 @@ EMULATOR = "/usr/bin/qemu-aarch64-static"
 PACKAGES = "base-files,python3,libpython3-stdlib,libstdc++6,libgcc-s1,zlib1g,libc-bin"
 PYTHONS = {"bookworm": "3.11", "trixie": "3.13"}
 SITE, HERE = "opt/site", Path(__file__).parent
+MODEL = "models/red-cube.onnx"
 TOLERANCE = 1e-5
 """The bar for another processor."""
 
@@ -83,11 +84,11 @@ def test_every_module_imports_and_the_policy_decides_as_here(
     for name in ("shared", "robot", "models"):
         subprocess.run(["cp", "-r", str(CHECKOUT / name), str(checkout)], check=True)
     subprocess.run(["cp", str(HERE / "decide_golden.py"), str(checkout)], check=True)
-    there = _decided(
+    there = decided(
         *("chroot", str(userland), f"/{EMULATOR.lstrip('/')}", "-cpu", processor),
-        *("/usr/bin/python3", "/checkout/decide_golden.py", "/checkout", f"/{SITE}"),
+        *("/usr/bin/python3", "/checkout/decide_golden.py", "/checkout", MODEL, f"/{SITE}"),
     )
-    here = _decided(sys.executable, str(HERE / "decide_golden.py"), str(CHECKOUT))
+    here = decided(sys.executable, str(HERE / "decide_golden.py"), str(CHECKOUT), MODEL)
     assert there["machine"] == "aarch64"
     assert there["modules"] == here["modules"]
     assert len(there["modules"]) > 60
@@ -96,7 +97,8 @@ def test_every_module_imports_and_the_policy_decides_as_here(
     assert off <= TOLERANCE
 
 
-def _decided(*command: str) -> dict[str, Any]:
+def decided(*command: str) -> dict[str, Any]:
+    """What `decide_golden.py` prints."""
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
     return json.loads(done.stdout.splitlines()[-1])

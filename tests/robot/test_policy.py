@@ -3,11 +3,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import onnx
 import pytest
 from onnx import TensorProto, numpy_helper
 
+from mbot_agent.models import model_engine
 from mbot_agent.models.policy import Memory, Policy, PolicyError
 from mbot_protocol.errors import ContractError, NewerSchemaError
 from mbot_protocol.policy_contract import FULL_VIEW, PolicyMetadata
@@ -31,6 +33,13 @@ BAD_MODELS = {
     "forbidden operator": (constant_model(extra_operator="Range"), ContractError),
     "onnxruntime's own format": (b"\x08\x08\x12\x08ORTM1234", ContractError),
 }
+
+
+@pytest.fixture(params=["onnxruntime", "OpenCV"], autouse=True)
+def an_engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    if request.param == "OpenCV":
+        monkeypatch.setattr(model_engine, "onnxruntime", None)
+        monkeypatch.setattr(model_engine, "cv2", cv2)
 
 
 def test_a_model_acts_and_says_what_it_is() -> None:

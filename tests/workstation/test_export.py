@@ -34,7 +34,7 @@ from mbot_workstation.training.learning.golden_answers import check_golden_frame
 from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
 from mbot_workstation.training.learning.memory_policy import Before
 from mbot_workstation.training.learning.picture_ppo import PicturePPO
-from mbot_workstation.training.learning.policy_graph import policy_graph
+from mbot_workstation.training.learning.policy_graph import graph_weights, policy_graph
 from mbot_workstation.training.learning.run_directory import RunDirectory, write_json
 from mbot_workstation.training.learning.trained_policy import PROVENANCE, trained_policy
 from mbot_workstation.training.learning.training_config import TrainingConfig
@@ -124,6 +124,42 @@ def test_a_network_without_memory_follows_the_first_contract() -> None:
     assert policy.metadata.contract_version == 1
     theirs, _ = plain.policy.predict(PICTURES, deterministic=True)
     np.testing.assert_allclose(policy.act(PICTURES), theirs, rtol=0, atol=FLOAT32)
+
+
+@pytest.mark.parametrize("memory_units", [0, 128])
+def test_the_dialect_for_armv6_decides_alike_and_has_the_same_weights(memory_units: int) -> None:
+    environment = DummyVecEnv([FetchEnv])
+    made = make_learner(environment, LearnerSettings(batch=128, memory_units=memory_units), seed=3)
+    environment.close()
+    torch.nn.init.normal_(made.policy.action_net.weight, std=0.1)
+    weights = made.policy.state_dict()
+    usual, dialect = (
+        policy_graph(weights, PolicyMetadata("one"), for_armv6=for_armv6)
+        for for_armv6 in (False, True)
+    )
+    assert dialect.opset_import[0].version == 10
+    assert "GRU" not in {node.op_type for node in dialect.graph.node}
+    ours, theirs = (OnnxPolicy(model.SerializeToString()) for model in (dialect, usual))
+    for picture in PICTURES[:10]:
+        np.testing.assert_allclose(
+            ours.act(picture[None]), theirs.act(picture[None]), rtol=0, atol=FLOAT32
+        )
+    back, before = graph_weights(dialect), graph_weights(usual)
+    assert back.keys() == before.keys()
+    for name, weight in back.items():
+        torch.testing.assert_close(weight, before[name])
+
+
+def test_a_file_for_armv6_is_an_option_away_and_robots_take_it(
+    run: RunDirectory, tmp_path: Path
+) -> None:
+    first, dialect, back = (tmp_path / f"{name}.onnx" for name in ("first", "armv6", "back"))
+    invoke(str(run.path), "-o", str(first), "--name", "same")
+    invoke(str(first), "-o", str(dialect), "--name", "same", "--for-armv6")
+    invoke(str(dialect), "-o", str(back), "--name", "same")
+    assert check_model(dialect).metadata == PolicyMetadata("same", FULL_VIEW, 2.5, 2)
+    assert dialect.read_bytes() != first.read_bytes()
+    assert back.read_bytes() == first.read_bytes()
 
 
 def test_a_batch_is_as_many_robots_each_with_its_memory(run: RunDirectory) -> None:

@@ -1,15 +1,15 @@
-"""The policy: an ONNX model, checked against the contract, run by onnxruntime on one thread."""
+"""The policy: an ONNX model, checked against the contract, and its answers."""
 
 import hashlib
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
-import onnxruntime as untyped_onnxruntime  # pyright: ignore[reportMissingTypeStubs]
 from numpy.typing import NDArray
 
+from mbot_agent.models.model_engine import load_engine
 from mbot_agent.tick import Memory
 from mbot_protocol.engine_words import engine_words
 from mbot_protocol.errors import ContractError, MbotError
@@ -24,16 +24,9 @@ from mbot_protocol.policy_contract import (
     STATE_IN_NAME,
     STATE_OUT_NAME,
     PolicyMetadata,
-    Tensor,
     check_signature,
 )
 from mbot_protocol.static_shapes import check_static_shapes
-
-onnxruntime = cast(Any, untyped_onnxruntime)
-
-_TYPES = {"tensor(uint8)": "uint8", "tensor(float)": "float32"}
-
-onnxruntime.set_default_logger_severity(4)  # errors reach us as exceptions, with our own words
 
 
 class PolicyError(MbotError):
@@ -80,27 +73,10 @@ class Policy:
         check_static_shapes(data)
         self.sha256 = hashlib.sha256(data).hexdigest()
         self.size_bytes = len(data)
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = 1
-        options.inter_op_num_threads = 1
-        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-        # Or bytes that are both would be read in onnxruntime's own format, which nobody checked.
-        options.add_session_config_entry("session.load_model_format", "ONNX")
-        try:
-            self._session = onnxruntime.InferenceSession(
-                data, options, providers=["CPUExecutionProvider"]
-            )
-        except Exception as error:
-            raise ContractError(
-                f"onnxruntime cannot load the model: {engine_words(error)}"
-            ) from None
-        properties = cast(dict[str, str], self._session.get_modelmeta().custom_metadata_map)
-        self.metadata = PolicyMetadata.from_properties(properties)
-        self._properties = properties
+        self._engine = load_engine(data)
+        self.metadata = PolicyMetadata.from_properties(self._engine.properties)
         memory = check_signature(
-            _tensors(self._session.get_inputs()),
-            _tensors(self._session.get_outputs()),
-            self.metadata.contract_version,
+            self._engine.inputs, self._engine.outputs, self.metadata.contract_version
         )
         self.blank = Memory(np.zeros((memory.layers, 1, memory.units), np.float32))
 
@@ -130,7 +106,7 @@ class Policy:
             ContractError: they are damaged.
 
         """
-        return read_golden_frames(self._properties)
+        return read_golden_frames(self._engine.properties)
 
     def act(self, observation: Picture) -> tuple[float, float]:
         """Decide as if nothing had been before: left and right wheel; raises as `decide`."""
@@ -155,7 +131,7 @@ class Policy:
             feeds[STATE_IN_NAME] = memory.state
             names.append(STATE_OUT_NAME)
         try:
-            action, *states = self._session.run(names, feeds)
+            action, *states = self._engine.run(names, feeds)
             left, right = (float(value) for value in np.asarray(action).reshape(2))
             state = np.asarray(states[0], np.float32) if states else memory.state
         except Exception as error:
@@ -165,10 +141,3 @@ class Policy:
         if not np.isfinite(state).all():
             raise PolicyError("the model remembers what is not finite")
         return Answer(left, right, state)
-
-
-def _tensors(nodes: Any) -> list[Tensor]:
-    return [
-        Tensor(node.name, _TYPES.get(str(node.type), str(node.type)), tuple(node.shape))
-        for node in nodes
-    ]

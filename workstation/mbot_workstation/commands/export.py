@@ -20,6 +20,11 @@ class ExportOptions:
         None, "What to write; RUN's name if not given.", "--output", "-o", metavar="FILE.onnx"
     )
     name: str | None = option(None, "What robots call it; the file's name if not given.")
+    for_armv6: bool = option(
+        False,
+        "For a first Pi Zero, where OpenCV runs it: the same policy in an older dialect of ONNX.",
+        "--for-armv6",
+    )
     as_json: bool = json_option()
 
 
@@ -34,6 +39,7 @@ def export(options: ExportOptions) -> None:
 
     - `workstation export runs/first -o policy.onnx`
     - `workstation export runs/first/checkpoints/000400000 -o earlier.onnx`
+    - `workstation export models/red-cube.onnx --for-armv6 -o red-cube-armv6.onnx`
     """
     import hashlib
     import json
@@ -45,7 +51,8 @@ def export(options: ExportOptions) -> None:
     policy = trained_policy(options.source)
     path = options.output or Path(f"{policy.name}.onnx")
     policy_name = options.name or path.stem
-    data = export_policy(policy, policy_name).SerializeToString(deterministic=True)
+    model = export_policy(policy, policy_name, for_armv6=options.for_armv6)
+    data = model.SerializeToString(deterministic=True)
     atomic_file.save(path, data)
     sha256 = hashlib.sha256(data).hexdigest()
     if options.as_json:

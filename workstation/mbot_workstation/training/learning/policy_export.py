@@ -12,7 +12,7 @@ from mbot_workstation.training.learning.trained_policy import PROVENANCE, Traine
 from mbot_workstation.training.worlds.example_frames import golden_sequence
 
 
-def export_policy(policy: TrainedPolicy, name: str) -> onnx.ModelProto:
+def export_policy(policy: TrainedPolicy, name: str, *, for_armv6: bool = False) -> onnx.ModelProto:
     """Build the policy file's content.
 
     The same weights give the same model, on machines that render alike.
@@ -20,13 +20,15 @@ def export_policy(policy: TrainedPolicy, name: str) -> onnx.ModelProto:
     Args:
         policy: what to export.
         name: what robots call it.
+        for_armv6: see `policy_graph`.
 
     Raises:
         ConfigurationError: nothing can be rendered here.
 
     """
     origin = json.dumps(policy.provenance, separators=(",", ":"))
-    model = policy_graph(policy.weights, PolicyMetadata(name, FULL_VIEW), {PROVENANCE: origin})
+    metadata = PolicyMetadata(name, FULL_VIEW)
+    model = policy_graph(policy.weights, metadata, {PROVENANCE: origin}, for_armv6=for_armv6)
     golden = model.metadata_props.add()
     golden.key, golden.value = PROPERTY, golden_property(model, golden_sequence())
     return model

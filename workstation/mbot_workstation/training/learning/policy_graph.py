@@ -27,9 +27,18 @@ from mbot_protocol.policy_contract import (
     STATE_OUT_NAME,
     PolicyMetadata,
 )
+from mbot_workstation.training.learning.memory_graph import (
+    PARTS,
+    MemoryGraph,
+    gru,
+    memory_parts,
+    spelt_out_gru,
+)
 from mbot_workstation.training.learning.network import LEAKY_SLOPE, PIXEL_SCALE, PIXEL_SHIFT
 
 OPSET = 13
+ARMV6_OPSET = 10
+"""Clip and Squeeze took their limits and axes as attributes, which is what OpenCV 4.6 reads."""
 IR_VERSION = 8
 """As the servo policy: every onnxruntime since 1.10 runs it."""
 
@@ -46,13 +55,12 @@ _LAYERS = {
 """The graph's layers and their names in SB3's policy."""
 
 
-_GRU_PARTS = ("weight_ih", "weight_hh", "bias_ih", "bias_hh")
-
-
 def policy_graph(
     weights: Mapping[str, torch.Tensor],
     metadata: PolicyMetadata,
     properties: Mapping[str, str] | None = None,
+    *,
+    for_armv6: bool = False,
 ) -> onnx.ModelProto:
     """Build the model.
 
@@ -60,47 +68,44 @@ def policy_graph(
         weights: of the learner's policy by SB3's names, from `read_weights` or `state_dict()`.
         metadata: what it says of itself.
         properties: further metadata.
+        for_armv6: in what OpenCV 4.6 takes as well: an older operator set, one picture a batch.
 
     Returns:
         A model that follows the policy contract: standard operators, no external data.
 
     """
     constants = _constants(weights)
-    units = constants["memory.recurrent"].shape[2] if _has_memory(weights) else 0
-    metadata = replace(metadata, contract_version=2 if units else 1)
+    parts = {part: _array(weights[f"memory.{part}"]) for part in PARTS if _has_memory(weights)}
+    memory = (spelt_out_gru if for_armv6 else gru)(parts) if parts else MemoryGraph([], {})
+    metadata = replace(metadata, contract_version=2 if parts else 1)
     nodes = [
         helper.make_node("Cast", [INPUT_NAME], ["pixels"], name="pixels", to=TensorProto.FLOAT),
         helper.make_node("Transpose", ["pixels"], ["planes"], name="planes", perm=[0, 3, 1, 2]),
-        *_layer("Conv", "planes", "first", strides=[4, 4]),
-        *_layer("Conv", "first_active", "second", strides=[2, 2]),
+        *_layer("Conv", "planes", "first", **_kernel(for_armv6, 8), strides=[4, 4]),
+        *_layer("Conv", "first_active", "second", **_kernel(for_armv6, 4), strides=[2, 2]),
         helper.make_node("Flatten", ["second_active"], ["flat"], name="flat", axis=1),
         *_layer("Gemm", "flat", "dense", transB=1),
-        *(_memory(units) if units else ()),
+        *memory.nodes,
         helper.make_node(
             "Gemm",
-            ["known" if units else "dense_active", "wheels.weight", "wheels.bias"],
+            ["known" if parts else "dense_active", "wheels.weight", "wheels.bias"],
             ["wheels"],
             name="wheels",
             transB=1,
         ),
-        helper.make_node("Clip", ["wheels", "backward", "forward"], [OUTPUT_NAME], name="clip"),
+        _clip(for_armv6),
     ]
-    picture = [BATCH, *OBSERVATION_SHAPE[1:]]
-    inputs = [helper.make_tensor_value_info(INPUT_NAME, TensorProto.UINT8, picture)]
-    outputs = [_floats(OUTPUT_NAME, BATCH, ACTION_SHAPE[1])]
-    if units:
-        inputs.append(_floats(PREVIOUS_ACTION_NAME, BATCH, ACTION_SHAPE[1]))
-        inputs.append(_floats(STATE_IN_NAME, 1, BATCH, units))
-        outputs.append(_floats(STATE_OUT_NAME, 1, BATCH, units))
+    if not for_armv6:
+        constants |= {"backward": np.array(-1.0, np.float32), "forward": np.array(1.0, np.float32)}
+    constants |= memory.constants
     model = helper.make_model(
         helper.make_graph(
             nodes,
             "learned_policy",
-            inputs,
-            outputs,
+            *_signature(parts["weight_hh"].shape[1] if parts else 0, 1 if for_armv6 else BATCH),
             [numpy_helper.from_array(value, name) for name, value in constants.items()],
         ),
-        opset_imports=[helper.make_opsetid("", OPSET)],
+        opset_imports=[helper.make_opsetid("", ARMV6_OPSET if for_armv6 else OPSET)],
         ir_version=IR_VERSION,
         producer_name="mbot-agent",
     )
@@ -109,27 +114,33 @@ def policy_graph(
     return model
 
 
+def _signature(
+    units: int, batch: int | str
+) -> tuple[list[onnx.ValueInfoProto], list[onnx.ValueInfoProto]]:
+    """Inputs and outputs of a network with so many units of memory."""
+    picture = [batch, *OBSERVATION_SHAPE[1:]]
+    inputs = [helper.make_tensor_value_info(INPUT_NAME, TensorProto.UINT8, picture)]
+    outputs = [_floats(OUTPUT_NAME, batch, ACTION_SHAPE[1])]
+    if units:
+        inputs.append(_floats(PREVIOUS_ACTION_NAME, batch, ACTION_SHAPE[1]))
+        inputs.append(_floats(STATE_IN_NAME, 1, batch, units))
+        outputs.append(_floats(STATE_OUT_NAME, 1, batch, units))
+    return inputs, outputs
+
+
+def _kernel(for_armv6: bool, side: int) -> dict[str, list[int]]:
+    """Its size, which its weights tell onnxruntime."""
+    return {"kernel_shape": [side, side]} if for_armv6 else {}
+
+
+def _clip(for_armv6: bool) -> onnx.NodeProto:
+    if for_armv6:
+        return helper.make_node("Clip", ["wheels"], [OUTPUT_NAME], "clip", min=-1.0, max=1.0)
+    return helper.make_node("Clip", ["wheels", "backward", "forward"], [OUTPUT_NAME], "clip")
+
+
 def _floats(name: str, *shape: int | str) -> onnx.ValueInfoProto:
     return helper.make_tensor_value_info(name, TensorProto.FLOAT, list(shape))
-
-
-def _memory(units: int) -> list[onnx.NodeProto]:
-    """A GRU of one step: features and the previous action in, features and state out as `known`."""
-    inputs = ["moment", "memory.input", "memory.recurrent", "memory.bias", "", STATE_IN_NAME]
-    return [
-        helper.make_node("Concat", ["dense_active", PREVIOUS_ACTION_NAME], ["met"], "met", axis=1),
-        helper.make_node("Unsqueeze", ["met", "first_axis"], ["moment"], "moment"),
-        helper.make_node(
-            "GRU",
-            inputs,
-            ["", STATE_OUT_NAME],
-            "memory",
-            hidden_size=units,
-            linear_before_reset=1,  # as torch
-        ),
-        helper.make_node("Squeeze", [STATE_OUT_NAME, "first_axis"], ["recalled"], "recalled"),
-        helper.make_node("Concat", ["dense_active", "recalled"], ["known"], "known", axis=1),
-    ]
 
 
 def _layer(
@@ -152,26 +163,11 @@ def _constants(weights: Mapping[str, torch.Tensor]) -> dict[str, NDArray[Any]]:
     first = arrays["first.weight"]
     arrays["first.bias"] = arrays["first.bias"] + np.float32(PIXEL_SHIFT) * first.sum((1, 2, 3))
     arrays["first.weight"] = first * np.float32(PIXEL_SCALE)
-    arrays["backward"] = np.array(-1.0, np.float32)
-    arrays["forward"] = np.array(1.0, np.float32)
-    if _has_memory(weights):
-        gates = {part: _array(weights[f"memory.{part}"]) for part in _GRU_PARTS}
-        ordered = {part: _update_first(value)[None] for part, value in gates.items()}
-        arrays["memory.input"] = ordered["weight_ih"]
-        arrays["memory.recurrent"] = ordered["weight_hh"]
-        arrays["memory.bias"] = np.concatenate([ordered["bias_ih"], ordered["bias_hh"]], axis=1)
-        arrays["first_axis"] = np.array([0], np.int64)
     return arrays
 
 
 def _has_memory(weights: Mapping[str, torch.Tensor]) -> bool:
     return "memory.weight_hh" in weights
-
-
-def _update_first(gates: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Torch's gates (reset, update, new) in ONNX's order (update, reset, new), or back again."""
-    reset, update, new = np.split(gates, 3)
-    return np.concatenate([update, reset, new])
 
 
 def graph_weights(model: onnx.ModelProto) -> dict[str, torch.Tensor]:
@@ -190,11 +186,7 @@ def graph_weights(model: onnx.ModelProto) -> dict[str, torch.Tensor]:
         for name, origin in _LAYERS.items()
         for part in ("weight", "bias")
     }
-    if "memory.bias" in arrays:
-        bias_ih, bias_hh = np.split(arrays["memory.bias"][0], 2)
-        gates = (arrays["memory.input"][0], arrays["memory.recurrent"][0], bias_ih, bias_hh)
-        for part, value in zip(_GRU_PARTS, gates, strict=True):
-            found[f"memory.{part}"] = _update_first(value)
+    found |= {f"memory.{part}": value for part, value in memory_parts(arrays).items()}
     return {name: torch.from_numpy(value.copy()) for name, value in found.items()}
 
 

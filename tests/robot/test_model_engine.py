@@ -1,0 +1,121 @@
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import onnx
+import pytest
+
+from mbot_agent.models import model_engine
+from mbot_agent.models.model_engine import Engine, OnnxRuntime, OpenCvDnn
+from mbot_protocol.errors import ContractError
+from mbot_protocol.model_declaration import read_declaration
+from mbot_protocol.policy_contract import PolicyMetadata
+from mbot_workstation.models.servo_policy import ServoGains, servo_model
+from mbot_workstation.training.learning.policy_export import export_policy
+from mbot_workstation.training.learning.trained_policy import trained_policy
+
+from .tiny_models import constant_model, counting_model, seeing_model
+
+CHECKOUT = Path(__file__).parents[2]
+SHIPPED = CHECKOUT / "models/red-cube.onnx"
+
+MODELS = {
+    "constant": constant_model(),
+    "any batch": constant_model(input_shape=("batch", 64, 64, 3)),
+    "counting": counting_model(),
+    "seeing": seeing_model(),
+    "servo": servo_model(ServoGains(), PolicyMetadata("servo")).SerializeToString(),
+    "shipped": SHIPPED.read_bytes(),
+}
+
+
+@pytest.fixture(scope="module")
+def for_armv6() -> bytes:
+    """The shipped policy in OpenCV's dialect."""
+    model = export_policy(trained_policy(SHIPPED), "red-cube-armv6", for_armv6=True)
+    return model.SerializeToString()
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_files_bytes_declare_what_onnxruntime_finds(name: str) -> None:
+    declared = read_declaration(MODELS[name])
+    found = OnnxRuntime(model_engine.onnxruntime, MODELS[name])
+    assert list(declared.inputs) == found.inputs
+    assert list(declared.outputs) == found.outputs
+    assert declared.properties == found.properties
+
+
+def test_weights_among_the_inputs_are_no_inputs() -> None:
+    """Files of ONNX's first versions list them there."""
+    model = onnx.load_from_string(constant_model())
+    names = ("zero", "answer")
+    model.graph.input.extend(
+        onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, (1, 2)) for name in names
+    )
+    declared = read_declaration(model.SerializeToString())
+    assert [tensor.name for tensor in declared.inputs] == ["observation"]
+
+
+def test_opencv_remembers_as_onnxruntime_does(for_armv6: bytes) -> None:
+    """80 pictures of noise, each from the state that the same engine left."""
+    noise = np.random.default_rng(3)
+    pictures = noise.integers(0, 256, (80, 1, 64, 64, 3)).astype(np.uint8)
+
+    def drive(one: Engine) -> np.ndarray:
+        state, before, actions = np.zeros((1, 1, 128), np.float32), np.zeros((1, 2)), []
+        for picture in pictures:
+            feeds = {
+                "observation": picture,
+                "previous_action": before.astype(np.float32),
+                "state_in": state,
+            }
+            before, state = one.run(["action", "state_out"], feeds)
+            actions.append(before)
+        return np.array(actions)
+
+    usual = drive(OnnxRuntime(model_engine.onnxruntime, SHIPPED.read_bytes()))
+    again = drive(OnnxRuntime(model_engine.onnxruntime, for_armv6))
+    other = drive(OpenCvDnn(cv2, for_armv6))
+    assert usual.std() > 0.1
+    assert np.abs(again - usual).max() <= 1e-5
+    assert np.abs(other - usual).max() <= 1e-5
+
+
+def test_what_opencv_does_not_know_is_refused_with_what_to_do() -> None:
+    unknown = constant_model(extra_operator="Det")  # the structure's check would refuse it first
+    with pytest.raises(ContractError, match=r"OpenCV cannot load .*--for-armv6") as caught:
+        OpenCvDnn(cv2, unknown)
+    assert "\n" not in str(caught.value)
+
+
+WITHOUT_ONNXRUNTIME = """
+import sys
+from pathlib import Path
+from mbot_agent.models import model_engine
+from mbot_agent.models.dry_run import dry_run
+report = dry_run(Path(sys.argv[1]).read_bytes(), 2.5)
+print(model_engine.onnxruntime, report.golden_frames, report.confined)
+"""
+
+
+def test_where_onnxruntime_is_missing_a_dry_run_is_by_opencv(
+    for_armv6: bytes, tmp_path: Path
+) -> None:
+    """In the child too, confined: its 80 golden frames come out right."""
+    missing = tmp_path / "missing"
+    missing.mkdir()
+    (missing / "onnxruntime.py").write_text("raise ModuleNotFoundError('onnxruntime')\n")
+    model = tmp_path / "model.onnx"
+    model.write_bytes(for_armv6)
+    path = os.pathsep.join([str(missing), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_ONNXRUNTIME, str(model)],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": path},
+        check=False,
+    )
+    assert done.stdout == "None 80 True\n", done.stderr
