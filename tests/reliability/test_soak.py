@@ -43,22 +43,19 @@ class Held:
     """What a process holds."""
 
     memory_mb: float
-    threads: Counter[str]
-    """How many of each name."""
+    threads: int
+    names: Counter[str]
+    """Of threads."""
 
     files: int
 
-    def no_more_than(self, before: "Held") -> bool:
-        """Whether nothing was kept but a thread or two of a pool."""
-        threads = self.threads.total() - before.threads.total()
-        return threads <= 2 and self.files - before.files <= 3
-
 
 def held_by(process: Process) -> Held:
-    threads = Counter(
+    names = Counter(
         (task / "comm").read_text().strip() for task in Path(f"/proc/{process.pid}/task").iterdir()
     )
-    return Held(resident_mb(process.pid), threads, open_files(process.pid))
+    files = open_files(process.pid)
+    return Held(resident_mb(process.pid), names.total(), names, files)
 
 
 class Rough:
@@ -200,7 +197,7 @@ def test_nothing_leaks_and_every_silence_begins_standing(
             done = daemon.status()
         rough.settle()
         # Sessions that have ended are given up, and Zenoh's idle threads live for 10 s.
-        until(lambda: held_by(process).no_more_than(before), 30)
+        until(lambda: held_by(process).threads - before.threads <= 2, 30)
         after = held_by(process)
         process.signal(SIGTERM)
         assert process.wait() == 0
@@ -210,13 +207,14 @@ def test_nothing_leaks_and_every_silence_begins_standing(
     record_property("decisions", done.decisions - began.decisions)
     record_property("faults", faults)
     record_property("memory MB", round(after.memory_mb - before.memory_mb, 1))
-    record_property("threads", after.threads.total() - before.threads.total())
+    record_property("threads", after.threads - before.threads)
     record_property("descriptors", after.files - before.files)
     silences = sum(moving_silences(board) for board in rough.boards)
     record_property("silences while moving", silences)
     assert done.session_id == began.session_id
     assert after.memory_mb - before.memory_mb <= 20
-    assert after.no_more_than(before), f"before {before}, after {after}"
+    assert after.threads - before.threads <= 2, f"kept {after.names - before.names}"
+    assert after.files - before.files <= 3
     assert silences == 0
     assert all(board.commands[0][1:] == (0, 0) for board in rough.boards if board.commands)
     assert "Traceback" not in daemon.log.read_text()
