@@ -23,12 +23,12 @@ demo-firmware: $(VENV)/.demo $(FIRMWARE)/mbot-deadman.elf ## The demo with the b
 	@PYTHON=$(PYTHON) sh deploy/workstation-libraries.sh emulator
 	$(BIN)/workstation demo --model models/red-cube.onnx --firmware $(FIRMWARE)/mbot-deadman.elf $(DEMO)
 
-test: $(VENV)/.all ## Run the tests that a change needs, 6 to 9 minutes
+test: $(VENV)/.all ## Run the tests that a change needs, 5 minutes
 	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile $(TEST)
 
 test-all: $(VENV)/.all ## Run all tests: those too that run real programs in real time, 18 minutes
 	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile
-	$(BIN)/pytest -m slow -n 2 tests/workstation
+	$(BIN)/pytest -m slow -n 2 --dist loadgroup tests/workstation
 	$(BIN)/pytest -m slow --ignore tests/workstation
 
 test-pi: $(VENV)/.all ## Install on booted Bookworm and Trixie machines and break things there, updates included; wants root, 30 minutes

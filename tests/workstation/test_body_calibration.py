@@ -348,6 +348,7 @@ def test_a_drawing_that_can_not_be_written_is_one_line(tmp_path: Path) -> None:
             draw_body(BODY, robot_of(BODY), whole(BODY), path)
 
 
+@pytest.mark.slow
 def test_the_command_checks_draws_and_writes(tmp_path: Path) -> None:
     write_body(tmp_path, BODY)
     folder = tmp_path / "calibration" / "mbot-7"
@@ -363,6 +364,7 @@ def test_the_command_checks_draws_and_writes(tmp_path: Path) -> None:
     assert model.body_mass.sum() == pytest.approx(0.896)
 
 
+@pytest.mark.slow
 def test_the_command_refuses_and_writes_nothing(tmp_path: Path) -> None:
     text = example_file().replace("mass_kg = 0.24\n", "mass_kg = 240\n")
     (tmp_path / "components.toml").write_text(text)
@@ -382,6 +384,7 @@ def test_the_command_refuses_and_writes_nothing(tmp_path: Path) -> None:
     assert not (tmp_path / "mbot-1").exists()
 
 
+@pytest.mark.slow
 def test_the_printed_example_can_be_used_at_once(tmp_path: Path) -> None:
     (tmp_path / "components.toml").write_text(calibrate_body("--example").stdout)
     done = calibrate_body(tmp_path / "components.toml", "--calibration", tmp_path / "mbot-1")

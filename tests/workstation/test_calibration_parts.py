@@ -129,6 +129,7 @@ def test_a_preview_is_drawn(tmp_path: Path) -> None:
     assert picture.std() > 20
 
 
+@pytest.mark.slow
 def test_a_calibrated_camera_is_drawn(tmp_path: Path) -> None:
     fit = fit_camera(sightings(8))
     path = tmp_path / "camera.png"

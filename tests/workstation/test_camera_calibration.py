@@ -91,6 +91,7 @@ def worst_share(fit: CameraFit, truth: CameraModel = FULL) -> float:
     return float(np.abs(off / [truth.focal_x_px, truth.focal_y_px, *[truth.width_px] * 2]).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("board", "count"), [(CHECKERBOARD, 16), (CHARUCO, 12)])
 def test_intrinsics_are_found_to_a_thousandth(board: Board, count: int) -> None:
     fit = fit_camera(seen(board, HALF, count))
@@ -101,6 +102,7 @@ def test_intrinsics_are_found_to_a_thousandth(board: Board, count: int) -> None:
     assert judge(fit).objections == ()
 
 
+@pytest.mark.slow
 def test_several_resolutions_make_one_camera_at_the_largest() -> None:
     mixed = [*seen(CHECKERBOARD, HALF, 16)[:8], *seen(CHECKERBOARD, SMALL, 8)]
     fit = fit_camera(mixed)
@@ -108,6 +110,7 @@ def test_several_resolutions_make_one_camera_at_the_largest() -> None:
     assert worst_share(fit) < 0.001
 
 
+@pytest.mark.slow
 def test_spoiled_pictures_are_left_out_and_the_rest_beats_opencv() -> None:
     good = seen(CHECKERBOARD, HALF, 16)
     bad = pictures(CHECKERBOARD, HALF, 6, seed=5)
@@ -133,6 +136,7 @@ def swapped(good: Sighting, name: str) -> Sighting:
     return Sighting(name, good.size, FoundBoard(good.board.points_m, corners, None))
 
 
+@pytest.mark.slow
 def test_with_outliers_kept_the_error_is_no_worse_than_opencvs() -> None:
     bad = [swapped(one, "swapped") for one in seen(CHECKERBOARD, HALF, 16)[:1]]
     for some in (seen(CHECKERBOARD, HALF, 16), seen(CHECKERBOARD, HALF, 16)[1:] + bad):
@@ -182,6 +186,7 @@ def test_mirrored_pictures_are_refused_by_name(tmp_path: Path) -> None:
         look_for_boards([*paths, turned], [])
 
 
+@pytest.mark.slow
 def test_a_file_that_is_no_picture_is_left_out_by_name(tmp_path: Path) -> None:
     paths = saved(tmp_path, pictures(CHARUCO, FULL, 3))
     broken = tmp_path / "broken.png"
@@ -223,6 +228,7 @@ def test_small_pictures_do_too() -> None:
     assert worst_share(fit) < 0.002
 
 
+@pytest.mark.slow
 def test_boards_held_the_same_way_are_objected_to() -> None:
     rng = np.random.default_rng(1)
     upright = [
@@ -331,6 +337,7 @@ def test_a_poor_set_is_not_written_unless_forced(tmp_path: Path) -> None:
     assert read_camera(folder) is not None
 
 
+@pytest.mark.slow
 def test_bad_input_is_named(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     text = tmp_path / "notes.jpg"

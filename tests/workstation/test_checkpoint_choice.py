@@ -58,6 +58,7 @@ def choose(run: RunDirectory, stop: threading.Event | None = None) -> None:
     choose_checkpoint(run, SHORT, LineDisplay(), stop or threading.Event())
 
 
+@pytest.mark.slow
 def test_the_last_fifth_is_kept_and_tried_and_the_best_is_the_policy(
     run: RunDirectory, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -72,6 +73,7 @@ def test_the_last_fifth_is_kept_and_tried_and_the_best_is_the_policy(
     assert len(trials) == 3  # once is enough
 
 
+@pytest.mark.slow
 def test_the_average_of_those_tried_may_be_the_policy(
     run: RunDirectory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -86,6 +88,7 @@ def test_the_average_of_those_tried_may_be_the_policy(
     assert find_source(run.path).checkpoint.name == "000000072"
 
 
+@pytest.mark.slow
 def test_what_was_trained_since_is_not_left_behind(
     run: RunDirectory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -103,6 +106,7 @@ def test_a_choice_that_is_damaged_or_gone_is_the_last_checkpoint(run: RunDirecto
     assert find_source(run.path).checkpoint.name == "000000064"
 
 
+@pytest.mark.slow
 def test_a_stop_leaves_nothing_chosen(run: RunDirectory, monkeypatch: pytest.MonkeyPatch) -> None:
     rewards(monkeypatch, {})
     stop = threading.Event()
@@ -111,6 +115,7 @@ def test_a_stop_leaves_nothing_chosen(run: RunDirectory, monkeypatch: pytest.Mon
     assert not run.choice_file.exists()
 
 
+@pytest.mark.slow
 def test_a_whole_run_ends_with_a_choice_by_driving(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -15,6 +15,7 @@ from mbot_workstation.variation.presets import preset
 from .small_world import ROOMS
 
 
+@pytest.mark.slow
 def test_advice_stays_with_its_observation_and_teaches() -> None:
     """A few updates bring the student's wheels nearer to what the guide would have done."""
     settings = LearnerSettings(steps_per_robot=32, batch=64, guided_decisions=10**6)
@@ -32,6 +33,7 @@ def test_advice_stays_with_its_observation_and_teaches() -> None:
     assert np.mean(distances[-2:]) < distances[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("units", [8, 0])
 def test_an_update_finds_the_rollout_as_it_was(units: int) -> None:
     """With unchanged weights every action is as likely as when it was drawn, over the ends of
@@ -94,6 +96,7 @@ def rollout(robots: int, workers: int, units: int = 8) -> tuple[dict[str, np.nda
     return {name: getattr(lived, name).copy() for name in (*names, *more)}, sums
 
 
+@pytest.mark.slow
 def test_a_seed_gives_the_same_rollout_whoever_is_faster() -> None:
     first, sums = rollout(4, workers=2)
     second, _ = rollout(4, workers=2)
@@ -102,6 +105,7 @@ def test_a_seed_gives_the_same_rollout_whoever_is_faster() -> None:
     assert sums.episodes
 
 
+@pytest.mark.slow
 def test_rewards_are_scaled_and_episodes_keep_theirs() -> None:
     lived, sums = rollout(2, workers=1)
     first_ends = [np.flatnonzero(starts)[1] for starts in lived["episode_starts"].T]
@@ -111,6 +115,7 @@ def test_rewards_are_scaled_and_episodes_keep_theirs() -> None:
     assert {episode["l"] for episode in sums.episodes} >= {int(end) for end in first_ends}
 
 
+@pytest.mark.slow
 def test_advantages_are_stable_baselines_own() -> None:
     """Generalised advantages by their definition, from what was written down."""
     lived, _ = rollout(2, workers=2)

@@ -79,6 +79,7 @@ def test_from_the_first_robot_to_a_colleague(desk: Desk, tmp_path: Path) -> None
     assert "nothing to do" in desk.said("--renew")
 
 
+@pytest.mark.slow
 def test_whose_models_a_robot_shall_take_is_said_with_it(desk: Desk) -> None:
     first = desk.said("mbot-1")
     assert "you have none: `workstation keys new` makes one" in first
@@ -93,6 +94,7 @@ def test_whose_models_a_robot_shall_take_is_said_with_it(desk: Desk) -> None:
     assert "keys it trusts" not in desk.said("--revoke", "mbot-1")
 
 
+@pytest.mark.slow
 def test_a_router_is_told_who_runs_it(desk: Desk) -> None:
     said = desk.said("lab", "--router", "--host", "10.0.0.1")
     assert "'sudo tar -xf lab.tar -C / && rm lab.tar && sudo systemctl restart zenohd'" in said

@@ -33,6 +33,7 @@ def trial(episodes: int, seed: int = 0, stage: str = "4") -> Trial:
     return Trial(lesson(stage), preset("nominal"), ROOMS, episodes, seed, workers=1)
 
 
+@pytest.mark.slow
 def test_the_oracle_beats_chance_and_fetches_everything() -> None:
     told = score(evaluate("oracle", trial(6)))
     chance = score(evaluate("random", trial(6)))
@@ -42,6 +43,7 @@ def test_the_oracle_beats_chance_and_fetches_everything() -> None:
     assert told.decisions_per_object.mean < 12
 
 
+@pytest.mark.slow
 def test_the_same_trial_gives_the_same_episodes() -> None:
     first, again = evaluate("servo", trial(5)), evaluate("servo", trial(5))
     assert len(first) == 5
@@ -132,6 +134,7 @@ def invoke(*arguments: str) -> str:
     return result.output
 
 
+@pytest.mark.slow
 def test_the_command_prints_json_and_a_table() -> None:
     options = ["--lesson", "1", "--episodes", "2", "--made-up-rooms", "1", "--workers", "1"]
     servo, oracle = json.loads(invoke("servo", "oracle", *options, "--json"))
@@ -158,6 +161,7 @@ def test_the_command_names_what_is_wrong(tmp_path: Path) -> None:
             invoke(*options)
 
 
+@pytest.mark.slow
 def test_a_film_shows_all_contestants_side_by_side_until_the_last_has_ended(tmp_path: Path) -> None:
     path = tmp_path / "film.mp4"
     decisions = film_episode({"oracle": "oracle", "chance": "random"}, trial(1, stage="1"), path)

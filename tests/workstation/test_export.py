@@ -150,6 +150,7 @@ def test_the_dialect_for_armv6_decides_alike_and_has_the_same_weights(memory_uni
         torch.testing.assert_close(weight, before[name])
 
 
+@pytest.mark.slow
 def test_a_file_for_armv6_is_an_option_away_and_robots_take_it(
     run: RunDirectory, tmp_path: Path
 ) -> None:

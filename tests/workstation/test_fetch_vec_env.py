@@ -48,6 +48,7 @@ def assert_same_info(found: dict[str, Any], expected: dict[str, Any]) -> None:
         assert found[key] == same, key
 
 
+@pytest.mark.slow
 def test_every_robot_is_the_single_environment_bit_for_bit(pair: FetchVecEnv) -> None:
     singles = [FetchEnv("randomised", "1", ROOMS) for _ in range(ROBOTS)]
     pair.seed(5)
@@ -81,6 +82,7 @@ def test_the_number_of_workers_changes_nothing(pair: FetchVecEnv) -> None:
         assert all(np.array_equal(a, b) for a, b in zip(both, run(alone, 9), strict=True))
 
 
+@pytest.mark.slow
 def test_halves_drive_as_all_of_them_do(pair: FetchVecEnv) -> None:
     """One half drives while the other one's next actions are being chosen."""
     steps = 200  # 167 decisions are an episode at least
@@ -157,6 +159,7 @@ def test_a_lesson_begins_with_the_next_episode() -> None:
         assert environment.lesson.name == "10"
 
 
+@pytest.mark.slow
 def test_stable_baselines_evaluates_a_policy_on_it(pair: FetchVecEnv) -> None:
     class Ahead:
         def predict(self, observation: np.ndarray, **_: object) -> tuple[np.ndarray, None]:
@@ -195,6 +198,7 @@ def test_drivers_are_told_of_a_robot_that_changes_on_the_way() -> None:
     assert told == [[1.0, 1.0]] * 3 + [[0.5, 0.5]]
 
 
+@pytest.mark.slow
 def test_workers_that_die_before_they_are_told_anything_are_named(tmp_path: Path) -> None:
     """A script without `if __name__ == "__main__"` is run again by each of them, and ends them."""
     script = tmp_path / "train.py"

@@ -46,6 +46,7 @@ def subscribed(client: ClientConnection, channels: dict[str, dict[str, Any]]) ->
     return numbers
 
 
+@pytest.mark.slow
 def test_a_client_subscribes_and_gets_plain_topics() -> None:
     decision = Decision(
         robot_id="mbot-1",

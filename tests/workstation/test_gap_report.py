@@ -68,6 +68,7 @@ class Page(HTMLParser):
         return " ".join(" ".join(self.words).split())
 
 
+@pytest.mark.slow
 def test_the_page_shows_every_manoeuvre_and_needs_no_other_file() -> None:
     text = page(report(compared_runs(), ALL, tolerances()))
     shown = Page(text)
@@ -256,6 +257,7 @@ def test_the_command_makes_a_page_from_a_recording(recording: Path, tmp_path: Pa
     assert Page(where.read_text()).headings.count("backward-neutral") == 2
 
 
+@pytest.mark.slow
 def test_a_robot_without_calibration_is_reported_as_such(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -170,6 +170,7 @@ def test_parts_are_side_by_side() -> None:
     assert sum(part.decisions for part in parts) == both.decisions
 
 
+@pytest.mark.slow
 def test_rehearsing_moves_the_wheels_and_the_memory() -> None:
     settings = LearnerSettings(
         steps_per_robot=16,

@@ -27,8 +27,8 @@ from mbot_workstation.simulation.robot_parameters import RobotParameters
 from .mujoco_truth import record_simulated
 from .planar_robot import PlanarRobot, Session, Tracker, record
 
-pytestmark = pytest.mark.timeout(600)
-"""A fit takes 10 s of two quiet cores, and minutes of busy ones."""
+pytestmark = [pytest.mark.timeout(600), pytest.mark.xdist_group("identification")]
+"""A fit takes 10 s of two quiet cores, and minutes of busy ones; most tests look at one."""
 
 TRUTH = PlanarRobot()
 SHORT = Session().shortened(3.0, 2)
@@ -79,6 +79,7 @@ def found(recording: Recording) -> Identification:
     return identify([recording], RobotParameters(), robot_id="planar")
 
 
+@pytest.mark.slow
 def test_steady_motion_of_a_robot_that_is_not_mujocos_is_recovered(found: Identification) -> None:
     for left, right in ((1, 1), (-1, 1), (1, -1), (1, 0), (0, -1)):
         true_speed, true_rate = TRUTH.steady(left, right)
@@ -89,6 +90,7 @@ def test_steady_motion_of_a_robot_that_is_not_mujocos_is_recovered(found: Identi
             assert rate == pytest.approx(true_rate, rel=0.02)
 
 
+@pytest.mark.slow
 def test_its_asymmetry_and_its_time_constants_are_recovered(found: Identification) -> None:
     speed, rate, lag_s = simulated_rates(found.robot, 1, 1)
     true_speed, true_rate = TRUTH.steady(1, 1)
@@ -104,12 +106,14 @@ def test_its_asymmetry_and_its_time_constants_are_recovered(found: Identificatio
         assert motor.time_constant_s == pytest.approx(lag, rel=0.15)
 
 
+@pytest.mark.slow
 def test_clock_and_tracker_are_recovered(found: Identification) -> None:
     ((ahead_m, left_m, _),) = found.tracker
     assert (ahead_m, left_m) == pytest.approx((-0.035, 0.012), abs=0.001)
     assert found.clock_drift[0] == pytest.approx(40e-6, abs=15e-6)
 
 
+@pytest.mark.slow
 def test_held_out_runs_are_nearer_than_before(found: Identification) -> None:
     assert (len(found.errors), found.fitted) == (8, 16)
     straight = [e for e in found.errors if e.maneuver in {"forward-forward", "backward-backward"}]
@@ -119,6 +123,7 @@ def test_held_out_runs_are_nearer_than_before(found: Identification) -> None:
     )
 
 
+@pytest.mark.slow
 def test_what_full_speed_cannot_tell_keeps_its_value_and_says_why(found: Identification) -> None:
     estimates = {one.name: one for one in found.estimates}
     for name in ("left_dead_band", "right_dead_band"):
@@ -135,6 +140,7 @@ def test_what_full_speed_cannot_tell_keeps_its_value_and_says_why(found: Identif
         assert one.low < one.value < one.high
 
 
+@pytest.mark.slow
 def test_errors_of_heading_are_told_in_plain_words(found: Identification) -> None:
     assert all(
         abs(error.turned_rad) > 10
@@ -148,6 +154,7 @@ def test_errors_of_heading_are_told_in_plain_words(found: Identification) -> Non
     assert error_lines(replace(found, errors=tuple(straight))) == []
 
 
+@pytest.mark.slow
 def test_what_is_true_is_within_what_is_told(found: Identification) -> None:
     inside = []
     for one in found.steady:
@@ -182,6 +189,7 @@ def test_a_weak_motor_turns_the_robot_as_slowly_as_it_does() -> None:
         assert rate == pytest.approx(truth.steady(*told)[1], rel=0.02)
 
 
+@pytest.mark.slow
 def test_what_the_model_misses_by_far_is_said(found: Identification) -> None:
     assert misfit_lines(found) == []
     first, *others = found.misfits
@@ -190,6 +198,7 @@ def test_what_the_model_misses_by_far_is_said(found: Identification) -> None:
     assert line.startswith(f"the model misses {first.maneuver} (3.4 %) every time, more than 2 %")
 
 
+@pytest.mark.slow
 def test_the_trim_drives_straight(found: Identification) -> None:
     maps = handicap(found, WheelMaps()).straight
     assert maps.left.trim < 1 == maps.right.trim

@@ -267,6 +267,7 @@ def test_usual_values_and_nominal_ones_are_within_the_limits(known: object) -> N
 # Tracks on the floor
 
 
+@pytest.mark.slow
 def test_the_floor_becomes_level_and_the_mount_does_not_matter() -> None:
     calm = Tracker(floor_deg=(3.0, -2.0), mount_deg=(25.0, 20.0, -30.0), wrong=0.0)
     leaning = record(TRUTH, Session().shortened(2.5, 1), calm, seed=4)

@@ -32,6 +32,9 @@ from mbot_workstation.training.evaluation.episodes import Estimate, Trial
 from .mujoco_truth import record_simulated
 from .planar_robot import PlanarRobot, Session, Tracker, record
 
+pytestmark = pytest.mark.xdist_group("identify")
+"""Most tests look at the same fit."""
+
 NAMES = ("forward-forward", "forward-neutral", "neutral-forward", "backward-forward")
 
 
@@ -109,6 +112,7 @@ def invoke(*arguments: str | Path) -> Result:
     return result
 
 
+@pytest.mark.slow
 def test_a_recording_becomes_motion_toml(first: First) -> None:
     told, calibration = first.result, first.where / "calibration" / "planar-1"
     assert told.exit_code == 0, told.output
@@ -131,6 +135,7 @@ def test_a_recording_becomes_motion_toml(first: First) -> None:
     assert robot.centre_of_mass_m == motion.mass_ahead_m
 
 
+@pytest.mark.slow
 def test_json_holds_all_and_the_folder_is_where_it_is_told(
     folder: Path, found: Identification, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -152,6 +157,7 @@ def test_json_holds_all_and_the_folder_is_where_it_is_told(
     assert told["uneven_motors"]["straight"]["left"]["trim"] < 1
 
 
+@pytest.mark.slow
 def test_uneven_motors_can_be_left_to_the_policy(
     folder: Path, found: Identification, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -166,6 +172,7 @@ def estimate(mean: float) -> Estimate:
     return Estimate(mean, mean - 0.1, mean + 0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("trimmed", "alone"), [(19.0, 15.0), (15.0, 19.0), (17.0, 17.0)])
 def test_where_a_trim_costs_speed_a_policy_may_judge_it(
     folder: Path,
@@ -197,6 +204,7 @@ def test_where_a_trim_costs_speed_a_policy_may_judge_it(
     assert ("trimmed is written" in told) == (trimmed > alone)
 
 
+@pytest.mark.slow
 def test_a_trim_that_costs_little_is_not_tried(
     folder: Path, found: Identification, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -233,6 +241,7 @@ def test_recordings_of_two_robots_are_not_mixed(folder: Path, tmp_path: Path) ->
         invoke(folder, other)
 
 
+@pytest.mark.slow
 def test_a_fit_that_is_worse_than_nothing_is_not_written(
     folder: Path, found: Identification, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -173,6 +173,7 @@ def run(*arguments: str) -> str:
     return result.output
 
 
+@pytest.mark.slow
 def test_photographs_under_another_light_bring_the_simulation_to_it(tmp_path: Path) -> None:
     paths, folder = saved(tmp_path / "photos", taken()), tmp_path / "calibration"
     found = json.loads(
@@ -208,6 +209,7 @@ def test_facings_may_be_told_and_the_card_found_without_a_frame(tmp_path: Path) 
     assert turned[:2] == pytest.approx((-y, x), abs=0.05), "the robot looked to the left"
 
 
+@pytest.mark.slow
 def test_one_facing_tells_colour_only_and_says_so(tmp_path: Path) -> None:
     paths = saved(tmp_path / "photos", [taken()[0]] * 4)
     said = run(*paths, "--card-mm", "100", "100", "--calibration", str(tmp_path))

@@ -465,6 +465,7 @@ def maneuvers(robot: FakeRobot, *arguments: str) -> subprocess.CompletedProcess[
 SHORT = ("run", "--yes", "--seconds", "0.3", "--pause", "0", "--repetitions", "2")
 
 
+@pytest.mark.slow
 def test_the_command_records_and_resumes(robot: FakeRobot, tmp_path: Path) -> None:
     folder = tmp_path / "rec"
     only = ("--maneuver", "forward-forward", "--maneuver", "backward-backward")

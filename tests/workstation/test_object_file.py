@@ -80,6 +80,7 @@ def test_a_cylinder_is_as_wide_and_high_as_it_says() -> None:
     assert can.footprint == Footprint(0, 0, 0.03)
 
 
+@pytest.mark.slow
 def test_a_texture_is_on_every_side(tmp_path: Path) -> None:
     stripes = np.zeros((64, 64, 3), np.uint8)
     stripes[:, ::16] = stripes[:, 1::16] = (255, 255, 0)  # BGR

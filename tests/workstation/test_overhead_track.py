@@ -159,6 +159,7 @@ def eight(tmp_path_factory: pytest.TempPathFactory, view: Overhead) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_film_is_enough(eight: Path, tmp_path: Path) -> None:
     """Nothing is known but the marker's edge: neither the camera, nor where it hangs."""
     output = tmp_path / "a" / "new" / "folder" / "t.tum"
@@ -172,6 +173,7 @@ def test_a_film_is_enough(eight: Path, tmp_path: Path) -> None:
     assert np.diff(track.time_s).max() == pytest.approx(11 / 30, abs=0.04)
 
 
+@pytest.mark.slow
 def test_a_calibrated_camera_is_used_as_it_is(eight: Path, view: Overhead, tmp_path: Path) -> None:
     camera = view.camera
     (tmp_path / "camera.toml").write_text(
@@ -189,6 +191,7 @@ def test_a_calibrated_camera_is_used_as_it_is(eight: Path, view: Overhead, tmp_p
     check(read_track(output), *drive(8), largest_m=0.002)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reference", ["corners", "board"])
 def test_the_floor_may_be_given(view: Overhead, tmp_path: Path, reference: str) -> None:
     times_s, poses = drive(2)
@@ -221,6 +224,7 @@ def test_a_mirrored_film_is_named(view: Overhead, tmp_path: Path) -> None:
     assert (done.returncode, "the pictures are mirrored" in done.stderr) == (2, True)
 
 
+@pytest.mark.slow
 def test_a_film_without_what_is_looked_for_is_named(eight: Path, tmp_path: Path) -> None:
     output = ("--output", str(tmp_path / "t.tum"))
     done = workstation(str(eight), *output, "--marker-id", "8")
@@ -230,6 +234,7 @@ def test_a_film_without_what_is_looked_for_is_named(eight: Path, tmp_path: Path)
     assert not (tmp_path / "t.tum").exists()
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_a_live_camera_and_keeps_the_track(eight: Path, tmp_path: Path) -> None:
     from mbot_workstation.virtual.mjpeg_server import MjpegServer
 

@@ -94,6 +94,7 @@ def test_photographs_of_the_board_show_corners_where_the_true_lens_puts_them() -
     assert np.sqrt((bent**2).mean()) > 3 * np.sqrt((away**2).mean())
 
 
+@pytest.mark.slow
 def test_photographs_of_the_gray_card_tell_the_true_light(tmp_path: Path) -> None:
     paths = [tmp_path / f"{number}.png" for number in range(len(TURNS_DEG))]
     for path, picture in zip(paths, card_photos(TRUTH, seed=1), strict=True):
@@ -133,6 +134,7 @@ def test_the_outcome_compares_with_the_truth() -> None:
     assert msgspec.json.decode(msgspec.json.encode(fields))[0]["found"] is None
 
 
+@pytest.mark.slow
 def test_commands_are_shown_as_they_are_typed(line: CommandLine) -> None:
     line.run("workstation", "calibrate", "body", "--example", to="components.toml")
     assert "$ workstation calibrate body --example > components.toml" in shown(line)

@@ -111,6 +111,7 @@ def with_view(drive: RecordedDrive, horizontal_deg: float, vertical_deg: float) 
     return replace(drive, beats=tuple(beats))
 
 
+@pytest.mark.slow
 def test_a_model_that_wants_to_see_another_view_is_noticed(
     drive: RecordedDrive, tmp_path: Path
 ) -> None:

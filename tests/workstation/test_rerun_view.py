@@ -41,6 +41,7 @@ def test_what_changed_is_told_once() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_several_live_robots_and_a_map_are_in_one_view(robot: FakeRobot, tmp_path: Path) -> None:
     map_file, path = tmp_path / "path.jsonl", tmp_path / "live.rrd"
     place = {"unix_s": 1.0, "x": 0.25, "y": 0.5, "yaw": 0.0, "object": [1.0, 1.0, 0.0]}

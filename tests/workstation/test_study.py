@@ -141,6 +141,7 @@ def test_the_command_tries_the_calibrated_robot_in_its_rooms(
         assert "1 photographed rooms, seed 0" in text
 
 
+@pytest.mark.slow
 def test_what_cannot_be_studied_is_named(tmp_path: Path) -> None:
     for arguments, message in (
         (("weather", "servo"), "no study"),

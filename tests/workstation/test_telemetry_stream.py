@@ -89,6 +89,7 @@ def test_silence_is_noticed_after_three_periods(robot: FakeRobot, stream: Teleme
     assert stream.silence_s > 0.3
 
 
+@pytest.mark.slow
 def test_a_restart_of_the_robot_is_survived() -> None:
     with FakeRobot() as first, RobotLink(first.address) as link, TelemetryStream(link) as stream:
         settle(first, stream)

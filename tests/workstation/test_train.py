@@ -76,6 +76,7 @@ def test_a_run_leaves_all_that_tells_its_story(finished: RunDirectory) -> None:
     assert list(finished.tensorboard.iterdir())
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_run(finished: RunDirectory, tmp_path: Path) -> None:
     again = begin_run(tmp_path / "again", TINY)
     run_to_end(again, TINY)
@@ -86,6 +87,7 @@ def test_the_same_seed_gives_the_same_run(finished: RunDirectory, tmp_path: Path
     assert any(not torch.equal(a, b) for a, b in pairs(first, second))
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
     run = begin_run(tmp_path / "short", replace(TINY, steps=64))
     run_to_end(run, replace(TINY, steps=64))
@@ -115,6 +117,7 @@ def test_fine_tuning_starts_from_the_parents_weights(
     assert_same_weights(finished, run)
 
 
+@pytest.mark.slow
 def test_exploration_falls_as_planned(tmp_path: Path) -> None:
     louder = replace(TINY.learner, noise=0.4, final_noise=0.1, learning_rate=1e-9)
     config = replace(TINY, learner=replace(louder, final_learning_rate=1e-9))
@@ -385,6 +388,7 @@ def test_for_another_colour_the_parents_first_layer_is_turned(
     assert same_object.hue_turn_deg == 0
 
 
+@pytest.mark.slow
 def test_a_policy_without_memory_gets_one_that_it_does_not_heed_yet(tmp_path: Path) -> None:
     paper = replace(TINY, learner=replace(TINY.learner, memory_units=0))
     parent = begin_run(tmp_path / "paper", paper)

@@ -47,6 +47,7 @@ def test_rooms_are_the_photographs_then_made_up_ones(tmp_path: Path) -> None:
     assert (gather_rooms([], 1, EVALUATION_ROOMS)[0] != again[0]).any()
 
 
+@pytest.mark.slow
 def test_nobody_is_tried_in_a_room_trained_in(tmp_path: Path) -> None:
     assert [path.stem for path in TRAINING_PHOTOGRAPHS] == ["apartment", "hall", "lab", "venice"]
     trained_in = gather_rooms(TRAINING_PHOTOGRAPHS, 4, TRAINING_ROOMS)

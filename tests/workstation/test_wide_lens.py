@@ -57,6 +57,7 @@ def calibration(camera: CameraModel) -> CameraCalibration:
     )
 
 
+@pytest.mark.slow
 def test_a_wide_lens_is_followed_to_its_corners_and_written(tmp_path: Path) -> None:
     fit = fit_camera(sightings())
     assert len(fit.camera.distortion) == 8
