@@ -357,7 +357,7 @@ BESIDE = (
     Fault(
         "a viewer's flood of tokens",
         (
-            Bar("< 5 % of a core", "share of a core", 0.05),
+            Bar("≤ 0.1 of the flooder's processor time", "share of the flooder's", 0.1),
             Bar("STOP ≤ 100 ms", "STOP worst ms", 100),
         ),
         (f"{LOCK_OUT}::test_a_viewers_flood_of_tokens_costs_little_and_holds_up_no_stop",),

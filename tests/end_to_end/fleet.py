@@ -20,7 +20,7 @@ from mbot_workstation.enrolment.membership import Enrolment
 from mbot_workstation.link.robot_link import RobotLink
 from mbot_workstation.link.security import LinkSecurity
 
-from .processes import free_port
+from ..free_port import free_port
 
 LOCALHOST = "127.0.0.1"
 

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -17,17 +16,13 @@ from mbot_workstation.link.remote_control import RemoteControl
 from mbot_workstation.link.robot_link import RobotLink
 from mbot_workstation.models.signing_key import SigningKey
 
+from ..free_port import free_port
+
 HERE = Path(__file__).parent
 LONGER_THAN_FORGIVEN_S = 2.5
 """A gap of camera, board or link that takes `run` to drive on (control.longest_hold_s)."""
 ROBOT_ID = "mbot-test"
 PROGRAMS = str(Path(sys.executable).with_name("{}"))
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def until(condition: Callable[[], bool], timeout_s: float = 15.0) -> bool:

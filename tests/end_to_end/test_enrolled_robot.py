@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from ..free_port import free_port
 from ..robot.fake_board import FakeBoard
-from .processes import ROBOT_ID, Daemon, free_port
+from .processes import ROBOT_ID, Daemon
 
 WORKSTATION = (sys.executable, "-c", "from mbot_workstation.main import main; main()")
 

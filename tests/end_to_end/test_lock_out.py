@@ -80,13 +80,14 @@ def test_somebody_off_the_roll_is_out_within_a_second(
     assert out_s <= 1
 
 
-def flood(session: zenoh.Session, ending: threading.Event) -> None:
-    number = 0
+def flood(session: zenoh.Session, ending: threading.Event, used_s: list[float]) -> None:
+    number, began_s = 0, time.thread_time()
     while not ending.is_set():
         key = presence_key(ROBOT_ID, f"x{number % 50}")
         with suppress(zenoh.ZError):
             session.liveliness().declare_token(key).undeclare()
         number += 1
+    used_s.append(time.thread_time() - began_s)
 
 
 def cpu_s(process: Process) -> float:
@@ -102,27 +103,29 @@ def test_a_viewers_flood_of_tokens_costs_little_and_holds_up_no_stop(
     stop_ms: list[float] = []
 
     def share() -> float:
-        """Of a core, over what the daemon takes anyway; with a fresh daemon each time."""
+        """Of the flooder's processor time, over what the daemon takes anyway; a fresh daemon each
+        time. A share of a core would be a figure of the machine, not of the daemon."""
         daemon.log.write_text("")
         with daemon.camera(), daemon.start() as process:
             assert daemon.is_up()
             time.sleep(2.0)
             quiet = share_of_a_core(process, 5.0)
-            ending = threading.Event()
+            ending, flooder_s = threading.Event(), list[float]()
             endpoint = fleet.folder.roll().endpoint(ROBOT_ID)
             with open_session(endpoint, fleet.security("flora")) as session:
-                flooding = threading.Thread(target=flood, args=(session, ending), daemon=True)
+                told = (session, ending, flooder_s)
+                flooding = threading.Thread(target=flood, args=told, daemon=True)
                 flooding.start()
                 began_s, used_s = time.monotonic(), cpu_s(process)
                 stop_ms.extend(stops_ms(fleet, "vera"))
                 time.sleep(20.0)
-                flooded = (cpu_s(process) - used_s) / (time.monotonic() - began_s)
+                daemon_s = cpu_s(process) - used_s - quiet * (time.monotonic() - began_s)
                 ending.set()
                 flooding.join(5)
-            return flooded - quiet
+            return daemon_s / flooder_s[0]
 
-    found = within(0.05, share)
-    record_property("share of a core", round(max(found), 3))
+    found = within(0.1, share)
+    record_property("share of the flooder's", round(max(found), 3))
     record_property("STOP worst ms", round(max(stop_ms), 1))
     assert min(stop_ms) <= 100
 

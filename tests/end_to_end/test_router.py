@@ -29,8 +29,9 @@ from mbot_workstation.link.address import Endpoint
 from mbot_workstation.link.rights import rights_at
 from mbot_workstation.link.robot_session import alive_robots, open_session
 
+from ..free_port import free_port
 from .fleet import LOCALHOST, Fleet, TalkingRobot
-from .processes import free_port, until
+from .processes import until
 
 QUERIES = [topic for topic in TOPICS if topic.flow is Flow.QUERY]
 ROBOTS = {

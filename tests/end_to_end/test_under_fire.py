@@ -25,12 +25,13 @@ from mbot_workstation.link.address import parse_address
 from mbot_workstation.link.remote_control import RemoteControl
 from mbot_workstation.link.robot_session import open_session
 
+from ..free_port import free_port
 from ..reliability.effort import within
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
 from .daemon_watch import Observer, PeakMemory, open_files, resident_mb
 from .fleet import LOCALHOST, Fleet
-from .processes import ROBOT_ID, Daemon, Process, free_port, freeze, until, workstation
+from .processes import ROBOT_ID, Daemon, Process, freeze, until, workstation
 
 QUERIES = [topic for topic in TOPICS if topic.flow is Flow.QUERY]
 FORWARD = constant_model(0.6, 0.6)

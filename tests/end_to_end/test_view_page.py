@@ -15,8 +15,8 @@ from mbot_workstation.drives.driven_path import Place
 from mbot_workstation.drives.rerun_view import RerunView
 from mbot_workstation.recordings.recorded_drive import RecordedDrive, read_drive
 
+from ..free_port import free_port
 from .browser import CHROMIUM
-from .processes import free_port
 from .view_picture import WEBGL
 
 RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"

@@ -12,9 +12,9 @@ from mbot_workstation.drives.live_view import follow
 from mbot_workstation.drives.rerun_view import RerunView
 from mbot_workstation.link.remote_control import RemoteControl
 
+from ..free_port import free_port
 from .browser import CHROMIUM
 from .console_pictures import PATH_NAME, driven_robot
-from .processes import free_port
 
 WATCHED_S = 20.0
 DRAWN_AFTER_MS = 75_000

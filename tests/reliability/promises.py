@@ -237,7 +237,7 @@ PROMISES: dict[str, tuple[Promise, ...]] = {
         Promise("with the board lost ≤ 150 ms", LOG, "min(lost_ms) < STOP_BAR_MS + 50"),
         Promise("STOP of a viewer ≤ 100 ms", QUIET, "min(found) <= 100"),
         Promise("out within 1 s", OFF_THE_ROLL, "out_s <= 1"),
-        Promise("< 5 % of a core", FLOOD, "within(0.05, share)", 100),
+        Promise("≤ 0.1 of the flooder's processor time", FLOOD, "within(0.1, share)"),
         Promise("STOP ≤ 100 ms", FLOOD, "min(stop_ms) <= 100"),
         Promise("memory + ≤ 20 MB", SOAK, "after.memory_mb - before.memory_mb <= 20"),
         Promise("threads + ≤ 2", SOAK, "after.threads - before.threads <= 2"),

@@ -1,7 +1,6 @@
 """A robot's Zenoh side without a robot: answers the keys with scripted replies."""
 
 import json
-import socket
 import threading
 import time
 from collections.abc import Callable
@@ -42,6 +41,8 @@ from mbot_protocol.v1.messages_pb2 import (
     Status,
 )
 
+from ..free_port import free_port
+
 Reply = Message | bytes | str | None
 """A message, raw bytes, an error's text, or nothing at all."""
 
@@ -61,12 +62,6 @@ OLD_MODEL = Model(
     signed_by="anna",
     proven=True,
 )
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 class FakeRobot:

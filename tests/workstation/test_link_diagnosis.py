@@ -15,7 +15,8 @@ from mbot_workstation.link.robot_link import RobotLink
 from mbot_workstation.link.security import LinkSecurity
 
 from ..end_to_end.fleet import Fleet
-from .fake_robot import FakeRobot, free_port
+from ..free_port import free_port
+from .fake_robot import FakeRobot
 
 
 @pytest.fixture(scope="module")

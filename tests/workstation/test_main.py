@@ -32,7 +32,8 @@ from mbot_protocol.v1.messages_pb2 import (
 )
 from mbot_workstation.recordings.drive_mcap import read_recording
 
-from .fake_robot import OLD_MODEL, FakeRobot, free_port
+from ..free_port import free_port
+from .fake_robot import OLD_MODEL, FakeRobot
 from .samples import decision, picture, small_policy
 
 WORKSTATION = (sys.executable, "-c", "from mbot_workstation.main import main; main()")

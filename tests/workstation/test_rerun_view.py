@@ -15,7 +15,8 @@ from mbot_workstation.commands.subcommands import app
 from mbot_workstation.commands.view_drives import ViewOptions
 from mbot_workstation.drives.rerun_view import RerunView, changes
 
-from .fake_robot import FakeRobot, free_port
+from ..free_port import free_port
+from .fake_robot import FakeRobot
 from .samples import decision, picture
 
 RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"

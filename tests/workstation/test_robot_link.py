@@ -19,7 +19,8 @@ from mbot_workstation.link import robot_session
 from mbot_workstation.link.robot_link import RobotLink
 from mbot_workstation.link.security import LinkSecurity, link_security
 
-from .fake_robot import SESSION_ID, FakeRobot, free_port
+from ..free_port import free_port
+from .fake_robot import SESSION_ID, FakeRobot
 
 
 @pytest.fixture
