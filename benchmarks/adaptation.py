@@ -15,12 +15,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from mbot_workstation.pictures.picture_file import save_figure
 from mbot_workstation.training.drivers.guide import Guide
 from mbot_workstation.training.drivers.onnx_policy import Actions, OnnxPolicy
 from mbot_workstation.training.evaluation.provenance import provenance
+from mbot_workstation.training.learning.full_speed import within_full_speed
 from mbot_workstation.training.learning.guidance import GUIDE_REMEMBERS
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 from mbot_workstation.training.worlds.lessons import Lesson
@@ -87,7 +89,8 @@ class Guided:
         del pictures
         sight = environment.sight(np.arange(environment.num_envs))
         self._guide.become(sight.bodies)
-        actions = np.nan_to_num(self._guide.act(sight.situations))
+        asked = torch.from_numpy(np.nan_to_num(self._guide.act(sight.situations)))
+        actions = within_full_speed(asked).numpy()
         self._guide.drove(actions)
         return actions
 

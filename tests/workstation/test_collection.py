@@ -7,6 +7,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from mbot_workstation.training.drivers.guide import Guide
 from mbot_workstation.training.learning.collection import Collection
+from mbot_workstation.training.learning.full_speed import within_full_speed
 from mbot_workstation.training.learning.guidance import advice_loss
 from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
@@ -17,20 +18,19 @@ from .small_world import ROOMS
 
 @pytest.mark.slow
 def test_advice_stays_with_its_observation_and_teaches() -> None:
-    """A few updates bring the student's wheels nearer to what the guide would have done."""
+    """After a few updates the student's wheels are nearer to what the guide would have done than
+    wheels that stand still, in the same situations.
+    """
     settings = LearnerSettings(steps_per_robot=32, batch=64, guided_decisions=10**6)
     with FetchVecEnv(robots=2, seed=1, preset="ideal", lesson="4", workers=1) as environment:
         learner = make_learner(environment, settings, seed=0)
         learner.collection = Collection(environment, lambda robots: Guide(robots, preset("ideal")))
-        distances: list[float] = []
-        for _ in range(6):
-            learner.learn(64, reset_num_timesteps=False)
-            everything = learner.rollout_buffer.everything()
-            with torch.no_grad():
-                wheels = learner.policy.action_net(learner._known(everything))  # pyright: ignore[reportPrivateUsage]
-            asked = torch.from_numpy(everything.advice).flatten(0, 1)
-            distances.append(float(advice_loss(wheels, asked)) / 64)
-    assert np.mean(distances[-2:]) < distances[0]
+        learner.learn(10 * 64)
+        everything = learner.rollout_buffer.everything()
+        with torch.no_grad():
+            wheels = learner.policy.action_net(learner._known(everything))  # pyright: ignore[reportPrivateUsage]
+        asked = torch.from_numpy(everything.advice).flatten(0, 1)
+    assert advice_loss(wheels, asked) < 0.8 * advice_loss(torch.zeros_like(wheels), asked)
 
 
 @pytest.mark.slow
@@ -61,7 +61,8 @@ def test_an_update_finds_the_rollout_as_it_was(units: int) -> None:
         )
         found = wheels.log_prob(torch.from_numpy(lived.actions).flatten(0, 1)).sum(dim=1)
     np.testing.assert_allclose(found, lived.old_log_prob.flatten(), rtol=0, atol=2e-3)
-    told = np.clip(lived.actions[:-1], -1, 1) * (1 - lived.forgot[1:, :, None])
+    told = within_full_speed(torch.from_numpy(lived.actions[:-1]).flatten(0, 1))
+    told = told.unflatten(0, lived.forgot[1:].shape) * (1 - lived.forgot[1:, :, None])
     np.testing.assert_allclose(lived.previous_actions[1:], told, rtol=0, atol=1e-6)
 
 

@@ -30,6 +30,7 @@ from mbot_workstation.training.learning.checkpoint import (
     write_checkpoint,
 )
 from mbot_workstation.training.learning.curriculum import CurriculumState
+from mbot_workstation.training.learning.full_speed import within_full_speed
 from mbot_workstation.training.learning.golden_answers import check_golden_frames, golden_property
 from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
 from mbot_workstation.training.learning.memory_policy import Before
@@ -102,9 +103,9 @@ def test_onnx_decides_as_the_learner_does(learner: PicturePPO, run: RunDirectory
         before = Before(torch.from_numpy(PICTURES), state, told)
         with torch.no_grad():
             decided = learner.policy.decide(before, deterministic=True)
-        theirs = decided.actions.clip(-1, 1)
+        theirs = within_full_speed(decided.actions)
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=FLOAT32)
-        assert (np.abs(ours) == 1.0).any(), "the test must reach the clipping"
+        assert (np.abs(ours) == 1.0).any(), "the test must reach full speed"
         assert (np.abs(ours) < 1.0).any()
         forgets = np.arange(len(PICTURES)) % 3 == moment
         policy.forget(forgets)
@@ -236,8 +237,8 @@ def test_golden_frames_travel_along_and_are_checked(run: RunDirectory, tmp_path:
     deviation = check_golden_frames(model)
     assert deviation is not None
     assert deviation < 1e-5
-    (bias,) = [tensor for tensor in model.graph.initializer if tensor.name == "second.bias"]
-    bias.CopyFrom(numpy_helper.from_array(numpy_helper.to_array(bias) + 0.5, bias.name))
+    (wheels,) = [tensor for tensor in model.graph.initializer if tensor.name == "wheels.weight"]
+    wheels.CopyFrom(numpy_helper.from_array(-numpy_helper.to_array(wheels), wheels.name))
     with pytest.raises(ContractError, match="golden frames are off"):
         check_golden_frames(model)
 

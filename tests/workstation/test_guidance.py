@@ -14,6 +14,7 @@ from mbot_workstation.training.drivers.guide import SEARCH_SPEED, Guide
 from mbot_workstation.training.drivers.oracle import Oracle, middle
 from mbot_workstation.training.learning.advice_memory import BURN_IN, AdviceMemory
 from mbot_workstation.training.learning.collection import Collection
+from mbot_workstation.training.learning.full_speed import within_full_speed
 from mbot_workstation.training.learning.guidance import advice_loss, guide_weight
 from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
 from mbot_workstation.training.learning.sequences import Sequences
@@ -42,6 +43,19 @@ def advice(ahead_m: float, left_m: float, seen_left_rad: float | None = None) ->
     return Guide(1, NOMINAL).act(situation(ahead_m, left_m, seen_left_rad))[0]
 
 
+def told(advice: np.ndarray) -> np.ndarray:
+    return within_full_speed(torch.from_numpy(advice)).numpy()
+
+
+def test_a_turn_is_asked_for_on_top_of_full_speed() -> None:
+    for left_m in (-2.0, -0.3, 0.0, 0.3):
+        asked = advice(1.0, left_m, seen_left_rad=0.1)[None]
+        assert asked.mean() == pytest.approx(1.0, abs=1e-6)
+        left, right = told(asked)[0]
+        assert max(left, right) == pytest.approx(1.0, abs=1e-6)
+        assert right - left == pytest.approx(asked[0, 1] - asked[0, 0], abs=1e-6)
+
+
 def test_what_the_camera_cannot_see_is_searched_clockwise() -> None:
     assert SEARCH[0] == pytest.approx(-SEARCH[1])
     assert SEARCH[0] > 0.2
@@ -67,16 +81,24 @@ def test_what_a_picture_shows_counts_though_the_robot_has_turned_past_it() -> No
 
 def test_what_has_just_been_lost_is_gone_back_to_and_then_searched() -> None:
     guide = Guide(1, NOMINAL, remembers=2)
-    guide.act(situation(1.0, 0.3))
+    guide.drove(told(guide.act(situation(1.0, 0.3))))
     for _ in range(2):
         left, right = guide.act(situation(0.3, 1.0))[0]
         assert right > left
     np.testing.assert_allclose(guide.act(situation(0.3, 1.0))[0], SEARCH)
 
 
+def test_what_was_not_noticed_is_not_gone_back_to() -> None:
+    """Who drives on searching has not seen it, whatever the picture shows."""
+    guide = Guide(1, NOMINAL, remembers=2)
+    guide.act(situation(3.0, 0.3))
+    guide.drove(SEARCH[None] + np.float32(0.1))
+    np.testing.assert_allclose(guide.act(situation(1.0, 3.0))[0], SEARCH)
+
+
 def test_the_next_object_was_not_seen_before() -> None:
     guide = Guide(1, NOMINAL, remembers=2)
-    guide.act(situation(1.0, 0.3, time_left_s=50))
+    guide.drove(told(guide.act(situation(1.0, 0.3, time_left_s=50))))
     np.testing.assert_allclose(guide.act(situation(0.3, 1.0, time_left_s=66))[0], SEARCH)
 
 
@@ -89,7 +111,7 @@ def test_who_knows_of_a_weak_motor_drives_straight_with_it() -> None:
     effects = RealWorldEffects(left_gain=0.5)
     guide = Guide(1, preset("ideal"))
     guide.become(np.array([body_record(effects, RobotParameters())], BODY_RECORD))
-    left, right = guide.act(situation(2.0, 0.0))[0]
+    left, right = told(guide.act(situation(2.0, 0.0)))[0]
     assert left == pytest.approx(1.0, abs=0.01)
     assert right == pytest.approx(0.5, abs=0.05)
     left, right = guide.act(situation(-1.0, 0.0))[0]

@@ -4,6 +4,9 @@ The oracle cannot be imitated: it turns straight to objects behind the robot, wh
 shows. The guide does what a policy with a memory could do: turn clockwise until the object comes
 into view, as the paper's policy does, then drive as the oracle would, also for a while after it
 was lost from sight.
+
+It asks for full speed and the turn on top of it: the wheels keep the turn and give way together
+(`learning/full_speed.py`).
 """
 
 import math
@@ -28,8 +31,8 @@ class Guide:
     """Drives a number of robots.
 
     Args:
-        remembers: decisions for which it goes by an object that has left the view; 0 for the
-            teacher of a policy without memory.
+        remembers: decisions for which it goes by an object that has left the view and was noticed;
+            0 for the teacher of a policy without memory.
 
     """
 
@@ -43,7 +46,9 @@ class Guide:
         self._oracle = Oracle(robots, middle(preset), nominal)
         self._remembers = remembers
         self._unseen_for = np.full(robots, remembers + 1)
+        self._noticed = np.zeros(robots, np.bool_)
         self._time_left_s = np.full(robots, -np.inf)
+        self._driven = self._search = np.zeros((robots, 2), np.float32)
 
     def become(self, bodies: NDArray[np.void]) -> None:
         """Say what the robots are like: BODY_RECORD, shape (robots,)."""
@@ -61,15 +66,28 @@ class Guide:
         seen = np.abs(situations["seen_left_rad"]) <= IN_VIEW_RAD
         another = situations["time_left_s"] > self._time_left_s  # each object has its own time
         self._time_left_s = situations["time_left_s"].copy()
-        self._unseen_for[another] = self._remembers + 1
+        self._unseen_for[another | ~self._noticed] = self._remembers + 1
         self._unseen_for = np.where(seen, 0, self._unseen_for + 1)
         lost = self._unseen_for > self._remembers
         actions = self._oracle.act(np.where(lost[:, None], np.nan, targets).astype(np.float64))
         turn = np.full(len(targets), SEARCH_SPEED)
-        actions[lost] = self._oracle.commands(turn, -turn)[lost]
+        search = self._oracle.commands(turn, -turn)
+        actions[lost] = search[lost]
         actions[np.isnan(targets[:, 0])] = np.nan
-        return actions
+        self._driven, self._search, self._noticed = actions, search, self._noticed & ~lost
+        at_full_speed = actions + 1 - actions.mean(axis=1, keepdims=True)
+        return np.where(lost[:, None], actions, at_full_speed)
 
     def drove(self, actions: Actions) -> None:
-        """Say what was done instead: wheels lag, so the next advice depends on it."""
+        """Say what was done instead: wheels lag, so the next advice depends on it.
+
+        An object that passes through a picture of the search turn, far away and blurred, may go
+        unnoticed: who searches on can't be told to go back to it.
+        """
         self._oracle.drove(actions)
+        self._noticed |= _distance(actions, self._driven) < _distance(actions, self._search)
+
+
+def _distance(one: Actions, other: Actions) -> NDArray[np.float32]:
+    """Between commands of each robot, shape (robots,)."""
+    return np.abs(one - other).sum(axis=1)

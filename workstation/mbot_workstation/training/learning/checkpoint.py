@@ -132,8 +132,8 @@ def restore_learner(
 ) -> None:
     """Put a checkpoint's weights into a learner.
 
-    A new run (without the optimiser's state) may have a memory where the checkpoint has none: the
-    policy does at first what it did without.
+    A new run (without the optimiser's state) may have a memory or layers where the checkpoint has
+    none: the policy does at first what it did without.
 
     Args:
         folder: the checkpoint.
@@ -147,7 +147,8 @@ def restore_learner(
     """
     weights = read_weights(folder)
     if not with_optimizer:
-        weights = turned(_with_memory(weights, learner.policy.state_dict()), turn_deg)
+        fresh = learner.policy.state_dict()
+        weights = turned(_with_memory(_deeper(weights, fresh), fresh), turn_deg)
     try:
         learner.policy.load_state_dict(weights)
     except RuntimeError:
@@ -156,6 +157,18 @@ def restore_learner(
         ) from None
     if with_optimizer:
         learner.policy.optimizer.load_state_dict(_read_tensors(folder, "policy.optimizer.pth"))
+
+
+def _deeper(
+    weights: dict[str, torch.Tensor], fresh: dict[str, torch.Tensor]
+) -> dict[str, torch.Tensor]:
+    """With the layers that the checkpoint lacks; they add nothing yet."""
+    lacking = {
+        name: torch.zeros_like(value)
+        for name, value in fresh.items()
+        if ".third." in name or ".mixing." in name
+    }
+    return lacking | weights
 
 
 def _with_memory(

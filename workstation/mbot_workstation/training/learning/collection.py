@@ -13,6 +13,7 @@ import torch
 from numpy.typing import NDArray
 
 from mbot_workstation.training.drivers.guide import Guide
+from mbot_workstation.training.learning.full_speed import within_full_speed
 from mbot_workstation.training.learning.memory_policy import (
     ACTIONS,
     Before,
@@ -181,7 +182,7 @@ class Collection:
         """Send a half on its way, and write down what it went by."""
         decided = policy.decide(_before(half, policy))
         actions = decided.actions.cpu().numpy()
-        told = actions.clip(-1, 1)
+        told = within_full_speed(decided.actions).cpu().numpy()
         self.environment.send(half.index, told)
         # From here on the workers have something to do.
         place = buffer.pos, half.rows

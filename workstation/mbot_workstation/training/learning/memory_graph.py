@@ -1,6 +1,6 @@
 """The memory in a policy's graph: one step of a GRU, as one operator or spelt out.
 
-    dense_active, previous_action, state_in -> known (the features and the new state), state_out
+    features, previous_action, state_in -> known (the features and the new state), state_out
 
 Weights are by torch's names and in its order of gates: reset, update, new. Shapes for n units:
 weight_ih [3 n, features], weight_hh [3 n, n], bias_ih and bias_hh [3 n].
@@ -17,6 +17,9 @@ from onnx import helper
 from mbot_protocol.policy_contract import PREVIOUS_ACTION_NAME, STATE_IN_NAME, STATE_OUT_NAME
 
 Array = NDArray[np.float32]
+
+FEATURES = "features"
+"""What the network makes of a picture."""
 
 PARTS = ("weight_ih", "weight_hh", "bias_ih", "bias_hh")
 
@@ -113,12 +116,12 @@ def memory_parts(constants: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def _met() -> onnx.NodeProto:
-    inputs = ["dense_active", PREVIOUS_ACTION_NAME]
+    inputs = [FEATURES, PREVIOUS_ACTION_NAME]
     return helper.make_node("Concat", inputs, ["met"], "met", axis=1)
 
 
 def _known() -> onnx.NodeProto:
-    return helper.make_node("Concat", ["dense_active", "recalled"], ["known"], "known", axis=1)
+    return helper.make_node("Concat", [FEATURES, "recalled"], ["known"], "known", axis=1)
 
 
 def _units(parts: Mapping[str, Array]) -> int:

@@ -231,5 +231,5 @@ class MemoryPolicy(ActorCriticPolicy):
 
 
 def memory_policy_arguments(units: int, initial_log_std: float) -> dict[str, Any]:
-    """What SB3 needs to make a `MemoryPolicy` of the paper's network."""
-    return {**policy_arguments(initial_log_std), "memory_units": units}
+    """What SB3 needs to make a `MemoryPolicy`; without a memory it is the paper's."""
+    return {**policy_arguments(initial_log_std, deeper=units > 0), "memory_units": units}

@@ -1,9 +1,15 @@
 """The paper's "simple" network: two convolutions and a dense layer, for pictures as they come.
 
-Pictures stay height x width x channel from the renderer to the first convolution: torch takes
-such memory as its "channels last" layout, so nobody transposes or copies them. Measured on one
-thread, forward and backward, a batch of 256: 96 us a sample, against 110 us with a transposed
-copy; bfloat16 won nothing that would be worth another number format on the robot.
+A policy with a memory has two layers more, each added to its own input: a third convolution behind
+the second, and a dense one behind the first. Trained to say whether and where the object is (6
+times 90,000 pictures) and asked about 16,000 of other rooms, at 3 % false alarms, the paper's
+network missed 28 % of the objects that are 2 to 2.5 m away, the deeper one 16 % (measured, one
+seed).
+
+Pictures stay height x width x channel from the renderer to the first convolution: torch takes such
+memory as its "channels last" layout, so nobody transposes or copies them. Measured on one thread,
+forward and backward, a batch of 256: 96 us a sample, against 110 us with a transposed copy;
+bfloat16 won nothing that would be worth another number format on the robot.
 """
 
 import math
@@ -36,16 +42,20 @@ class PaperNetwork(BaseFeaturesExtractor):
 
     Attributes:
         first, second, dense: the layers; each is followed by a LeakyReLU.
+        third, mixing: what a deeper one has besides: 32 filters 3 x 3 and another dense layer, each
+            with a LeakyReLU, and added to its own input.
 
     """
 
-    def __init__(self, observation_space: gymnasium.Space[Any]) -> None:
+    def __init__(self, observation_space: gymnasium.Space[Any], deeper: bool = False) -> None:
         super().__init__(observation_space, DENSE_UNITS)
         self.first = nn.Conv2d(3, 16, kernel_size=8, stride=4)
         self.second = nn.Conv2d(16, 32, kernel_size=4, stride=2)
         first_side = (OBSERVATION_SIDE_PX - 8) // 4 + 1
         second_side = (first_side - 4) // 2 + 1
         self.dense = nn.Linear(32 * second_side**2, DENSE_UNITS)
+        self.third = nn.Conv2d(32, 32, kernel_size=3, padding=1) if deeper else None
+        self.mixing = nn.Linear(DENSE_UNITS, DENSE_UNITS) if deeper else None
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
         """Features of pictures.
@@ -61,7 +71,12 @@ class PaperNetwork(BaseFeaturesExtractor):
         pictures = observations.permute(0, 3, 1, 2)  # a view: the memory stays as it is
         hidden = _leaky(functional.conv2d(pictures, weight, bias, stride=4))
         hidden = _leaky(self.second(hidden))
-        return _leaky(self.dense(hidden.flatten(1)))
+        if self.third is not None:
+            hidden = hidden + _leaky(self.third(hidden))
+        features = _leaky(self.dense(hidden.flatten(1)))
+        if self.mixing is not None:
+            features = features + _leaky(self.mixing(features))
+        return features
 
     def scaled_first_layer(self) -> tuple[torch.Tensor, torch.Tensor]:
         """The first convolution's weight and bias for raw pixels.
@@ -78,14 +93,17 @@ def _leaky(hidden: torch.Tensor) -> torch.Tensor:
     return functional.leaky_relu(hidden, LEAKY_SLOPE)
 
 
-def policy_arguments(initial_log_std: float = math.log(INITIAL_NOISE)) -> dict[str, Any]:
-    """What SB3's ActorCriticPolicy needs to be the paper's policy.
+def policy_arguments(
+    initial_log_std: float = math.log(INITIAL_NOISE), *, deeper: bool = False
+) -> dict[str, Any]:
+    """What SB3's ActorCriticPolicy needs to be the paper's policy, or one of the deeper network.
 
     The action's mean and the value are each one linear layer on the features; the noise is a number
     a wheel.
     """
     return {
         "features_extractor_class": PaperNetwork,
+        "features_extractor_kwargs": {"deeper": deeper},
         "net_arch": [],
         "normalize_images": False,  # the network does it
         "log_std_init": initial_log_std,

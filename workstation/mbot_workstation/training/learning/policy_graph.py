@@ -1,10 +1,13 @@
 """The trained policy as an ONNX graph, written from its weights.
 
-    observation -> float -> conv -> LeakyReLU -> conv -> LeakyReLU -> dense -> LeakyReLU -+-> wheels
-                                                      previous_action, state_in -> GRU ---+
+    observation -> float -> conv -> conv (-> + conv) -> dense (-> + dense) -+-> wheels -> bounds
+                                        previous_action, state_in -> GRU ---+
+
+Every convolution and dense layer is followed by a LeakyReLU; those in brackets only a deeper
+network has, and they are added to their own input.
 
 Some standard operators instead of an exporter: the graph is readable, small and old enough for any
-onnxruntime, and it holds what SB3's own export leaves out, the clipping of the actions.
+onnxruntime, and it holds what SB3's own export leaves out, the bounds of the actions.
 """
 
 from collections.abc import Mapping
@@ -27,7 +30,9 @@ from mbot_protocol.policy_contract import (
     STATE_OUT_NAME,
     PolicyMetadata,
 )
+from mbot_workstation.training.learning.full_speed import full_speed_constants, full_speed_nodes
 from mbot_workstation.training.learning.memory_graph import (
+    FEATURES,
     PARTS,
     MemoryGraph,
     gru,
@@ -46,13 +51,15 @@ BATCH = "batch"
 """The contract lets a symbolic dimension stand for the batch; evaluation runs many at once."""
 
 _FEATURES = "features_extractor."
-_LAYERS = {
+_ORIGINS = {
     "first": f"{_FEATURES}first",
     "second": f"{_FEATURES}second",
+    "third": f"{_FEATURES}third",
     "dense": f"{_FEATURES}dense",
+    "mixing": f"{_FEATURES}mixing",
     "wheels": "action_net",
 }
-"""The graph's layers and their names in SB3's policy."""
+"""The graph's layers and their names in SB3's policy; only a deeper network has all of them."""
 
 
 def policy_graph(
@@ -78,26 +85,24 @@ def policy_graph(
     parts = {part: _array(weights[f"memory.{part}"]) for part in PARTS if _has_memory(weights)}
     memory = (spelt_out_gru if for_armv6 else gru)(parts) if parts else MemoryGraph([], {})
     metadata = replace(metadata, contract_version=2 if parts else 1)
+    deeper = f"{_ORIGINS['third']}.weight" in weights
     nodes = [
         helper.make_node("Cast", [INPUT_NAME], ["pixels"], name="pixels", to=TensorProto.FLOAT),
         helper.make_node("Transpose", ["pixels"], ["planes"], name="planes", perm=[0, 3, 1, 2]),
         *_layer("Conv", "planes", "first", **_kernel(for_armv6, 8), strides=[4, 4]),
         *_layer("Conv", "first_active", "second", **_kernel(for_armv6, 4), strides=[2, 2]),
-        helper.make_node("Flatten", ["second_active"], ["flat"], name="flat", axis=1),
+        *_more(deeper, "Conv", "second_active", "third", "view", **_kernel(for_armv6, 3), **_ROUND),
+        helper.make_node("Flatten", ["view"], ["flat"], name="flat", axis=1),
         *_layer("Gemm", "flat", "dense", transB=1),
+        *_more(deeper, "Gemm", "dense_active", "mixing", FEATURES, transB=1),
         *memory.nodes,
-        helper.make_node(
-            "Gemm",
-            ["known" if parts else "dense_active", "wheels.weight", "wheels.bias"],
-            ["wheels"],
-            name="wheels",
-            transB=1,
-        ),
+        _gemm("known" if parts else FEATURES, "wheels"),
+        *full_speed_nodes("wheels", "fast_wheels"),
         _clip(for_armv6),
     ]
     if not for_armv6:
         constants |= {"backward": np.array(-1.0, np.float32), "forward": np.array(1.0, np.float32)}
-    constants |= memory.constants
+    constants |= memory.constants | full_speed_constants()
     model = helper.make_model(
         helper.make_graph(
             nodes,
@@ -135,8 +140,13 @@ def _kernel(for_armv6: bool, side: int) -> dict[str, list[int]]:
 
 def _clip(for_armv6: bool) -> onnx.NodeProto:
     if for_armv6:
-        return helper.make_node("Clip", ["wheels"], [OUTPUT_NAME], "clip", min=-1.0, max=1.0)
-    return helper.make_node("Clip", ["wheels", "backward", "forward"], [OUTPUT_NAME], "clip")
+        return helper.make_node("Clip", ["fast_wheels"], [OUTPUT_NAME], "clip", min=-1.0, max=1.0)
+    return helper.make_node("Clip", ["fast_wheels", "backward", "forward"], [OUTPUT_NAME], "clip")
+
+
+def _gemm(source: str, name: str) -> onnx.NodeProto:
+    inputs = [source, f"{name}.weight", f"{name}.bias"]
+    return helper.make_node("Gemm", inputs, [name], name=name, transB=1)
 
 
 def _floats(name: str, *shape: int | str) -> onnx.ValueInfoProto:
@@ -153,11 +163,25 @@ def _layer(
     return [node, helper.make_node("LeakyRelu", [name], [active], name=active, alpha=LEAKY_SLOPE)]
 
 
+_ROUND = {"pads": [1, 1, 1, 1]}
+
+
+def _more(
+    there: bool, kind: str, source: str, name: str, result: str, **attributes: int | list[int]
+) -> list[onnx.NodeProto]:
+    """A layer that is added to its own input; without it the result is the input."""
+    if not there:
+        return [helper.make_node("Identity", [source], [result], name=result)]
+    layer = _layer(kind, source, name, **attributes)
+    return [*layer, helper.make_node("Add", [source, f"{name}_active"], [result], name=result)]
+
+
 def _constants(weights: Mapping[str, torch.Tensor]) -> dict[str, NDArray[Any]]:
     arrays: dict[str, NDArray[Any]] = {
         f"{name}.{part}": _array(weights[f"{origin}.{part}"])
-        for name, origin in _LAYERS.items()
+        for name, origin in _ORIGINS.items()
         for part in ("weight", "bias")
+        if f"{origin}.{part}" in weights
     }
     # Raw pixels go into the first convolution; scaling and shifting them is in its weights.
     first = arrays["first.weight"]
@@ -183,8 +207,9 @@ def graph_weights(model: onnx.ModelProto) -> dict[str, torch.Tensor]:
     arrays |= {"first.weight": first, "first.bias": arrays["first.bias"] - shift}
     found = {
         f"{origin}.{part}": arrays[f"{name}.{part}"]
-        for name, origin in _LAYERS.items()
+        for name, origin in _ORIGINS.items()
         for part in ("weight", "bias")
+        if f"{name}.{part}" in arrays
     }
     found |= {f"memory.{part}": value for part, value in memory_parts(arrays).items()}
     return {name: torch.from_numpy(value.copy()) for name, value in found.items()}
