@@ -4,6 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 FIRMWARE := out/firmware
+REPORTS := out/tests
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 .DEFAULT_GOAL := help
@@ -27,9 +28,11 @@ test: $(VENV)/.all ## Run the tests that a change needs, 5 minutes
 	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile $(TEST)
 
 test-all: $(VENV)/.all ## Run all tests: those too that run real programs in real time, 18 minutes
-	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile
-	$(BIN)/pytest -m slow -n 2 --dist loadgroup tests/workstation
-	$(BIN)/pytest -m slow --ignore tests/workstation
+	@rm -rf $(REPORTS)
+	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile --junitxml $(REPORTS)/quick.xml
+	$(BIN)/pytest -m slow -n 2 --dist loadgroup --junitxml $(REPORTS)/slow.xml tests/workstation
+	$(BIN)/pytest -m slow --ignore tests/workstation --junitxml $(REPORTS)/programs.xml
+	$(BIN)/python benchmarks/reliability.py --quick --of $(REPORTS) -o out/reliability.md
 
 test-pi: $(VENV)/.all ## Install on booted Bookworm and Trixie machines and break things there, updates included; wants root, 30 minutes
 	$(BIN)/pytest tests/pi -v -n 0 --timeout 600 --ignore tests/pi/test_real_kernel.py

@@ -1,10 +1,12 @@
 """Every fault of the table, caused on purpose: what was promised and what was measured.
 
     python benchmarks/reliability.py [--quick] [--garbage 100000] [-o docs/results/reliability.md]
+    python benchmarks/reliability.py --quick --of out/tests
 
 With `--quick` every fault is caused once and the soak is left out. Runs exactly the tests that the
-table names, then writes the page, which says what was tried. Its exit code is 1 if a row has no
-test, a test fails or a bar is not met. Use a quiet machine: most bars are times.
+table names, then writes the page, which says what was tried; with `--of` it goes by what a run of
+all tests has reported. Its exit code is 1 if a row has no test, a test fails or a bar is not met.
+Use a quiet machine: most bars are times.
 """
 
 import argparse
@@ -16,6 +18,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
+from itertools import chain
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -79,13 +82,22 @@ def run(tests: Sequence[str], effort: Effort) -> list[Outcome]:
     }
     environment = os.environ | {name: str(value) for name, value in told.items()}
     with tempfile.TemporaryDirectory() as folder:
-        report = Path(folder) / "report.xml"
         command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *tests]
-        command += ["-o", "junit_family=xunit1", f"--junitxml={report}"]
+        command.append(f"--junitxml={Path(folder) / 'report.xml'}")
         subprocess.run(command, cwd=ROOT, env=environment, check=False)
-        if not report.exists():
-            return []
-        return [_outcome(case) for case in ElementTree.parse(report).iter("testcase")]
+        return reported(Path(folder))
+
+
+def reported(folder: Path) -> list[Outcome]:
+    """What pytest has written into a folder's reports."""
+    cases = [ElementTree.parse(report).iter("testcase") for report in sorted(folder.glob("*.xml"))]
+    return [_outcome(case) for case in chain.from_iterable(cases)]
+
+
+def suites_s(folder: Path) -> float:
+    """How long those took that have written a folder's reports."""
+    suites = [ElementTree.parse(report).iter("testsuite") for report in folder.glob("*.xml")]
+    return sum(float(suite.get("time", 0)) for suite in chain.from_iterable(suites))
 
 
 def _outcome(case: ElementTree.Element) -> Outcome:
@@ -188,19 +200,27 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Cause every fault of the table.")
     parser.add_argument("--quick", action="store_true", help="every row once, no soak")
     parser.add_argument("--garbage", type=int, metavar="N", help="pieces of serial garbage")
+    parser.add_argument("--of", type=Path, metavar="FOLDER", help="of reports; runs nothing")
     parser.add_argument("-o", "--output", type=Path, default=RESULT, metavar="FILE")
     arguments = parser.parse_args()
     quick: bool = arguments.quick
     effort = QUICK if quick else THOROUGH
     command = "make reliability-quick" if quick else "make reliability"
+    if arguments.of is not None:
+        command = "make test-all"
     if arguments.garbage is not None:
         effort = replace(effort, garbage=arguments.garbage)
         command += f" RELIABILITY='--garbage {arguments.garbage}'"
     faults = [fault for fault in (*FAULTS, *BESIDE) if not (quick and fault.name == SOAK)]
-    began_s = time.monotonic()
-    outcomes = run(list(dict.fromkeys(test for fault in faults for test in fault.tests)), effort)
+    if arguments.of is None:
+        tests = dict.fromkeys(test for fault in faults for test in fault.tests)
+        began_s = time.monotonic()
+        outcomes = run(list(tests), effort)
+        taken_s = time.monotonic() - began_s
+    else:
+        outcomes, taken_s = reported(arguments.of), suites_s(arguments.of)
     found = {fault: outcomes_of(fault, outcomes) for fault in faults}
-    text = page(found, effort, command, (time.monotonic() - began_s) / 60)
+    text = page(found, effort, command, taken_s / 60)
     arguments.output.parent.mkdir(parents=True, exist_ok=True)
     arguments.output.write_text(text)
     print(text)

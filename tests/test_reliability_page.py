@@ -56,3 +56,25 @@ def test_the_page_names_its_lane_its_command_and_how_much_was_tried(
     thorough = reliability.page({fault: []}, reliability.THOROUGH, "make reliability", 30)
     assert "The thorough lane: every fault 5 times" in thorough
     assert "100,000 pieces" in thorough
+
+
+REPORT = """<testsuites><testsuite time="90.5">
+<testcase classname="{module}" name="{name}[1]"><properties>
+<property name="stopped ms" value="331"/></properties></testcase>
+<testcase classname="tests.robot.test_arming" name="test_b"><failure/></testcase>
+</testsuite></testsuites>"""
+
+
+def test_what_a_run_of_all_tests_has_reported_makes_the_page_too(
+    reliability: ModuleType, tmp_path: Path
+) -> None:
+    test = reliability.FAULTS[0].tests[0]
+    module, _, name = test.partition("::")
+    (tmp_path / "slow.xml").write_text(
+        REPORT.format(module=module.removesuffix(".py").replace("/", "."), name=name)
+    )
+    assert reliability.reported(tmp_path) == [
+        reliability.Outcome(test, True, {"stopped ms": 331.0}),
+        reliability.Outcome("tests/robot/test_arming.py::test_b", False),
+    ]
+    assert reliability.suites_s(tmp_path) == 90.5
