@@ -8,7 +8,7 @@ REPORTS := out/tests
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 .DEFAULT_GOAL := help
-.PHONY: help dist deb pins demo calibrate-demo demo-firmware test test-all test-pi check protocol firmware benchmark reliability reliability-quick mutants fuzz lock clean
+.PHONY: help dist deb pins demo calibrate-demo demo-firmware test test-all test-pi check protocol firmware benchmark reliability reliability-quick policy-pages mutants fuzz lock clean
 
 help: ## Show this help
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -79,6 +79,9 @@ reliability: $(VENV)/.all ## Cause every fault of the table, write docs/results/
 
 reliability-quick: $(VENV)/.all ## Cause every fault of the table once, write the page; 10 minutes
 	$(BIN)/python benchmarks/reliability.py --quick $(RELIABILITY)
+
+policy-pages: $(VENV)/.all ## Make every page about the policy in models/ anew, where it was stopped; 40 minutes
+	$(BIN)/python benchmarks/policy_pages.py $(PAGES)
 
 mutants: $(VENV)/.all ## Put small faults into the safety path, one by one: a test must fail for each
 	$(BIN)/python benchmarks/mutants.py

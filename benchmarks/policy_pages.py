@@ -1,0 +1,168 @@
+"""Every page and picture about the policy that ships, made anew: after a new one, run this.
+
+    python benchmarks/policy_pages.py [--pictures ../shared/pictures]
+
+Goes on where it was stopped: what a command has answered for this policy is kept in
+out/policy-pages, and pages that are of this policy already are left alone. About 40 minutes on two
+cores; use a quiet machine for the demos only, the rest are figures of simulation.
+"""
+
+import argparse
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from PIL import Image
+
+from mbot_workstation.training.evaluation.provenance import digest, provenance
+
+ROOT = Path(__file__).parents[1]
+POLICY = "models/red-cube.onnx"
+RESULTS = ROOT / "docs" / "results"
+KEPT = ROOT / "out" / "policy-pages" / digest(ROOT / POLICY)
+
+JPEG_QUALITY = 88
+
+WORKSTATION = str(Path(sys.executable).with_name("workstation"))
+EVALUATE = (WORKSTATION, "evaluate", POLICY, "servo")
+STUDIES = {
+    "handicap": ("servo", "--episodes", "100"),
+    "blur": ("servo",),
+    "latency": ("servo",),
+    "tolerance": (),
+}
+ANSWERS: dict[str, Sequence[str]] = {
+    "nominal": (*EVALUATE, "oracle", "random", "--episodes", "100", "--json"),
+    "varied": (*EVALUATE, "--preset=randomised", "--preset=any-room", "--episodes=100", "--json"),
+    "presets": (*EVALUATE, "--preset", "all", "--episodes", "16", "--json"),
+    "memory": (sys.executable, "benchmarks/memory.py", POLICY, "--json"),
+    "adaptation": (
+        *(sys.executable, "benchmarks/adaptation.py", POLICY),
+        *("--plot", "docs/images/adaptation.png"),
+    ),
+}
+
+
+def answer(name: str, command: Sequence[str]) -> str:
+    """What a command prints, from the time before if there was one."""
+    kept = KEPT / f"{name}.txt"
+    if not kept.exists():
+        print(f"{name}: {' '.join(command[1:])}", flush=True)
+        done = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True)
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        kept.write_text(done.stdout)
+    return kept.read_text()
+
+
+def is_of_this_policy(page: Path) -> bool:
+    return page.exists() and f"`{KEPT.name}`" in page.read_text()
+
+
+def studies() -> None:
+    """The pages that `workstation study` writes, and their pictures."""
+    for name, more in STUDIES.items():
+        page = RESULTS / f"{name}.md"
+        if is_of_this_policy(page):
+            continue
+        folder = KEPT / name
+        answer(f"study-{name}", (WORKSTATION, "study", name, POLICY, *more, "-o", str(folder)))
+        for picture in folder.glob("*.png"):
+            shutil.copy(picture, ROOT / "docs" / "images" / picture.name)
+        if name == "tolerance":
+            shutil.copy(folder / "tolerance.json", ROOT / "models" / "tolerance.json")
+        page.write_text((folder / page.name).read_text().replace("](", "](../images/"))
+
+
+def demos() -> None:
+    """Contact sheets of the real daemon on virtual robots, in real time."""
+    for name, picture, more in (
+        ("demo", "docs/demo.jpg", ()),
+        ("weak-motor", "docs/images/weak-motor.jpg", ("--left-gain", "0.5")),
+    ):
+        folder = KEPT / name
+        command = (WORKSTATION, "demo", "--model", POLICY, *more, "--output", str(folder))
+        print(answer(f"drive-{name}", command))
+        sheet = Image.open(folder / "contact-sheet.png").convert("RGB")
+        sheet.save(ROOT / picture, quality=JPEG_QUALITY, optimize=True)
+
+
+def interval(estimate: dict[str, float]) -> str:
+    return "{mean:.2f} ({low:.2f} to {high:.2f})".format_map(estimate)
+
+
+def pairs(lines: Sequence[dict[str, Any]]) -> list[tuple[dict[str, Any], dict[str, Any]]]:
+    """Of each preset the policy's line and the servo's."""
+    return [
+        (one, other)
+        for one in lines
+        for other in lines
+        if one["preset"] == other["preset"]
+        and (one["contestant"], other["contestant"]) == ("red-cube", "servo")
+    ]
+
+
+def share(found: dict[str, Any]) -> str:
+    low, high = found["interval"]
+    return f"{len(found['pictures'])} of {found['of']} ({low:.0%} to {high:.0%})"
+
+
+def lesson_page(pictures: Path) -> str:
+    """docs/results/lesson-10.md."""
+    told = {name: answer(name, command) for name, command in ANSWERS.items()}
+    adaptation = told.pop("adaptation")
+    found = {name: json.loads(text) for name, text in told.items()}
+    judged = json.loads(answer("pictures", (*EVALUATE, "--pictures", str(pictures), "--json")))
+    rewards = [(a["preset"], a["reward"], b["reward"]) for a, b in pairs(found["presets"])]
+    template = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        undefined=StrictUndefined,
+        trim_blocks=False,
+        keep_trailing_newline=True,
+        autoescape=False,
+    ).get_template("lesson-10.md.jinja")
+    return template.render(
+        found,
+        provenance=provenance([POLICY]),
+        interval=interval,
+        pairs=pairs,
+        ahead=[name for name, ours, servo in rewards if ours["mean"] > servo["mean"]],
+        beyond=[name for name, ours, servo in rewards if ours["low"] > servo["high"]],
+        behind=[
+            f"{name} (by {servo['mean'] - ours['mean']:.2f})"
+            for name, ours, servo in rewards
+            if ours["mean"] < servo["mean"]
+        ],
+        adaptation=adaptation.split("\n\n", 1)[1].strip(),
+        pictures=[
+            {
+                "contestant": one["policy"],
+                "shown": len(list(pictures.glob("*.jpg"))),
+                **{name: share(one[name]) for name in ("wrong_way", "not_ahead", "fooled")},
+            }
+            for one in judged
+        ],
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--pictures", type=Path, default=ROOT.parent / "shared" / "pictures")
+    options = parser.parse_args()
+    page = RESULTS / "lesson-10.md"
+    if not is_of_this_policy(page):
+        page.write_text(lesson_page(options.pictures))
+    studies()
+    demos()
+    print(
+        f"all pages are of {KEPT.name}; docs/results/identification.md, README.md, models/README.md"
+    )
+    print("and docs/objects.md have figures of their own")
+
+
+if __name__ == "__main__":
+    main()
