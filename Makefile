@@ -35,7 +35,7 @@ test-all: $(VENV)/.all ## Run all tests: those too that run real programs in rea
 	$(BIN)/python benchmarks/reliability.py --quick --of $(REPORTS) -o out/reliability.md
 
 test-pi: $(VENV)/.all ## Install on booted Bookworm and Trixie machines and break things there, updates included; wants root, 30 minutes
-	$(BIN)/pytest tests/pi -v -n 0 --timeout 600 --ignore tests/pi/test_real_kernel.py
+	$(BIN)/pytest tests/pi -v -n 0 --timeout 600 --ignore tests/pi/test_real_kernel.py --junitxml out/tests-pi.xml
 
 test-kernel: $(VENV)/.all ## The service on a kernel of its own, in an emulated PC: its limits, a plug pulled out, power cuts; wants root, 8 minutes
 	$(BIN)/pytest tests/pi/test_real_kernel.py -v -n 0 --timeout 900
@@ -61,15 +61,15 @@ $(FIRMWARE)/mbot-deadman.elf: deploy/firmware/mbot-deadman.c
 $(FIRMWARE)/mbot-deadman.hex: $(FIRMWARE)/mbot-deadman.elf
 	avr-objcopy -O ihex -R .eeprom $< $@
 
-dist: $(VENV)/.all ## Make wheel, sdist and signed releases for robots in out/dist; DIST='--sign-with KEY'
+dist: $(VENV)/.all $(FIRMWARE)/mbot-deadman.hex ## Make wheel, sdist and signed releases for robots in out/dist; DIST='--sign-with KEY'
 	$(BIN)/python -m mbot_workstation.releases.make_release $(DIST)
 
-deb: $(VENV)/.all ## As dist, and a Debian package of each release
+deb: $(VENV)/.all $(FIRMWARE)/mbot-deadman.hex ## As dist, and a Debian package of each release
 	$(BIN)/python -m mbot_workstation.releases.make_release --deb $(DIST)
 
 pins: $(VENV)/.all ## Resolve anew which wheels a release has; writes deploy/requirements
 	rm -rf deploy/requirements out/dist-cache
-	$(BIN)/python -m mbot_workstation.releases.make_release --version 0 --sequence 0 $(DIST)
+	$(BIN)/python -m mbot_workstation.releases.make_release --version 0 --sequence 0 --without-firmware $(DIST)
 
 benchmark: $(VENV)/.all ## Measure the daemon; use a quiet machine
 	$(BIN)/python benchmarks/agent.py

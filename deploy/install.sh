@@ -30,7 +30,8 @@ command_link=$root/usr/local/bin/mbot-agent
 
 usage() {
     cat <<'USAGE'
-usage: sudo deploy/install.sh [--dry-run] [--without-picamera2] [--config FILE] [RELEASE.tar]
+usage: sudo deploy/install.sh [--dry-run] [--without-picamera2] [--camera SOURCE | --config FILE]
+                              [RELEASE.tar]
        sudo deploy/install.sh --uninstall [--purge] [--dry-run]
 
 Installs mbot-agent from this checkout, or from a release that `make dist` has made, or updates it;
@@ -39,10 +40,12 @@ until the new release is built, is restarted with it, and gets the old one back 
 one that does not run is not started.
 
   --dry-run            print what would be done, change nothing (needs no root)
-  --without-picamera2  for a camera OpenCV opens (USB, URL); also accepts a PC (amd64)
+  --without-picamera2  for a camera that is not the Pi's own; also accepts a PC (amd64)
+  --camera SOURCE      source of [camera] to begin with: /dev/video0, http://ADDRESS,
+                       ffmpeg:ADDRESS; asked for if it is not given with --without-picamera2
   --config FILE        a configuration to begin with; one that exists is left alone
   --uninstall          remove the program; keep configuration, models and user
-  --purge              with --uninstall: remove those too
+  --purge              with --uninstall: remove those too, and what `systemctl edit` has made
   --help               this text
 USAGE
 }
@@ -64,6 +67,22 @@ run() {
     fi
 }
 
+# What becomes a string in the configuration, by sed.
+check_camera() {
+    # Without quotes, backslash and what can't be seen. Compared, for $() drops newlines at an end.
+    plain=$(printf '%s' "$camera" | LC_ALL=C tr -cd ' !#-&(-[]-~')
+    [ "$plain" = "$camera" ] ||
+        fail "a camera's source may have no quotes, backslashes, newlines or letters beyond ASCII" 2
+    case $camera in
+        -*) fail "--camera wants a source, such as /dev/video0, not '$camera'" 2 ;;
+        picamera2)
+            [ -n "$picamera2" ] || fail "--camera picamera2 contradicts --without-picamera2" 2
+            ;;
+        http://* | ffmpeg:*) ;;
+        *://*) fail "FFmpeg opens addresses that are not http://, by --camera ffmpeg:ADDRESS" 2 ;;
+    esac
+}
+
 # What follows may fail without harm: say so and go on.
 try() {
     run "$@" || note "warning: '$*' failed"
@@ -75,6 +94,7 @@ uninstall=
 purge=
 archive=
 first_configuration=
+camera=
 picamera2=1
 
 while [ $# -gt 0 ]; do
@@ -88,6 +108,11 @@ while [ $# -gt 0 ]; do
             first_configuration=$2
             shift
             ;;
+        --camera)
+            camera=${2:-}
+            [ -n "$camera" ] || fail "--camera wants a source, such as /dev/video0" 2
+            shift
+            ;;
         --help | -h) usage && exit 0 ;;
         -*) fail "unknown option '$1', see --help" 2 ;;
         *)
@@ -99,6 +124,9 @@ while [ $# -gt 0 ]; do
     shift
 done
 [ -z "$purge" ] || [ -n "$uninstall" ] || fail "--purge goes with --uninstall only" 2
+[ -z "$camera" ] || check_camera
+[ -z "$camera" ] || [ -z "$first_configuration" ] ||
+    fail "--camera or --config: a configuration has its own camera" 2
 
 require_root() {
     [ -n "$dry_run" ] || [ "$(id -u)" = 0 ] || fail "root is needed: run it with sudo"
@@ -152,8 +180,24 @@ install_packages() {
     run apt-get update
     # shellcheck disable=SC2086  # a list of names
     run env DEBIAN_FRONTEND=noninteractive \
-        apt-get install --yes --no-install-recommends $missing ||
-        fail "apt-get could not install$missing"
+        apt-get install --yes --no-install-recommends $missing || failed_packages
+}
+
+failed_packages() {
+    case $missing in
+        *picamera2*) other="; for a camera that is not the Pi's own: --without-picamera2" ;;
+        *) other= ;;
+    esac
+    fail "apt-get could not install$missing$other"
+}
+
+# Before anything is done, while somebody looks.
+ask_for_camera() {
+    [ -z "$picamera2$camera$first_configuration$dry_run" ] && [ -t 0 ] || return 0
+    [ ! -e "$configuration/config.toml" ] || return 0
+    printf '%s' "Camera's source, such as /dev/video0 or http://ADDRESS (empty: later): "
+    read -r camera || echo
+    [ -z "$camera" ] || check_camera
 }
 
 # Whatever runs goes on while this script works.
@@ -262,9 +306,29 @@ put_configuration() {
     run chown "root:$user" "$configuration/config.toml"
 }
 
+# In [camera] of the configuration that was put there just now.
+put_camera() {
+    if [ -n "$camera" ]; then
+        escaped=$(printf '%s' "$camera" | sed 's/[&|]/\\&/g')
+        run sed -i "/^\[camera]/,/^\[/ s|^source = .*|source = \"$escaped\"|" \
+            "$configuration/config.toml"
+    elif [ -z "$picamera2" ]; then
+        note "for a camera that is not the Pi's own, in [camera] there: source = \"/dev/video0\""
+    fi
+}
+
+# The existing configuration is a person's.
+show_camera_line() {
+    [ -n "$camera" ] || return 0
+    line="source = \"$camera\""
+    grep -qxF "$line" "$configuration/config.toml" 2>/dev/null ||
+        note "--camera changes nothing there; in [camera], change to: $line"
+}
+
 install_configuration() {
     if [ -e "$configuration/config.toml" ]; then
         step "Configuration: $configuration/config.toml is kept"
+        show_camera_line
     elif [ -n "$first_configuration" ]; then
         step "Configuration: $configuration/config.toml is $first_configuration"
         put_configuration "$first_configuration"
@@ -272,6 +336,7 @@ install_configuration() {
         step "Configuration: $configuration/config.toml for the robot '$(robot_id)'"
         put_configuration "$checkout/deploy/config.toml"
         run sed -i "s/^robot_id = .*/robot_id = \"$(robot_id)\"/" "$configuration/config.toml"
+        put_camera
         [ "$(robot_id)" != raspberrypi ] ||
             note "that is every Pi's name: with a second robot, change robot_id there"
     fi
@@ -318,7 +383,8 @@ show_check() {
 }
 
 trusts_a_key() {
-    grep -v '^ *#' "$configuration/config.toml" 2>/dev/null | grep -q 'ed25519:'
+    grep -hv '^ *#' "$configuration/config.toml" "$configuration/trusted-keys.toml" 2>/dev/null |
+        grep -q 'ed25519:'
 }
 
 show_next_steps() {
@@ -332,8 +398,8 @@ Next:
 NEXT
     trusts_a_key || cat <<KEYS
 
-It takes models only from keys in [trust] of its configuration. On the workstation:
-  workstation keys new                     makes a key and prints the line to put there
+It takes models only from keys that it trusts. On the workstation:
+  workstation keys new                     makes a key and says how the robot learns of it
 KEYS
     [ -z "$was_running" ] || echo "mbot-agent was running and runs again, with what was installed."
 }
@@ -344,10 +410,12 @@ remove_all() {
         # shellcheck disable=SC2086  # a list of names
         try systemctl disable --now "$service" $updater_units
     fi
-    for name in $updater_units; do
+    for name in "$service" $updater_units; do
         run rm -f "$units/$name"
+        # What `systemctl edit` has made.
+        [ -z "$purge" ] || run rm -rf "$units/$name.d"
     done
-    run rm -f "$unit" "$rules" "$brltty_rules" "$modules" "$sysusers" "$command_link"
+    run rm -f "$rules" "$brltty_rules" "$modules" "$sysusers" "$command_link"
     # Debian has no such folder before the first file of ours.
     [ ! -d "${sysusers%/*}" ] || run rmdir --ignore-fail-on-non-empty "${sysusers%/*}"
     run rm -rf "$application"
@@ -355,7 +423,7 @@ remove_all() {
     try udevadm control --reload
     if [ -n "$purge" ]; then
         step "Removing configuration, models and user"
-        run rm -rf "$configuration" "$state" "$unit.d"
+        run rm -rf "$configuration" "$state"
         if getent passwd "$user" >/dev/null; then
             try userdel "$user"
         fi
@@ -376,6 +444,7 @@ fi
 require_machine
 require_release
 require_root
+ask_for_camera
 install_packages
 look_at_service
 make_user

@@ -1,8 +1,8 @@
 """The files that complete config.toml: a calibration folder, and what `workstation enroll` wrote.
 
-Each is a file of its own, so that a new calibration, person or certificate is copied, not edited
-in. A value that stands in two files is refused: neither could win without somebody looking for the
-fault in the wrong place.
+Each is a file of its own, so that a new calibration, person, certificate or key is copied, not
+edited in. A value that stands in two files is refused: neither could win without somebody looking
+for the fault in the wrong place. Keys add up instead.
 """
 
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import TypeVar
 import msgspec
 from msgspec import Struct
 
-from mbot_agent.configuration import Access, Configuration, Intrinsics, Motor, Network
+from mbot_agent.configuration import Access, Configuration, Intrinsics, Motor, Network, load
 from mbot_protocol.calibration import (
     CAMERA_FILE,
     MOTION_FILE,
@@ -22,9 +22,11 @@ from mbot_protocol.calibration import (
     read_motor_mappings,
 )
 from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.public_key import PublicKey
 from mbot_protocol.toml_file import read_toml
 
 ENROLMENT_FILE = "enrolment.toml"
+TRUSTED_KEYS_FILE = "trusted-keys.toml"
 
 M = TypeVar("M", bound=Motor)
 
@@ -143,3 +145,54 @@ def enrolled(configuration: Configuration, origin: Path) -> Configuration:
         )
     except ConfigurationError as error:
         raise ConfigurationError(f"{path}: {error}") from None
+
+
+class TrustedKeys(Struct, frozen=True, forbid_unknown_fields=True):
+    """The content of trusted-keys.toml: whose models are taken, and nothing about releases."""
+
+    keys: tuple[str, ...]
+
+    @property
+    def public_keys(self) -> tuple[PublicKey, ...]:
+        """The keys, read; each once."""
+        return tuple({key.raw: key for key in map(PublicKey.parse, self.keys)}.values())
+
+    def __post_init__(self) -> None:
+        _ = self.public_keys
+
+
+def trusting(configuration: Configuration, origin: Path) -> Configuration:
+    """The configuration that also trusts the keys of trusted-keys.toml, if there is one.
+
+    Args:
+        configuration: as read.
+        origin: its file; the keys are looked for beside it.
+
+    Raises:
+        ConfigurationError: the file is unusable.
+
+    """
+    trust = configuration.trust
+    known = {key.raw for key in trust.public_keys}
+    more = tuple(key.line for key in _sent_keys(origin) if key.raw not in known)
+    trust = msgspec.structs.replace(trust, keys=(*trust.keys, *more))
+    return msgspec.structs.replace(configuration, trust=trust) if more else configuration
+
+
+def keys_by_file(origin: Path) -> dict[Path, tuple[PublicKey, ...]]:
+    """Whose models are taken, by the file that says so; raises as `load` and `trusting`."""
+    return {
+        origin: load(origin).trust.public_keys,
+        origin.with_name(TRUSTED_KEYS_FILE): _sent_keys(origin),
+    }
+
+
+def _sent_keys(origin: Path) -> tuple[PublicKey, ...]:
+    path = origin.with_name(TRUSTED_KEYS_FILE)
+    return read_toml(path, TrustedKeys).public_keys if path.exists() else ()
+
+
+def complete(path: Path) -> Configuration:
+    """The configuration with all that completes it; raises as its parts."""
+    configuration = calibrated(load(path), path)
+    return trusting(enrolled(configuration, path), path)

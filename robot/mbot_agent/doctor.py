@@ -4,7 +4,7 @@ import os
 import shutil
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from mbot_agent.camera.picture_check import PictureCheck
 from mbot_agent.configuration import Configuration, shown_source
 from mbot_protocol.errors import MbotError
 from mbot_protocol.mcore import has_deadman
+from mbot_protocol.public_key import PublicKey
 
 FRAMES = 10
 FULL_DISK_BYTES = 64 << 20
@@ -34,13 +35,21 @@ class Finding:
     detail: str
 
 
-def examine(configuration: Configuration) -> list[Finding]:
-    """Run every check; takes up to 10 s with a board that does not answer."""
+def examine(
+    configuration: Configuration, keys: Mapping[Path, tuple[PublicKey, ...]]
+) -> list[Finding]:
+    """Run every check; takes up to 10 s with a board that does not answer.
+
+    Args:
+        configuration: with all that completes it.
+        keys: whose models are taken, by the file that says so.
+
+    """
     checks: tuple[tuple[str, Callable[[Configuration], Finding]], ...] = (
         ("camera", _camera),
         ("lens", examine_lens),
         ("board", _board),
-        ("trust", _trust),
+        ("trust", lambda configuration: examine_trust(configuration, keys)),
         ("model", _model),
         ("disk", _disk),
         ("network", _network),
@@ -113,19 +122,23 @@ def _board(configuration: Configuration) -> Finding:
     )
 
 
-def _trust(configuration: Configuration) -> Finding:
-    """Whose models will be taken."""
-    names = ", ".join(key.name for key in configuration.trust.public_keys)
+def examine_trust(
+    configuration: Configuration, keys: Mapping[Path, tuple[PublicKey, ...]]
+) -> Finding:
+    """Whose models will be taken, and which file says so; `keys` as `examine`."""
     if configuration.trust.allow_unsigned:
         return Finding("trust", "warning", "takes anybody's models: trust.allow_unsigned is set")
-    if not names:
+    found = [
+        f"{', '.join(key.name for key in named)} ({path})" for path, named in keys.items() if named
+    ]
+    if not found:
         return Finding(
             "trust",
             "warning",
-            "no key, so no model is taken: put the line that `workstation keys new` prints into "
-            "[trust] keys",
+            "no key, so no model is taken: `workstation keys new` makes one and says how it gets "
+            "here",
         )
-    return Finding("trust", "ok", f"takes models signed by {names}")
+    return Finding("trust", "ok", f"takes models signed by {', '.join(found)}")
 
 
 def _model(configuration: Configuration) -> Finding:

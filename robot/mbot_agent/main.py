@@ -9,7 +9,6 @@ if TYPE_CHECKING:
     import argparse
     from pathlib import Path
 
-    from mbot_agent.configuration import Configuration
     from mbot_agent.process.journal import Journal
 
 DEFAULT_PATH = "/etc/mbot-agent/config.toml"
@@ -117,13 +116,11 @@ def _dispatch(arguments: "argparse.Namespace", journal: "Journal") -> int:
         return _decide(arguments.model)
     if arguments.action in ("releases", "rollback"):
         return _ask_updater(arguments.action, as_json=arguments.json)
-    from mbot_agent.configuration import load
-    from mbot_agent.configuration_files import calibrated, enrolled
-
-    configuration = calibrated(load(arguments.config), arguments.config)
-    configuration = enrolled(configuration, arguments.config)
     if arguments.action == "check":
-        return _check(configuration, as_json=arguments.json)
+        return _check(arguments.config, as_json=arguments.json)
+    from mbot_agent.configuration_files import complete
+
+    configuration = complete(arguments.config)
     if arguments.action == "try":
         from mbot_agent.daemon import rehearse
 
@@ -178,18 +175,47 @@ def _decide(model: "Path | None") -> int:
     return 0
 
 
-def _check(configuration: "Configuration", *, as_json: bool) -> int:
+def _check(path: "Path", *, as_json: bool) -> int:
     import json
+
+    _check_readable(path)
+
+    from mbot_agent.configuration_files import complete, keys_by_file
+
+    configuration = complete(path)
 
     from mbot_agent.doctor import examine
 
-    findings = examine(configuration)
+    findings = examine(configuration, keys_by_file(path))
     for finding in findings:
         if as_json:
             print(json.dumps({name: getattr(finding, name) for name in finding.__slots__}))
         else:
             print(f"{finding.verdict:8} {finding.subject:8} {finding.detail}")
     return 1 if any(finding.verdict == "failed" for finding in findings) else 0
+
+
+def _check_readable(path: "Path") -> None:
+    """The configuration is for root's and the daemon's eyes: say who has to ask instead."""
+    import pwd
+    from pathlib import Path
+
+    from mbot_protocol.errors import ConfigurationError
+
+    try:
+        path.open("rb").close()
+    except PermissionError:
+        try:
+            user = pwd.getpwuid(os.geteuid()).pw_name
+        except KeyError:  # no such user in a container
+            user = f"user {os.geteuid()}"
+        config = "" if path == Path(DEFAULT_PATH) else f" --config {path}"
+        raise ConfigurationError(
+            f"can't read {path} as {user}; run it as the daemon's user: sudo -u mbot-agent "
+            f"mbot-agent check{config}"
+        ) from None
+    except OSError:
+        pass  # whatever else it is, reading says so
 
 
 if __name__ == "__main__":

@@ -11,12 +11,26 @@ from mbot_protocol.errors import MbotError
 
 from ..end_to_end.processes import Daemon, Process, until
 from ..robot.fake_board import FakeBoard
-from .booted import INSIDE, Machine
+from .booted import CHECKOUT, INSIDE, Machine
 
 INSTALL = (str(INSIDE / "deploy/install.sh"), "--without-picamera2")
 INSTALL_S = 300.0
 CONFIGURATION = "/etc/mbot-agent/config.toml"
 SERVICE = "mbot-agent"
+UNITS = sorted(path.name for path in (CHECKOUT / "deploy/systemd").iterdir())
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """What the tests have measured; `--junitxml` keeps it."""
+    reports = [*terminalreporter.getreports("passed"), *terminalreporter.getreports("failed")]
+    measured = [
+        f"{report.nodeid.rpartition('::')[2]}: {name} {value}"
+        for report in reports
+        for name, value in report.user_properties
+    ]
+    if measured:
+        terminalreporter.section("measured")
+        terminalreporter.write_line("\n".join(measured))
 
 
 class Robot:
@@ -50,6 +64,13 @@ class Robot:
     def state(self) -> str:
         """Of the service, as systemd has it."""
         return self.machine.run("systemctl", "is-active", SERVICE).stdout.strip()
+
+    def edit_units(self) -> None:
+        """As `systemctl edit` of each unit leaves them."""
+        for name in UNITS:
+            folder = f"/etc/systemd/system/{name}.d"
+            self.machine.says("mkdir", "-p", folder)
+            self.machine.write(f"{folder}/override.conf", "[Unit]\nDescription=edited\n")
 
     def shows(self, name: str) -> str:
         """A property of the service."""

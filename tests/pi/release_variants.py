@@ -71,7 +71,7 @@ class Releases:
         wheel.parent.mkdir(exist_ok=True)
         _with_code(self._wheel, wheel, code)
         return make_release(
-            self.target, wheel, version, sequence, sequence, [key], self._folder, CACHE
+            self.target, wheel, version, sequence, sequence, [key], self._folder, CACHE, None
         )
 
 

@@ -88,6 +88,7 @@ def test_removed_it_stops_and_keeps_what_is_the_persons(robot: Robot) -> None:
 
 
 def test_after_a_purge_nothing_is_left(robot: Robot) -> None:
+    robot.edit_units()
     done = robot.machine.run("apt-get", "-y", "purge", "mbot-agent")
     assert done.returncode == 0, done.stdout + done.stderr
     left = robot.machine.files() - robot.files_before

@@ -178,6 +178,7 @@ def test_installing_again_keeps_the_configuration_and_the_models(robot: Robot) -
 
 
 def test_after_a_purge_nothing_is_left(robot: Robot) -> None:
+    robot.edit_units()
     script = str(INSIDE / "deploy/install.sh")
     done = robot.machine.run(script, "--uninstall", "--purge")
     assert done.returncode == 0, done.stdout + done.stderr

@@ -76,6 +76,11 @@ PROMISES: dict[str, tuple[Promise, ...]] = {
             f"{LOOP}::test_a_gap_that_is_longer_than_forgiven_disarms",
             "longest_s == 2",
         ),
+        Promise(
+            "ends with 7",
+            "workstation/test_main.py::test_armed_but_standing_says_for_what_it_waits",
+            "done.returncode == 7",
+        ),
         Promise("drives for 3 s", STUCK, "found_after_s(STANDING[name], FAST, period_s=0.1) == 3"),
     ),
     "safety.md": (

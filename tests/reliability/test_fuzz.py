@@ -19,7 +19,7 @@ import tomli_w
 from mbot_agent import configuration
 from mbot_agent.camera.jpeg_picture import JpegError, decode_jpeg
 from mbot_agent.camera.multipart import MultipartError, MultipartParser
-from mbot_agent.configuration_files import Enrolment
+from mbot_agent.configuration_files import Enrolment, TrustedKeys
 from mbot_agent.models.activation import Activation
 from mbot_protocol.access_rules import split_common_name
 from mbot_protocol.actions import to_steps
@@ -153,6 +153,7 @@ key = "c"
 [access.people]
 rosa = ["drive", "view"]
 """
+TRUSTED_KEYS = f'keys = ["ed25519:{"A" * 43}= rosa"]\n'
 MOTION = """made_on = "2026-01-01"
 reverse_ms = 5
 [left_motor]
@@ -250,8 +251,15 @@ def test_models() -> None:
         (MotionCalibration, MOTION),
         (MotorMappings, MOTION),
         (Enrolment, ENROLMENT),
+        (TrustedKeys, TRUSTED_KEYS),
     ],
-    ids=["camera.toml", "motion.toml", "motion.toml on the robot", "enrolment.toml"],
+    ids=[
+        "camera.toml",
+        "motion.toml",
+        "motion.toml on the robot",
+        "enrolment.toml",
+        "trusted-keys.toml",
+    ],
 )
 def test_toml_files(kind: type, text: str, memory_file: Path) -> None:
     def read(content: bytes) -> None:

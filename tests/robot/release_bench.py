@@ -37,6 +37,7 @@ FILES = {
     "wheels/mbot_agent-0.1.0-py3-none-any.whl": wheel(mbot_agent__main=b"# a wheel\n" * 300),
     "deploy/systemd/mbot-agent.service": b"[Service]\n",
     "deploy/install.sh": b"#!/bin/sh\n",
+    "firmware/mbot-deadman.hex": b":00000001FF\n",
 }
 
 

@@ -2,10 +2,19 @@ from pathlib import Path
 
 import pytest
 
-from mbot_agent.configuration import Configuration, Network, decode
-from mbot_agent.configuration_files import ENROLMENT_FILE, enrolled
+from mbot_agent.configuration import Configuration, Network, Trust, decode
+from mbot_agent.configuration_files import (
+    ENROLMENT_FILE,
+    TRUSTED_KEYS_FILE,
+    complete,
+    enrolled,
+    keys_by_file,
+    trusting,
+)
+from mbot_agent.doctor import examine_trust
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.keys import Right
+from mbot_protocol.public_key import PublicKey
 
 ENROLMENT = """
 robot_id = "mbot-1"
@@ -18,6 +27,8 @@ key = "/tls/robot.key"
 [access.people]
 rosa = ["drive", "push"]
 """
+
+ANNA, BERT = PublicKey(bytes(32), "anna"), PublicKey(bytes(range(32)), "bert")
 
 
 @pytest.fixture
@@ -71,3 +82,62 @@ def test_a_mistake_names_the_file(origin: Path, changed: tuple[str, str], words:
     assert str(path) in str(caught.value)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def send_keys(origin: Path, *lines: str) -> Path:
+    path = origin.with_name(TRUSTED_KEYS_FILE)
+    path.write_text(f"keys = {list(lines)}")
+    return path
+
+
+def test_keys_that_were_sent_are_trusted_beside_those_of_the_configuration(origin: Path) -> None:
+    configuration = Configuration("mbot-1", trust=Trust(keys=(ANNA.line,)))
+    assert trusting(configuration, origin) is configuration
+    send_keys(origin, ANNA.line.replace("anna", "ann"), BERT.line, BERT.line)
+    found = trusting(configuration, origin)
+    assert found.trust.public_keys == (ANNA, BERT)
+    assert found.trust.release_keys == ()
+    assert not found.trust.allow_unsigned
+
+
+def test_everything_beside_the_configuration_completes_it(origin: Path) -> None:
+    origin.write_text('robot_id = "mbot-1"')
+    send_keys(origin, BERT.line)
+    found = complete(origin)
+    assert found.trust.public_keys == (BERT,)
+    assert found.access.people == {"rosa": (Right.DRIVE, Right.PUSH)}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (f'release_keys = ["{ANNA.line}"]\nkeys = []', "release_keys is unknown"),
+        ("allow_unsigned = true\nkeys = []", "allow_unsigned is unknown"),
+        ("", "keys is missing"),
+        ('keys = ["anna"]', "'anna' is no signing key"),
+        ("keys =", "no valid TOML"),
+    ],
+)
+def test_a_file_of_keys_holds_nothing_else(origin: Path, text: str, words: str) -> None:
+    path = origin.with_name(TRUSTED_KEYS_FILE)
+    path.write_text(text)
+    with pytest.raises(ConfigurationError, match=words) as caught:
+        trusting(Configuration("mbot-1"), origin)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_check_says_which_key_is_from_which_file(origin: Path) -> None:
+    origin.write_text('robot_id = "mbot-1"')
+    nobody = examine_trust(complete(origin), keys_by_file(origin))
+    assert (nobody.verdict, nobody.detail) == (
+        "warning",
+        "no key, so no model is taken: `workstation keys new` makes one and says how it gets here",
+    )
+    origin.write_text(f'robot_id = "mbot-1"\n[trust]\nkeys = ["{ANNA.line}"]')
+    sent = send_keys(origin, ANNA.line, BERT.line)
+    found = examine_trust(complete(origin), keys_by_file(origin))
+    assert (found.verdict, found.detail) == (
+        "ok",
+        f"takes models signed by anna ({origin}), anna, bert ({sent})",
+    )

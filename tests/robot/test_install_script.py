@@ -4,10 +4,13 @@ The programs that would change the machine are stand-ins that write what they we
 the script's own file handling is real.
 """
 
+import contextlib
 import os
+import pty
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,7 +66,9 @@ class Machine:
     root: Path
     fake: Path
 
-    def install(self, *options: str) -> subprocess.CompletedProcess[str]:
+    def install(
+        self, *options: str, stdin: int = subprocess.DEVNULL
+    ) -> subprocess.CompletedProcess[str]:
         environment = {
             "PATH": f"{self.fake / 'bin'}:{os.defpath}",
             "FAKE": str(self.fake),
@@ -71,11 +76,16 @@ class Machine:
             "MBOT_INSTALL_PYTHON": str(self.fake / "bin" / "python3"),
         }
         return subprocess.run(
-            ["sh", SCRIPT, *options], env=environment, capture_output=True, text=True, check=False
+            ["sh", SCRIPT, *options],
+            env=environment,
+            stdin=stdin,
+            capture_output=True,
+            text=True,
+            check=False,
         )
 
-    def installed(self, *options: str) -> str:
-        result = self.install(*options)
+    def installed(self, *options: str, stdin: int = subprocess.DEVNULL) -> str:
+        result = self.install(*options, stdin=stdin)
         assert result.returncode == 0, result.stdout + result.stderr
         return result.stdout
 
@@ -107,6 +117,11 @@ class Machine:
     def configuration(self) -> Path:
         return self.root / "etc/mbot-agent/config.toml"
 
+    @property
+    def camera(self) -> str:
+        """The source that the daemon would open."""
+        return configuration.load(self.configuration).camera.source
+
 
 @pytest.fixture
 def machine(tmp_path: Path) -> Machine:
@@ -127,6 +142,18 @@ def machine(tmp_path: Path) -> Machine:
     machine.knows("machine", "aarch64\n")
     machine.knows("packages")
     return machine
+
+
+@contextlib.contextmanager
+def typed(text: str) -> Iterator[int]:
+    """A terminal at which somebody has typed this."""
+    ours, theirs = pty.openpty()
+    try:
+        os.write(ours, text.encode())
+        yield theirs
+    finally:
+        os.close(ours)
+        os.close(theirs)
 
 
 def index_of(lines: list[str], start: str) -> int:
@@ -324,9 +351,18 @@ def test_uninstall_keeps_configuration_and_models(machine: Machine) -> None:
 def test_purge_leaves_nothing(machine: Machine) -> None:
     before = machine.files()
     machine.installed()
+    units = machine.root / "etc/systemd/system"
+    edited = [units / f"{path.name}.d" for path in UNIT.parent.iterdir()]
+    assert len(edited) > 4
+    for folder in edited:  # as `systemctl edit` does
+        folder.mkdir()
+        (folder / "override.conf").write_text("[Unit]\n")
+    machine.installed("--uninstall")
+    assert all(folder.exists() for folder in edited)
     for _ in range(2):
         machine.installed("--uninstall", "--purge")
     assert machine.files() == before
+    assert not list(units.iterdir())
     assert not (machine.root / "etc/mbot-agent").exists()
     assert not (machine.root / "var/lib/mbot-agent").exists()
     assert machine.asked().count("userdel mbot-agent") == 1
@@ -350,6 +386,14 @@ def test_install_after_purge_works(machine: Machine) -> None:
         ({"uid": "1000"}, ("--uninstall",), 1, "sudo"),
         ({}, ("--bogus",), 2, "--bogus"),
         ({}, ("--purge",), 2, "--uninstall"),
+        ({}, ("--camera",), 2, "wants a source"),
+        ({}, ("--camera", ""), 2, "wants a source"),
+        ({}, ("--camera", "--dry-run"), 2, "wants a source"),
+        ({}, ("--camera", 'a"'), 2, "quotes"),
+        ({}, ("--camera", "/dev/video0\n"), 2, "newlines"),
+        ({}, ("--camera", "rtsp://10.0.0.5/stream"), 2, "ffmpeg:"),
+        ({}, ("--camera", "picamera2", "--without-picamera2"), 2, "contradicts"),
+        ({}, ("--camera", "/dev/video0", "--config", str(UNIT)), 2, "--camera or --config"),
     ],
 )
 def test_refusals_are_one_line_and_change_nothing(
@@ -389,14 +433,95 @@ def test_dry_run_needs_no_root_and_changes_nothing(machine: Machine) -> None:
 
 def test_help_names_every_option(machine: Machine) -> None:
     output = machine.installed("--help")
-    for option in ("--dry-run", "--without-picamera2", "--config", "--uninstall", "--purge"):
-        assert option in output
+    named = re.findall(r"^  (--[a-z0-9-]+)", output, re.MULTILINE)
+    known = re.findall(r"^ {8}(--[a-z0-9-]+)(?: \| -h)?\)", SCRIPT.read_text(), re.MULTILINE)
+    assert len(known) == 7
+    assert set(named) == set(known)
 
 
 def test_other_cameras_need_no_picamera2(machine: Machine) -> None:
     machine.knows("architecture", "amd64\n")
-    machine.installed("--without-picamera2")
+    output = machine.installed("--without-picamera2")
     assert "picamera2" not in (machine.fake / "packages").read_text()
+    said = [line for line in output.splitlines() if 'source = "' in line]
+    assert len(said) == 1  # which line to add, where nobody can be asked
+    assert "[camera]" in said[0]
+    assert machine.camera == "picamera2"
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "/dev/video0",
+        "/dev/v4l/by-id/usb-Cam_1&2|3 [4]-video-index0",
+        "http://rosa:a$b`c@10.0.0.5:8090/stream.mjpg?a=1&b=#2",
+        "ffmpeg:rtsp://10.0.0.5/stream",
+    ],
+)
+def test_a_first_configuration_gets_the_camera_that_was_named(
+    machine: Machine, source: str
+) -> None:
+    before = (CHECKOUT / "deploy/config.toml").read_text().splitlines()
+    output = machine.installed("--without-picamera2", "--camera", source)
+    assert machine.camera == source
+    after = machine.configuration.read_text().splitlines()
+    changed = [new for old, new in zip(before, after, strict=True) if old != new]
+    assert changed == ['robot_id = "rover-7"', f'source = "{source}"']
+    assert 'source = "' not in output
+
+
+def test_an_existing_configuration_keeps_its_camera_and_the_line_to_change_is_told(
+    machine: Machine,
+) -> None:
+    machine.installed("--without-picamera2", "--camera", "/dev/video0")
+    assert "--camera changes" not in machine.installed("--camera", "/dev/video0")
+    before = machine.configuration.read_bytes()
+    output = machine.installed("--without-picamera2", "--camera", "/dev/video2")
+    assert machine.configuration.read_bytes() == before
+    assert "config.toml is kept" in output
+    assert 'in [camera], change to: source = "/dev/video2"' in output
+
+
+def test_at_a_terminal_the_camera_is_asked_for_once(machine: Machine) -> None:
+    with typed(" /dev/video1 \n") as terminal:
+        output = machine.installed("--without-picamera2", stdin=terminal)
+        assert "Camera's source" in output
+        assert machine.camera == "/dev/video1"
+        for options in (
+            ("--without-picamera2",),  # there is a configuration
+            ("--uninstall", "--purge"),
+            ("--without-picamera2", "--dry-run"),
+            (),
+        ):
+            assert "Camera's source" not in machine.installed(*options, stdin=terminal)
+
+
+@pytest.mark.parametrize("answer", ["\n", "\x04"])
+def test_no_answer_leaves_the_camera_for_later(machine: Machine, answer: str) -> None:
+    with typed(answer) as terminal:
+        output = machine.installed("--without-picamera2", stdin=terminal)
+    assert 'source = "/dev/video0"' in output
+    assert machine.camera == "picamera2"
+
+
+def test_a_wrong_answer_is_one_line_and_changes_nothing(machine: Machine) -> None:
+    before = machine.files()
+    with typed('a"b\n') as terminal:
+        result = machine.install("--without-picamera2", stdin=terminal)
+    assert (result.returncode, len(result.stderr.splitlines())) == (2, 1)
+    assert machine.files() == before
+    assert machine.asked() == []
+
+
+def test_no_source_gets_past_its_quotes(machine: Machine) -> None:
+    """Any character is refused, or comes out as it went in."""
+    plain = "".join(chr(number) for number in range(32, 127) if chr(number) not in "\"'\\")
+    for character in ({chr(number) for number in range(1, 256)} | {"\u2028"}) - set(plain):
+        result = machine.install("--without-picamera2", "--camera", f"/dev/{character}")
+        assert (result.returncode, len(result.stderr.splitlines())) == (2, 1), character
+    assert machine.asked() == []
+    machine.installed("--without-picamera2", "--camera", f"/dev/{plain}")
+    assert machine.camera == f"/dev/{plain}"
 
 
 @pytest.mark.parametrize(
@@ -427,6 +552,12 @@ def test_a_key_is_asked_for_until_there_is_one(machine: Machine) -> None:
     text = machine.configuration.read_text()
     machine.configuration.write_text(text.replace("keys = []", 'keys = ["ed25519:AAAA= anna"]'))
     assert "workstation keys new" not in machine.installed()
+    machine.configuration.write_text(text)
+    sent = machine.configuration.with_name("trusted-keys.toml")  # by `workstation enroll`
+    sent.write_text("# ed25519:...\n\nkeys = []\n")
+    assert "workstation keys new" in machine.installed()
+    sent.write_text('# ed25519:...\n\nkeys = [\n    "ed25519:AAAA= anna",\n]\n')
+    assert "workstation keys new" not in machine.installed()
 
 
 def test_a_discontent_check_does_not_undo_the_install(machine: Machine) -> None:
@@ -440,6 +571,7 @@ def test_failed_download_ends_it_before_the_service_is_enabled(machine: Machine,
     result = machine.install()
     assert result.returncode == 1
     assert len(result.stderr.splitlines()) == 1
+    assert ("--without-picamera2" in result.stderr) is (step == "apt")
     assert not [line for line in machine.asked() if line.startswith("systemctl enable")]
     (machine.fake / f"{step}-fails").unlink()
     machine.installed()

@@ -104,6 +104,13 @@ def test_what_is_built_is_what_was_verified(robot: Robot, tmp_path: Path) -> Non
     assert own.read_bytes() in path.read_bytes()
 
 
+def test_the_boards_firmware_is_there_for_whoever_flashes_it(robot: Robot, tmp_path: Path) -> None:
+    robot.receives(archive(tmp_path))
+    assert update_steps.work(robot.folders).phase == "installed"
+    current = robot.folders.release("0.2").parents[1] / "current"
+    assert (current / "firmware/mbot-deadman.hex").read_bytes() == b":00000001FF\n"
+
+
 def test_a_build_that_fails_leaves_nothing(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

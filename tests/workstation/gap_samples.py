@@ -82,7 +82,7 @@ def tolerances(
     return Tolerances(
         contestant="red-cube",
         nominal_reward=20.0,
-        bearable_share=share,
+        tolerated_share=share,
         how="made up",
         maps=(RewardMap(axes[0], axes[1], tuple(tuple(row) for row in rewards.tolist())),),
     )

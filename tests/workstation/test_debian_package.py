@@ -27,7 +27,9 @@ def archive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     with zipfile.ZipFile(wheel, "w") as file:
         file.writestr(zipfile.ZipInfo("a.py"), "x = 1\n")
     key = SigningKey.ephemeral("releases")
-    return make_release.make_release(TARGET, wheel, "0.1+7_a", 7, 7, [key], tmp_path, tmp_path)
+    return make_release.make_release(
+        TARGET, wheel, "0.1+7_a", 7, 7, [key], tmp_path, tmp_path, None
+    )
 
 
 def package(archive: Path, folder: Path) -> Path:

@@ -4,12 +4,16 @@ import json
 import os
 import subprocess
 import sys
+import tarfile
 import tomllib
 from pathlib import Path
 
 import pytest
 
+from mbot_agent.configuration import load
 from mbot_workstation.models.key_folder import KeyFolder
+
+from .pasted import pasted
 
 WORKSTATION = (sys.executable, "-c", "from mbot_workstation.main import main; main()", "enroll")
 
@@ -80,18 +84,37 @@ def test_from_the_first_robot_to_a_colleague(desk: Desk, tmp_path: Path) -> None
 
 
 @pytest.mark.slow
-def test_whose_models_a_robot_shall_take_is_said_with_it(desk: Desk) -> None:
-    first = desk.said("mbot-1")
-    assert "you have none: `workstation keys new` makes one" in first
+def test_whose_models_a_robot_takes_goes_along_and_is_said(desk: Desk, tmp_path: Path) -> None:
+    assert "you have none: `workstation keys new` makes one" in desk.said("mbot-1")
+    assert keys_in(desk) is None
     keys = KeyFolder(desk.fleet.parent / "keys")
     lines = [keys.new("lab").line, keys.new("rosa").line]
-    _, _, toml = desk.said("mbot-1").partition("/etc/mbot-agent/config.toml:\n")
-    assert tomllib.loads(toml.partition("Then:")[0]) == {"trust": {"keys": lines}}
+    said = desk.said("mbot-1")
+    assert "It takes models signed by lab, rosa from then on: trusted-keys.toml goes" in said
+    assert keys_in(desk) == lines
+    # What is said for a daemon that ignores the file fits into the configuration that it has.
+    assert load(pasted(said, tmp_path / "config.toml")).trust.keys == tuple(lines)
+
     (keys.path / "lab.pub").write_text("rubbish")
     broken = desk.said("mbot-1")
-    assert "yours cannot be shown: " in broken
+    assert "Your keys can't be read, so none is added: " in broken
     assert broken.endswith("Then: workstation robots --robot mbot-1\n")
-    assert "keys it trusts" not in desk.said("--revoke", "mbot-1")
+    assert keys_in(desk) == lines, "as before"
+    for ending in ("pem", "pub"):
+        (keys.path / f"lab.{ending}").unlink()
+    assert "and no longer by lab, unless" in desk.said("mbot-1")
+    assert keys_in(desk) == lines[1:]
+    assert "signed by" not in desk.said("--revoke", "mbot-1")
+
+
+def keys_in(desk: Desk) -> list[str] | None:
+    """Of the robot's file: whose models it shall take."""
+    with tarfile.open(desk.fleet / "robots" / "mbot-1.tar") as tar:
+        if "etc/mbot-agent/trusted-keys.toml" not in tar.getnames():
+            return None
+        file = tar.extractfile("etc/mbot-agent/trusted-keys.toml")
+        assert file is not None
+        return tomllib.loads(file.read().decode())["keys"]
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mbot_agent.configuration import Configuration, decode
-from mbot_agent.configuration_files import ENROLMENT_FILE, enrolled
+from mbot_agent.configuration_files import ENROLMENT_FILE, enrolled, trusting
 from mbot_protocol.access_rules import Kind
 from mbot_protocol.errors import ConfigurationError, RefusedError
 from mbot_protocol.keys import Right
@@ -28,8 +28,9 @@ from mbot_workstation.enrolment.certificates import (
 )
 from mbot_workstation.enrolment.fleet_folder import FleetFolder
 from mbot_workstation.enrolment.membership import Enrolment, HandOver
-from mbot_workstation.enrolment.roll import ROLL_FILE, decode_roll
+from mbot_workstation.enrolment.roll import ROLL_FILE, decode_roll, encode_roll
 from mbot_workstation.link.security import owner_name
+from mbot_workstation.models.signing_key import SigningKey
 
 NOW = datetime(2030, 5, 17, 12, tzinfo=UTC)
 
@@ -107,6 +108,30 @@ def test_what_the_robot_gets_is_what_its_daemon_takes(enrolment: Enrolment, tmp_
     assert found.network.tls is not None
     assert found.network.tls.key == "/etc/mbot-agent/tls/robot.key"
     assert (folder / ENROLMENT_FILE).read_text().startswith("#")
+
+
+def test_keys_go_along_until_others_do(enrolment: Enrolment, tmp_path: Path) -> None:
+    def sent(*keys: str) -> tuple[str, ...]:
+        robot, *_ = enrolment.robot("mbot-1", people={"max": [Right.VIEW]}, keys=keys)
+        folder = unpack(robot.path, tmp_path / "root") / "etc" / "mbot-agent"
+        found = trusting(Configuration(robot_id="mbot-1"), folder / "config.toml").trust
+        assert (found.release_keys, found.allow_unsigned) == ((), False)
+        return found.keys
+
+    rosa, lab = (SigningKey.ephemeral(name).public.line for name in ("rosa", "lab"))
+    assert sent() == ()
+    old = (tmp_path / "root" / "etc" / "mbot-agent" / ENROLMENT_FILE).read_bytes()
+    assert sent(rosa, lab) == (rosa, lab)
+    assert sent() == (rosa, lab), "none given: as before"
+    assert enrolment.renew() == []
+    # A daemon from before reads what it always read, and a colleague is told nothing new.
+    assert (tmp_path / "root" / "etc" / "mbot-agent" / ENROLMENT_FILE).read_bytes() == old
+    joined = read_person_bundle(enrolment.folder.bundle_path(Kind.PERSON, "max").read_bytes(), "x")
+    assert b"ed25519" not in encode_roll(joined[0])
+    assert b'"keys"' not in encode_roll(joined[0])
+    assert sent(lab) == (lab,)
+    assert enrolment.keys_of("mbot-1") == (lab,)
+    assert enrolment.keys_of("mbot-2") == ()
 
 
 def test_its_text_also_fits_into_a_configuration(enrolment: Enrolment, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
 from mbot_workstation.gap_report.compare import CALIBRATED, NOMINAL
 from mbot_workstation.gap_report.quantities import TITLES, Quantity, deviation, quantities
-from mbot_workstation.gap_report.verdict import Word, bearable, judge
+from mbot_workstation.gap_report.verdict import Word, judge, tolerated_range
 from mbot_workstation.recordings.maneuver import maneuver_named
 from mbot_workstation.training.studies.study_plans import DEVIATIONS
 from mbot_workstation.training.studies.tolerance_file import (
@@ -21,7 +21,7 @@ from mbot_workstation.training.studies.tolerance_file import (
     read_tolerances,
     write_tolerances,
 )
-from mbot_workstation.training.studies.tolerance_map import BEARABLE, ToleranceMap, as_file
+from mbot_workstation.training.studies.tolerance_map import TOLERATED_SHARE, ToleranceMap, as_file
 from mbot_workstation.variation.presets import KNOWN
 
 from .calibrations import BODY, CAMERA, LIGHT, MOTION
@@ -84,10 +84,10 @@ def test_verdicts_follow_the_way_to_the_border(value: float, word: Word, used: f
 
 
 def test_beyond_a_map_whose_border_is_not_on_it_nothing_is_sure() -> None:
-    wide = tolerances(share=0.6)  # all of the map is bearable: 70 % are left at its ends
-    borne = bearable(wide, "gain asymmetry")
-    assert borne is not None
-    assert (borne.ends_low, borne.ends_high) == (True, True)
+    wide = tolerances(share=0.6)  # all of the map is tolerated: 70 % are left at its ends
+    tolerated = tolerated_range(wide, "gain asymmetry")
+    assert tolerated is not None
+    assert (tolerated.ends_low, tolerated.ends_high) == (True, True)
     inside, outside = (judge(quantity(value), wide).uncalibrated for value in (0.1, 0.4))
     assert inside.verdict is Word.FINE
     assert outside.verdict is Word.BORDERLINE
@@ -101,14 +101,14 @@ def test_of_two_maps_the_stricter_one_counts() -> None:
     both = Tolerances(
         contestant="x",
         nominal_reward=20.0,
-        bearable_share=0.95,
+        tolerated_share=0.95,
         how="",
         maps=(mild.maps[0], type(harder)(harder.across, harder.up, rewards)),
     )
-    borne = bearable(both, "gain asymmetry")
-    assert borne is not None
-    assert borne.high == pytest.approx(0.025)
-    assert borne.low == pytest.approx(-0.025)
+    tolerated = tolerated_range(both, "gain asymmetry")
+    assert tolerated is not None
+    assert tolerated.high == pytest.approx(0.025)
+    assert tolerated.low == pytest.approx(-0.025)
 
 
 def test_without_map_or_value_there_is_no_verdict() -> None:
@@ -118,7 +118,7 @@ def test_without_map_or_value_there_is_no_verdict() -> None:
 
 
 @given(value=st.floats(-0.3, 0.3))
-def test_a_bearable_deviation_leaves_enough_reward(value: float) -> None:
+def test_a_tolerated_deviation_leaves_enough_reward(value: float) -> None:
     verdict = judge(quantity(value), tolerances()).uncalibrated
     assert verdict.reward_share is not None
     assert (verdict.reward_share >= 0.95 - 1e-9) == (verdict.verdict is not Word.WILL_NOT_HOLD)
@@ -146,7 +146,7 @@ def test_tolerance_maps_survive_their_file(tmp_path: Path) -> None:
     made = as_file([(grid, rewards)], "servo", 19.5, "how")
     found = read_tolerances(write_tolerances(tmp_path / "tolerance.json", made))
     assert found == made
-    assert found.bearable_share == BEARABLE
+    assert found.tolerated_share == TOLERATED_SHARE
     (one,) = found.maps
     assert one.across.nominal == DEVIATIONS["track_scale"].nominal
     assert one.rewards[2] == (6.0, 7.0, 8.0)
@@ -157,7 +157,7 @@ def test_tolerance_maps_survive_their_file(tmp_path: Path) -> None:
     [
         "{}",
         "no json",
-        '{"contestant": "x", "nominal_reward": -1, "bearable_share": 0.95, "how": "", "maps": []}',
+        '{"contestant": "x", "nominal_reward": -1, "tolerated_share": 0.95, "how": "", "maps": []}',
     ],
 )
 def test_another_file_is_no_tolerance_map(tmp_path: Path, content: str) -> None:

@@ -4,9 +4,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+from mbot_agent.configuration import load
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.public_key import PublicKey
 from mbot_workstation.commands.model_keys import app
+
+from .pasted import EXAMPLE, pasted
 
 
 @pytest.fixture(autouse=True)
@@ -27,8 +30,19 @@ def test_a_key_is_made_and_shown(home: Path) -> None:
     assert str(home / "anna.pem") in made.stdout
     line = keys("show").stdout.strip()
     assert PublicKey.parse(line).name == "anna"
-    assert f"\n{line}\n" in made.stdout
+    assert f'\nkeys = ["{line}"]\n' in made.stdout
     assert keys("list").stdout.strip() == line
+
+
+def test_what_is_printed_fits_into_the_configuration_that_a_robot_has(tmp_path: Path) -> None:
+    made = keys("new", "anna").stdout
+    line = keys("show", "anna").stdout.strip()
+    robot = pasted(made, tmp_path / "config.toml")
+    assert load(robot).trust.keys == (line,)
+    assert load(robot).trust.release_keys == ()
+    robot.write_text(EXAMPLE.read_text())
+    keys("trust", str(robot))
+    assert load(robot).trust.keys == (line,)
 
 
 def test_without_a_name_it_has_the_users(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,3 +1,4 @@
+import itertools
 import json
 import os
 import re
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from mbot_protocol.errors import ARMED_BUT_STANDING
 from mbot_protocol.keys import (
     ACTIVATE,
     CHUNK_BYTES,
@@ -141,15 +143,72 @@ def test_run_stop_and_refusal(robot: FakeRobot) -> None:
     assert (run.returncode, run.stderr) == (6, "workstation: robot mbot-1 refused: no model\n")
 
 
-def test_run_into_a_fault_names_it(robot: FakeRobot) -> None:
-    fault = Fault(kind="camera-lost", detail="plug it in")
-    robot.replies[STATUS.name] = lambda _data: Status(schema_version=1, faults=[fault])
+def answers_a_run_with_a_fault(robot: FakeRobot, *later: Status) -> None:
+    """What it says of itself: as before the command, and these; the last of them from then on."""
+    statuses = itertools.chain((robot.status(), *later), itertools.repeat(later[-1]))
+    robot.replies[STATUS.name] = lambda _data: next(statuses)
     robot.replies[COMMAND.name] = lambda _data: CommandReply(
         schema_version=1, accepted=True, state=State.STATE_FAULT
     )
-    run = workstation(robot, "run")
-    assert (run.returncode, run.stdout) == (0, "mbot-1: fault\n")
-    assert run.stderr == "workstation: camera-lost: plug it in\n"
+
+
+def state_of(robot: FakeRobot, state: State, *faults: Fault) -> Status:
+    status = robot.status()
+    status.state = state
+    status.faults.extend(faults)
+    return status
+
+
+def test_armed_but_standing_says_for_what_it_waits(robot: FakeRobot) -> None:
+    faults = (
+        Fault(kind="camera-lost", detail="plug it in"),
+        Fault(kind="no-model", detail="none yet"),
+    )
+    answers_a_run_with_a_fault(robot, state_of(robot, State.STATE_FAULT, *faults))
+    done = workstation(robot, "run", "--when-ready")
+    assert done.returncode == 7
+    assert done.returncode == ARMED_BUT_STANDING
+    assert (done.stdout, done.stderr) == (
+        "mbot-1: armed; it drives when the camera is back and it has a model "
+        "(camera-lost: plug it in; no-model: none yet)\n",
+        "",
+    )
+    [command] = robot.commands()
+    assert command.run.when_ready
+    done = workstation(robot, "run", "--json")
+    assert (done.returncode, done.stderr) == (7, "")
+    assert json.loads(done.stdout) == {
+        "robot_id": "mbot-1",
+        "state": "fault",
+        "faults": [
+            {"kind": "camera-lost", "detail": "plug it in"},
+            {"kind": "no-model", "detail": "none yet"},
+        ],
+    }
+
+
+def test_a_robot_that_begins_at_its_next_beat_drives(robot: FakeRobot) -> None:
+    standing = state_of(robot, State.STATE_FAULT)
+    answers_a_run_with_a_fault(robot, standing, state_of(robot, State.STATE_RUNNING))
+    run = workstation(robot, "run", "--when-ready", "--json")
+    assert (run.returncode, run.stderr) == (0, "")
+    assert json.loads(run.stdout) == {"robot_id": "mbot-1", "state": "running", "faults": []}
+    answers_a_run_with_a_fault(robot, standing, state_of(robot, State.STATE_RUNNING))
+    assert workstation(robot, "run", "--when-ready").stdout == "mbot-1: running\n"
+
+
+def test_a_robot_that_was_stopped_while_it_waited_is_no_success(robot: FakeRobot) -> None:
+    stopped = state_of(robot, State.STATE_STOPPED)
+    stopped.last_stop.by, stopped.last_stop.monotonic_ns = (
+        "max",
+        stopped.now_monotonic_ns - 4 * 10**8,
+    )
+    answers_a_run_with_a_fault(robot, stopped)
+    run = workstation(robot, "run", "--when-ready")
+    assert (run.returncode, run.stdout) == (6, "")
+    assert run.stderr == (
+        "workstation: robot mbot-1: stopped by max 0.4 s ago; look, then run again\n"
+    )
 
 
 def test_drive_sends_again_and_stops_at_the_end(robot: FakeRobot) -> None:

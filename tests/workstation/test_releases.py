@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import subprocess
 import zipfile
 from pathlib import Path
 
@@ -43,11 +44,20 @@ def release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return made(tmp_path)
 
 
-def made(folder: Path, out: str = "out") -> Path:
+def made(folder: Path, out: str = "out", firmware: str | None = "mbot-deadman.hex") -> Path:
     daemon = wheel(folder / "daemon", "mbot_agent-0.1.0-py3-none-any.whl")
     (folder / out).mkdir()
+    (folder / "mbot-deadman.hex").write_text(":00000001FF\n")
     return make_release.make_release(
-        TARGETS[0], daemon, "0.1+a", 7, 5, [KEY, SPARE], folder / out, folder / "cache"
+        TARGETS[0],
+        daemon,
+        "0.1+a",
+        7,
+        5,
+        [KEY, SPARE],
+        folder / out,
+        folder / "cache",
+        None if firmware is None else folder / firmware,
     )
 
 
@@ -61,6 +71,7 @@ def test_a_release_holds_what_a_robot_needs(release: Path) -> None:
         "deploy/install.sh",
         "deploy/systemd/mbot-agent.service",
         "deploy/udev/60-mbot.rules",
+        "firmware/mbot-deadman.hex",
         "updater/__main__.py",
         "updater/mbot_update/update_steps.py",
         "updater/mbot_protocol/release_manifest.py",
@@ -75,6 +86,44 @@ def test_a_release_holds_what_a_robot_needs(release: Path) -> None:
     assert manifest.installed_bytes > 12_000
     for key in (KEY, SPARE):
         release_manifest.verify(checked.data, checked.signatures, [key.public])
+
+
+def test_a_release_without_firmware_is_asked_for_by_name(
+    release: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert release.exists()
+    manifest = send_release.check_release_file(made(tmp_path, "without", None)).manifest
+    assert not [file.path for file in manifest.files if "firmware" in file.path]
+    with pytest.raises(
+        ConfigurationError, match=r"no firmware at .*not-made\.hex: `make firmware`"
+    ):
+        made(tmp_path, "missing", "not-made.hex")
+    assert not list((tmp_path / "missing").iterdir())
+
+    monkeypatch.setattr(make_release, "FIRMWARE", tmp_path / "not-made.hex")
+    said: list[str] = []
+    for options in ([], ["--without-firmware", "--sign-with", "nobody"]):
+        words = ["--version", "0", "--sequence", "0", *options]
+        monkeypatch.setattr("sys.argv", ["make dist", *words])
+        monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+        with pytest.raises(SystemExit):
+            make_release.main()
+        said += capsys.readouterr().err.splitlines()
+    assert len(said) == 2
+    assert said[0].endswith("`make firmware` compiles it; or give --without-firmware")
+    assert "nobody" in said[1]  # it got as far as the key
+
+
+@pytest.mark.parametrize("target", ["dist", "deb"])
+def test_make_compiles_the_firmware_of_a_release(target: str) -> None:
+    command = ["make", "--dry-run", "--always-make", target]
+    done = subprocess.run(
+        command, cwd=make_release.CHECKOUT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.index("avr-objcopy") < done.stdout.index("releases.make_release")
 
 
 def test_every_requirement_is_pinned_by_its_digest(release: Path) -> None:

@@ -4,10 +4,11 @@ from collections.abc import Iterator
 import pytest
 
 from mbot_protocol.errors import RefusedError, UnreachableError
-from mbot_protocol.keys import COMMAND, STOP
+from mbot_protocol.keys import COMMAND, STATUS, STOP
 from mbot_protocol.v1.messages_pb2 import CommandReply, State
 from mbot_workstation.link import remote_control
 from mbot_workstation.link.remote_control import (
+    BEGIN_WAIT_S,
     TIME_TO_LIVE_S,
     NotStandingError,
     RemoteControl,
@@ -131,6 +132,20 @@ def test_a_stop_without_confirmation_says_what_that_means(
     with pytest.raises(UnreachableError, match="STOP was not confirmed, the robot may be driving"):
         control.stop()
     assert len(robot.commands()) == 3
+
+
+def test_after_a_run_one_beat_and_a_bit_is_waited_for(
+    robot: FakeRobot, control: RemoteControl
+) -> None:
+    standing = robot.status()
+    standing.state = State.STATE_FAULT
+    robot.replies[STATUS.name] = lambda _data: standing
+    for rate_hz, beat_s in ((10.0, 0.1), (1e-30, 2.0), (float("nan"), 2.0)):
+        standing.decision_rate_hz = rate_hz
+        began_s = time.monotonic()
+        assert control.after_run().state == State.STATE_FAULT
+        waited_s = time.monotonic() - began_s
+        assert beat_s + BEGIN_WAIT_S <= waited_s < beat_s + BEGIN_WAIT_S + 1.0
 
 
 def test_a_refusal_gives_the_robots_reason(robot: FakeRobot, control: RemoteControl) -> None:

@@ -54,7 +54,9 @@ def release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     with zipfile.ZipFile(wheel, "w") as file:
         file.writestr(zipfile.ZipInfo("a.py"), "x = 1\n")
     key = SigningKey.ephemeral("releases")
-    return make_release.make_release(TARGETS[0], wheel, "0.1", 7, 7, [key], tmp_path, tmp_path)
+    return make_release.make_release(
+        TARGETS[0], wheel, "0.1", 7, 7, [key], tmp_path, tmp_path, None
+    )
 
 
 @pytest.fixture

@@ -1,3 +1,4 @@
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -13,6 +14,7 @@ from mbot_workstation.wording import (
     short_digest,
     size_words,
     state_word,
+    waiting_words,
 )
 
 
@@ -31,6 +33,27 @@ def test_values_become_words() -> None:
     assert (size_words(4600), size_words(2_410_000)) == ("4.6 kB", "2.41 MB")
     fault = Fault(kind="camera", detail="black\x1b[2J\npictures")
     assert fault_lines([fault]) == ["camera: black [2J pictures"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("camera-starting", "the camera is ready"),
+        ("camera-black", "the camera is in order"),
+        ("board-lost", "the board is back"),
+        ("board-no-deadman", "the board is in order"),
+        ("link-lost", "a workstation is connected"),
+        ("model-failed", "it has another model"),
+        ("from-a-newer-robot", "that is mended"),
+    ],
+)
+def test_what_an_armed_robot_waits_for(kind: str, words: str) -> None:
+    fault = Fault(kind=kind, detail="look")
+    assert waiting_words([fault, fault]) == f"it drives when {words} ({kind}: look; {kind}: look)"
+
+
+def test_an_armed_robot_without_a_fault_has_not_begun() -> None:
+    assert waiting_words([]) == "it does not drive yet, and reports no fault"
 
 
 def test_numbers_have_the_digits_and_units_of_their_size() -> None:

@@ -1,6 +1,6 @@
 """How values are written for people: lengths and shares, states, digests, texts from the wire."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from mbot_protocol.v1.messages_pb2 import Decision, Fault, Notice, State, Status
 
@@ -68,6 +68,29 @@ def size_words(size_bytes: int) -> str:
 def fault_lines(faults: Iterable[Fault | Notice]) -> list[str]:
     """Each fault or notice in one line: kind, what was found, what to do."""
     return [f"{one_line(fault.kind)}: {one_line(fault.detail)}" for fault in faults]
+
+
+_MENDED = {
+    "link-lost": "a workstation is connected",
+    "model-failed": "it has another model",
+    "no-model": "it has a model",
+}
+_DEVICE_MENDED = {"lost": "is back", "stalled": "is back", "starting": "is ready"}
+
+
+def waiting_words(faults: Sequence[Fault]) -> str:
+    """What an armed robot that stands is waiting for, and the faults behind it."""
+    if not faults:
+        return "it does not drive yet, and reports no fault"
+    mended = dict.fromkeys(_mended(one_line(fault.kind)) for fault in faults)
+    return f"it drives when {' and '.join(mended)} ({'; '.join(fault_lines(faults))})"
+
+
+def _mended(kind: str) -> str:
+    device, _, what = kind.partition("-")
+    if device in ("board", "camera"):
+        return f"the {device} {_DEVICE_MENDED.get(what, 'is in order')}"
+    return _MENDED.get(kind, "that is mended")
 
 
 def standing_words(status: Status) -> str:

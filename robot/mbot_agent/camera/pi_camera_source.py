@@ -37,7 +37,9 @@ class PiCameraSource:
         except ImportError as error:
             raise CameraError(
                 f"picamera2 cannot be imported ({error}): apt install python3-picamera2, and use "
-                "a virtual environment with --system-site-packages (deploy/install.sh makes one)"
+                "a virtual environment with --system-site-packages (deploy/install.sh makes one); "
+                "another camera needs none of it: deploy/install.sh --without-picamera2, and "
+                'camera.source = "/dev/video0" or an address'
             ) from None
         library = cast(Any, picamera2)
         if not library.Picamera2.global_camera_info():

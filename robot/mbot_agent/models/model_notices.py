@@ -35,7 +35,7 @@ def model_notices(
         )
         found.append(Notice("unsigned-models", text))
     elif not trust.keys:
-        text = "takes no models: put the line that `workstation keys new` prints into [trust] keys"
+        text = "takes no models: `workstation keys new` makes a key and says how it gets here"
         found.append(Notice("no-trusted-key", text))
     if (rollback := activation.rollback) is not None:
         given_up, successor = (

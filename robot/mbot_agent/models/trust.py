@@ -142,9 +142,8 @@ class Trust:
                 "`workstation keys new` makes a key, `workstation push-model` then signs"
             )
         return (
-            "this robot trusts no signing key yet: make one with `workstation keys new`, put the "
-            "line it prints into [trust] keys of the robot's configuration "
-            "(/etc/mbot-agent/config.toml) and restart mbot-agent"
+            "this robot trusts no signing key yet: `workstation keys new` makes one and says how "
+            "it gets here"
         )
 
     def _check_robot(self, manifest: ModelManifest) -> None:

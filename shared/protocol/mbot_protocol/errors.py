@@ -1,4 +1,4 @@
-"""The one error type whose text is meant for a person."""
+"""The one error type whose text is meant for a person, and the exit codes."""
 
 
 class MbotError(Exception):
@@ -45,3 +45,8 @@ class RefusedError(MbotError):
     """The other side answered and said no (exit code 6)."""
 
     exit_code = 6
+
+
+ARMED_BUT_STANDING = 7
+"""Exit code of a `run` that has armed the robot while a fault keeps it standing: no error, but it
+does not drive yet."""

@@ -149,7 +149,8 @@ def verify(
     if not trusted:
         raise RefusedError(
             "this robot trusts no key for releases: put the line that `workstation keys show` "
-            "prints into [trust] release_keys of /etc/mbot-agent/config.toml and restart mbot-agent"
+            "prints, in quotes, into the list release_keys in [trust] of "
+            "/etc/mbot-agent/config.toml and restart mbot-agent"
         )
     lines = _read_signatures(signatures)
     for raw, signature in lines:

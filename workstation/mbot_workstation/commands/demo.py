@@ -55,7 +55,7 @@ class DemoOptions:
 def demo(options: DemoOptions) -> None:
     """Drive a virtual robot with the real daemon: push a policy, watch it, draw what happened.
 
-    Exit code 0 means that at least three objects were touched; 1 that not.
+    Exit code 0 means that at least three objects were touched; 1 otherwise.
 
     Examples:
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from mbot_workstation.commands.link_options import LinkOptions
+from mbot_workstation.commands.link_options import LinkOptions, json_option
 from mbot_workstation.commands.options import argument, option, with_options
 
 RESEND_S = 0.2
@@ -17,25 +17,46 @@ class RunOptions(LinkOptions):
     when_ready: bool = option(
         False, "Also if it cannot drive yet: begin as soon as it can.", "--when-ready"
     )
+    as_json: bool = json_option()
 
 
 @with_options
 def run(options: RunOptions) -> None:
     """Let the robot's active model drive. With a fault in the way it refuses and says which.
 
-    Example: `workstation run --robot mbot-1.local`
+    Exit code 0 means that it drives; 7 that it is armed and a fault keeps it standing until that is
+    mended.
+
+    Examples: `workstation run --robot mbot-1.local`, `workstation run --when-ready`
     """
-    import sys
+    import json
 
+    import typer
+
+    from mbot_protocol.errors import ARMED_BUT_STANDING, RefusedError
+    from mbot_protocol.v1.messages_pb2 import Fault
     from mbot_workstation.link.remote_control import RemoteControl
-    from mbot_workstation.wording import fault_lines
+    from mbot_workstation.wording import state_word, stop_words, waiting_words
 
+    faults: list[Fault] = []
     with options.link() as link:
-        state = RemoteControl(link).run(when_ready=options.when_ready)
-        print(f"{link.robot_id}: {state}")
+        control = RemoteControl(link)
+        state = control.run(when_ready=options.when_ready)
         if state == "fault":
-            for line in fault_lines(link.status().faults):
-                print(f"workstation: {line}", file=sys.stderr)
+            status = control.after_run()
+            state, faults = state_word(status.state), list(status.faults)
+            if state == "stopped":
+                words = f"{stop_words(status)}; look, then run again"
+                raise RefusedError(f"robot {link.robot_id}: {words}")
+        robot_id = link.robot_id
+    if options.as_json:
+        found = [{"kind": fault.kind, "detail": fault.detail} for fault in faults]
+        print(json.dumps({"robot_id": robot_id, "state": state, "faults": found}))
+    else:
+        words = f"armed; {waiting_words(faults)}" if state == "fault" else state
+        print(f"{robot_id}: {words}")
+    if state == "fault":
+        raise typer.Exit(ARMED_BUT_STANDING)
 
 
 @with_options

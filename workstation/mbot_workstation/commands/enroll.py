@@ -51,7 +51,7 @@ class EnrollOptions:
         False, "Show everybody, their rights, and when certificates expire.", "--list", panel=_OTHER
     )
     revoke: str | None = option(
-        None, "Take a person, robot or router off.", panel=_OTHER, metavar="NAME"
+        None, "Remove a person, robot or router.", panel=_OTHER, metavar="NAME"
     )
     renew: bool = option(False, "Renew all that expires within 60 days.", "--renew", panel=_OTHER)
     join: Path | None = option(
@@ -90,16 +90,8 @@ def enroll(options: EnrollOptions) -> None:
     if options.join is not None:
         _print_roll(enrolment.join(options.join), options.as_json)
         return
-    if options.revoke is not None:
-        hand_overs = enrolment.revoke(options.revoke)
-    elif options.renew:
-        hand_overs = enrolment.renew()
-    elif options.router:
-        hand_overs = enrolment.router(options.name, options.hosts or (), options.port)
-    else:
-        given = {person: options.rights or [Right.VIEW] for person in options.people or ()}
-        behind = "" if options.via == "none" else options.via
-        hand_overs = enrolment.robot(options.name, options.hosts or (), options.port, given, behind)
+    keys_before = enrolment.keys_of(options.name)
+    hand_overs = _change(options, enrolment)
     if begins and not options.as_json:
         print(
             f"A fleet begins in {enrolment.folder.path}: keep that folder to yourself, and a copy "
@@ -117,8 +109,21 @@ def enroll(options: EnrollOptions) -> None:
             "let in"
         )
     elif options.name and not options.router:
-        print("\n".join(_advice_on_keys()))
+        print("\n".join(_words_on_keys(keys_before, enrolment.keys_of(options.name))))
         print(f"Then: workstation robots --robot {options.name}")
+
+
+def _change(options: EnrollOptions, enrolment: "Enrolment") -> "Sequence[HandOver]":
+    if options.revoke is not None:
+        return enrolment.revoke(options.revoke)
+    if options.renew:
+        return enrolment.renew()
+    if options.router:
+        return enrolment.router(options.name, options.hosts or (), options.port)
+    given = {person: options.rights or [Right.VIEW] for person in options.people or ()}
+    behind = "" if options.via == "none" else options.via
+    keys, _ = _own_keys()
+    return enrolment.robot(options.name, options.hosts or (), options.port, given, behind, keys)
 
 
 def _put_here(
@@ -134,8 +139,9 @@ def _put_here(
     if others or options.as_json:
         _print_hand_overs(enrolment, others, options.as_json)
     if not options.as_json:
+        keys = " and trusted-keys.toml are" if enrolment.keys_of(options.name) else " is"
         print(
-            f"certificates are in {folder}, enrolment.toml is beside {configuration}; restart "
+            f"certificates are in {folder}, enrolment.toml{keys} beside {configuration}; restart "
             f"mbot-agent, then: workstation robots --robot {options.name}"
         )
 
@@ -261,28 +267,42 @@ def _instructions(h: "HandOver", roll: "Roll") -> list[str]:
     ]
 
 
-def _advice_on_keys() -> list[str]:
-    """Whose models the robot shall take: its owner's word, so it is said and not sent along."""
-    import json
-
+def _own_keys() -> tuple[list[str], str]:
+    """The public lines of this workstation's keys; none, and why, if they can't be read."""
     from mbot_protocol.errors import ConfigurationError
     from mbot_workstation.models.key_folder import KeyFolder
 
     try:
-        lines = [key.line for key in KeyFolder().public_keys()]
+        return [key.line for key in KeyFolder().public_keys()], ""
     except ConfigurationError as error:
-        return [f"It takes models only from keys it trusts; yours cannot be shown: {error}"]
-    if not lines:
-        return [
+        return [], str(error)
+
+
+def _words_on_keys(before: "Sequence[str]", sent: "Sequence[str]") -> list[str]:
+    """Whose models the robot takes once it has its file, and what to do if it is too old for it."""
+    from mbot_workstation.models.trusting_configuration import by_hand
+
+    own, problem = _own_keys()
+    words = [f"Your keys can't be read, so none is added: {problem}"] if problem else []
+    if not own and not problem:
+        words = [
             "It takes models only from keys it trusts, and you have none: `workstation keys new` "
-            "makes one",
-            "  and prints the line for [trust] keys in its /etc/mbot-agent/config.toml",
+            "makes one;",
+            "  then `workstation enroll` again, and it goes along",
         ]
-    return [
-        "It takes models only from keys it trusts; for yours, in its /etc/mbot-agent/config.toml:",
-        "  [trust]",
-        f"  keys = {json.dumps(lines)}",
-    ]
+    if not sent:
+        return words
+    words.append(
+        f"It takes models signed by {_names(sent)} from then on: trusted-keys.toml goes along"
+    )
+    if dropped := [line for line in before if line not in sent]:
+        words.append(f"  and no longer by {_names(dropped)}, unless its config.toml says so")
+    words.append("  If its mbot-agent is older and ignores that file,")
+    return words + [f"  {line}" for line in by_hand(sent)]
+
+
+def _names(lines: "Sequence[str]") -> str:
+    return ", ".join(line.partition(" ")[2] for line in lines)
 
 
 def _bracketed(host: str) -> str:

@@ -47,8 +47,7 @@ class EvaluateOptions:
     )
     made_up_rooms: int | None = option(
         None,
-        "So many generated rooms besides, none of which training uses; 4 without a "
-        "photo, 0 with one.",
+        "Extra generated rooms, none of which training uses; 4 without a photo, 0 with one.",
         min=0,
         metavar="N",
     )

@@ -43,7 +43,7 @@ class GapReportOptions:
 
 @with_options
 def gap_report(options: GapReportOptions) -> None:
-    """Hold the calibrated simulation against the real robot, and write one page about it.
+    """Compare the calibrated simulation with the real robot, and write one page about it.
 
     Paths, errors over time and steady rates of runs that `identify` has not fitted; the lens, the
     light, the same frame real and simulated; and for each quantity a verdict: does a policy bear

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -33,10 +33,6 @@ if TYPE_CHECKING:
 app = typer.Typer(
     help="Drive the paper's eight manoeuvres, to learn how a robot moves.", no_args_is_help=True
 )
-
-SecondsOption = Annotated[
-    float, typer.Option(min=0.3, max=120, help="Of each manoeuvre; the paper has 10.")
-]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -34,7 +34,7 @@ class NewOptions:
 @app.command()
 @with_options
 def new(options: NewOptions) -> None:
-    """Make a key, and print the line to put into a robot's configuration.
+    """Make a key, and say how a robot learns to trust it.
 
     The private half stays in a file that only you can read. Whoever has it can send models to
     every robot that trusts it.
@@ -154,11 +154,15 @@ def trust(options: TrustOptions) -> None:
 def _print_key(name: str, line: str, path: Path, as_json: bool) -> None:
     import json
 
+    from mbot_workstation.models.trusting_configuration import by_hand
+
     if as_json:
         print(json.dumps({"name": name, "line": line, "private_key": str(path)}))
         return
+    where, to_paste = by_hand([line])
     print(f"private key: {path}")
-    print(f"put this line into [trust] keys of a robot's configuration, in quotes:\n\n{line}\n")
+    print("`workstation enroll ROBOT` sends the public half along. Or by hand, on the robot,")
+    print(f"{where}\n\n{to_paste}\n")
 
 
 def _only_name(folder: "KeyFolder", by: str) -> str:

@@ -85,7 +85,7 @@ class KeepOptions(LinkOptions):
     """What `recordings keep` takes."""
 
     drives: list[str] = _drives_argument()
-    kept: bool = option(True, "Mark, or take the mark away.", "--yes/--no")
+    kept: bool = option(True, "Set or clear the mark.", "--yes/--no")
     as_json: bool = json_option()
 
 

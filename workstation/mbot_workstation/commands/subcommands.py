@@ -56,7 +56,7 @@ def _version(asked: bool) -> None:
 @app.callback()
 def workstation(
     _: bool = typer.Option(
-        False, "--version", help="Say which and end.", callback=_version, is_eager=True
+        False, "--version", help="Print the version and exit.", callback=_version, is_eager=True
     ),
 ) -> None:
     """Simulate, train for, measure, command and watch mbot-agent robots."""

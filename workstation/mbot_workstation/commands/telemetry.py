@@ -33,7 +33,8 @@ def telemetry(options: TelemetryOptions) -> None:
     """Watch a robot's decisions live, and record them.
 
     In a terminal a view that redraws itself; in a pipe a line every two seconds; with --json one
-    object a decision, stage times in ms after the tick's start. Ctrl-C ends; a recording is whole.
+    object a decision, stage times in ms after the tick's start. Ctrl-C ends and closes the
+    recording.
 
     Example: `workstation telemetry --robot mbot-1.local --record drive.mcap`
     """

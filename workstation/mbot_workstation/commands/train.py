@@ -99,7 +99,7 @@ class TrainOptions:
     )
     made_up_rooms: int | None = option(
         None,
-        "So many generated rooms besides; 8 without a photo, 0 with one.",
+        "Extra generated rooms; 8 without a photo, 0 with one.",
         panel=_ROOMS,
         min=0,
         metavar="N",

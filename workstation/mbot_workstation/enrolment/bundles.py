@@ -19,6 +19,7 @@ from mbot_workstation.enrolment.roll import ROLL_FILE, Roll, decode_roll, encode
 
 ROBOT_FOLDER = "etc/mbot-agent"
 ROUTER_FOLDER = "etc/zenohd"
+TRUSTED_KEYS_FILE = "trusted-keys.toml"
 
 LEASE_MS = 2000
 """As the robot's: whoever falls silent is forgotten after 2 s on each hop."""
@@ -32,6 +33,12 @@ LARGEST_JOIN_FILE_BYTES = 1 << 20
 
 _ENROLMENT_HEAD = """\
 # Written by `workstation enroll`; takes the place of [network] and [access] in config.toml.
+# Do not edit it: enrol again and copy it anew.
+
+"""
+
+_TRUSTED_KEYS_HEAD = """\
+# Written by `workstation enroll`: whose models this robot takes, besides those in config.toml.
 # Do not edit it: enrol again and copy it anew.
 
 """
@@ -53,16 +60,24 @@ class _File:
 
 
 def robot_bundle(roll: Roll, robot_id: str, robot: Identity, authority_pem: bytes) -> bytes:
-    """The tar file for a robot: certificates, and the configuration of network and people."""
+    """The tar file for a robot: certificates, the configuration of network and people, and the
+    keys whose models it takes.
+    """
     tls = f"{ROBOT_FOLDER}/tls"
-    return _tar(
-        [
-            _File(f"{tls}/ca.pem", authority_pem),
-            _File(f"{tls}/robot.pem", robot.certificate_pem),
-            _File(f"{tls}/robot.key", robot.key_pem, 0o640, "mbot-agent"),
-            _File(f"{ROBOT_FOLDER}/enrolment.toml", enrolment_toml(roll, robot_id).encode()),
-        ]
-    )
+    files = [
+        _File(f"{tls}/ca.pem", authority_pem),
+        _File(f"{tls}/robot.pem", robot.certificate_pem),
+        _File(f"{tls}/robot.key", robot.key_pem, 0o640, "mbot-agent"),
+        _File(f"{ROBOT_FOLDER}/enrolment.toml", enrolment_toml(roll, robot_id).encode()),
+    ]
+    if keys := roll.robots[robot_id].keys:
+        files.append(_File(f"{ROBOT_FOLDER}/{TRUSTED_KEYS_FILE}", trusted_keys_toml(keys).encode()))
+    return _tar(files)
+
+
+def trusted_keys_toml(keys: Iterable[str]) -> str:
+    """The robot's trusted-keys.toml, for the public lines of keys."""
+    return _TRUSTED_KEYS_HEAD + tomli_w.dumps({"keys": list(keys)})
 
 
 def enrolment_toml(
@@ -136,7 +151,9 @@ def zenohd_json5(roll: Roll, name: str, folder: str = f"/{ROUTER_FOLDER}") -> st
 def person_bundle(roll: Roll, name: str, person: Identity, authority_pem: bytes) -> bytes:
     """The tar file for a person: a fleet's folder with no more in it than that person needs."""
     robots = {
-        robot_id: msgspec.structs.replace(robot, people={name: robot.people[name]})
+        robot_id: msgspec.structs.replace(
+            robot, people={name: robot.people[name]}, keys=msgspec.UNSET
+        )
         for robot_id, robot in roll.robots.items()
         if name in robot.people
     }

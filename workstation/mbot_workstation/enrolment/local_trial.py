@@ -6,7 +6,7 @@ from pathlib import Path
 from mbot_protocol import atomic_file
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.text_file import read_text
-from mbot_workstation.enrolment.bundles import enrolment_toml
+from mbot_workstation.enrolment.bundles import TRUSTED_KEYS_FILE, enrolment_toml, trusted_keys_toml
 from mbot_workstation.enrolment.certificates import Identity
 from mbot_workstation.enrolment.roll import Roll
 
@@ -32,7 +32,7 @@ def robot_id_in(configuration: Path) -> str:
 def place_beside(
     configuration: Path, roll: Roll, robot_id: str, robot: Identity, authority_pem: bytes
 ) -> Path:
-    """Put a robot's certificates and enrolment.toml beside a daemon's configuration.
+    """Put a robot's certificates, enrolment.toml and keys beside a daemon's configuration.
 
     The daemon then listens on loopback only. Returns the folder of the certificates.
 
@@ -48,6 +48,9 @@ def place_beside(
         atomic_file.replace(folder / "robot.pem", robot.certificate_pem)
         atomic_file.replace(folder / "robot.key", robot.key_pem, mode=0o600)
         atomic_file.replace(folder.with_name("enrolment.toml"), text.encode())
+        if keys := roll.robots[robot_id].keys:
+            text = trusted_keys_toml(keys)
+            atomic_file.replace(folder.with_name(TRUSTED_KEYS_FILE), text.encode())
     except OSError as error:
         raise ConfigurationError(f"can't write beside {configuration}: {error.strerror}") from None
     return folder

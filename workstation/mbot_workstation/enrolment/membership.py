@@ -71,6 +71,7 @@ class Enrolment:
         port: int | None = None,
         people: Mapping[str, Collection[Right]] | None = None,
         router: str | None = None,
+        keys: Sequence[str] = (),
     ) -> list[HandOver]:
         """Enrol a robot, or change it.
 
@@ -80,6 +81,7 @@ class Enrolment:
             port: where it listens; None: as before, or 7447.
             people: rights on this robot, by person; others keep theirs.
             router: the router it is behind; empty: none; None: as before.
+            keys: public lines of all keys whose models it shall take; none: as before.
 
         Raises:
             ConfigurationError: a name or host is unusable.
@@ -105,9 +107,16 @@ class Enrolment:
             port=old.port if port is None else port,
             people=old.people | given,
             router=old.router if router is None else router,
+            keys=tuple(keys) or old.keys,
         )
         roll = structs.replace(roll, robots=roll.robots | {robot_id: robot})
         return self._save(self._certified(roll, {robot_id, *robot.people}), {robot_id})
+
+    def keys_of(self, robot_id: str) -> tuple[str, ...]:
+        """The public lines of the keys that a robot was sent with its certificates."""
+        roll = read_roll(self.folder.path)
+        robot = None if roll is None else roll.robots.get(robot_id)
+        return robot.keys or () if robot is not None else ()
 
     def place_beside(self, configuration: Path, robot_id: str) -> Path:
         """Put an enrolled robot's files beside a daemon's configuration, see `local_trial`."""

@@ -8,7 +8,7 @@ from datetime import datetime
 from pathlib import Path
 
 import msgspec
-from msgspec import Struct
+from msgspec import UNSET, Struct, UnsetType
 
 from mbot_protocol.access_rules import Kind, check_name
 from mbot_protocol.errors import ConfigurationError
@@ -39,13 +39,19 @@ class EnrolledRouter(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class EnrolledRobot(Struct, frozen=True, forbid_unknown_fields=True):
-    """A robot, the names it is reached by, its people, and the router it is behind, if any."""
+    """A robot, the names it is reached by, its people, and the router it is behind, if any.
+
+    Attributes:
+        keys: the public lines of the keys sent along, whose models it takes; unset: none were.
+
+    """
 
     hosts: tuple[str, ...]
     expires: datetime
     port: int = DEFAULT_PORT
     people: dict[str, tuple[Right, ...]] = {}
     router: str = ""
+    keys: tuple[str, ...] | UnsetType = UNSET
 
     @property
     def endpoint(self) -> Endpoint:

@@ -160,7 +160,7 @@ def _dots(
 
 @mpl.rc_context(_STYLE)
 def tolerance_plot(one: RewardMap, tolerances: Tolerances, known: Mapping[str, Quantity]) -> str:
-    """One tolerance map with this robot on it; green is borne, the line is its border.
+    """One tolerance map with this robot on it; green is tolerated, the line is its border.
 
     Args:
         one: the map.
@@ -173,7 +173,7 @@ def tolerance_plot(one: RewardMap, tolerances: Tolerances, known: Mapping[str, Q
     both = one.across, one.up
     x, y = (_shown(axis, axis.values, known) for axis in both)
     shares = 100 * np.array(one.rewards) / tolerances.nominal_reward
-    border = 100 * tolerances.bearable_share
+    border = 100 * tolerances.tolerated_share
     levels = np.linspace(0, 100, 21)
     filled = axes.contourf(x, y, shares.clip(0, 100), levels=levels, cmap="YlGn", vmax=150)
     if shares.min() < border < shares.max():

@@ -217,7 +217,7 @@ def as_fields(report: GapReport) -> dict[str, Any]:
             {
                 "quantity": one.quantity.title,
                 "deviation": one.quantity.deviation,
-                "bearable": one.borne and [one.borne.low, one.borne.high],
+                "tolerated": one.tolerated and [one.tolerated.low, one.tolerated.high],
                 "uncalibrated": asdict(one.uncalibrated),
                 "calibrated": asdict(one.calibrated),
                 "source": one.quantity.source,

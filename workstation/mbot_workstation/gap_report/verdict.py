@@ -25,7 +25,7 @@ class Word(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Bearable:
+class ToleratedRange:
     """Reward over one deviation, everything else nominal.
 
     Attributes:
@@ -50,7 +50,7 @@ class Bearable:
         return float(np.interp(value, self.values, self.rewards))
 
     def used(self, value: float) -> float:
-        """The deviation as a share of what is borne on its side; 1 at the border."""
+        """The deviation as a share of what is tolerated on its side; 1 at the border."""
         border = self.high if value > self.nominal else self.low
         room, away = abs(border - self.nominal), abs(value - self.nominal)
         return 0.0 if away == 0 else away / room if room > 0 else math.inf
@@ -92,40 +92,42 @@ class Judged:
     """
 
     quantity: Quantity
-    borne: Bearable | None
+    tolerated: ToleratedRange | None
     uncalibrated: Verdict
     calibrated: Verdict
 
 
 def judge(quantity: Quantity, tolerances: Tolerances | None) -> Judged:
     """Hold a quantity against the maps, if there are any."""
-    borne = None if tolerances is None else bearable(tolerances, quantity.deviation)
+    tolerated = None if tolerances is None else tolerated_range(tolerances, quantity.deviation)
     why = "no tolerance map" if tolerances is None else "no map knows it"
     return Judged(
         quantity,
-        borne,
-        _verdict(quantity.uncalibrated, borne, "not measured", why),
-        _verdict(quantity.calibrated, borne, "not checked", why),
+        tolerated,
+        _verdict(quantity.uncalibrated, tolerated, "not measured", why),
+        _verdict(quantity.calibrated, tolerated, "not checked", why),
     )
 
 
 def _verdict(
-    value: float | None, borne: Bearable | None, without_value: str, without_map: str
+    value: float | None, tolerated: ToleratedRange | None, without_value: str, without_map: str
 ) -> Verdict:
-    if value is None or borne is None:
+    if value is None or tolerated is None:
         return Verdict(Word.UNKNOWN, value, why=without_value if value is None else without_map)
-    used = borne.used(value)
+    used = tolerated.used(value)
     word = Word.FINE if used <= HALF_WAY else Word.BORDERLINE if used <= 1 else Word.WILL_NOT_HOLD
     why = ""
-    if used > 1 and not borne.is_charted(value):
+    if used > 1 and not tolerated.is_charted(value):
         word, why = Word.BORDERLINE, "beyond the map's end"
-    return Verdict(word, value, used if used < math.inf else None, borne.reward_share(value), why)
+    return Verdict(
+        word, value, used if used < math.inf else None, tolerated.reward_share(value), why
+    )
 
 
-def bearable(tolerances: Tolerances, name: str) -> Bearable | None:
+def tolerated_range(tolerances: Tolerances, name: str) -> ToleratedRange | None:
     """The strictest of what the maps say about a deviation; None if none knows it."""
     found = [
-        _bearable(axis, line, tolerances)
+        _range_of(axis, line, tolerances)
         for one in tolerances.maps
         for axis, line in _lines(one)
         if axis.name == name
@@ -140,12 +142,12 @@ def _lines(one: RewardMap) -> Iterator[tuple[MapAxis, Array]]:
         yield axis, np.array([np.interp(other.nominal, other.values, line) for line in lines])
 
 
-def _bearable(axis: MapAxis, line: Array, tolerances: Tolerances) -> Bearable:
+def _range_of(axis: MapAxis, line: Array, tolerances: Tolerances) -> ToleratedRange:
     values, shares = np.array(axis.values), line / tolerances.nominal_reward
-    enough = tolerances.bearable_share
+    enough = tolerances.tolerated_share
     high = _border(values, shares, axis.nominal, enough)
     low = _border(-values[::-1], shares[::-1], -axis.nominal, enough)
-    return Bearable(
+    return ToleratedRange(
         nominal=axis.nominal,
         values=values,
         rewards=shares,

@@ -20,6 +20,7 @@ from mbot_protocol.v1.messages_pb2 import (
     CommandReply,
     Drive,
     Run,
+    State,
     Status,
     Stop,
     Wheels,
@@ -34,6 +35,14 @@ STOP_ATTEMPTS = 3
 STOP_TIMEOUT_S = 1.0
 STOP_PAUSE_S = 0.3
 """While a link is down a query fails at once; the pause gives it time to come back."""
+
+
+BEGIN_WAIT_S = 0.3
+"""An armed robot begins at its next beat; the camera's next frame may have to come first."""
+
+LOOK_PAUSE_S = 0.05
+SLOWEST_RATE_HZ = 0.5
+"""The lowest rate of decisions that a robot can be set to."""
 
 
 class NotStandingError(MbotError):
@@ -114,6 +123,20 @@ class RemoteControl:
 
         """
         return self._send(Command(run=Run(when_ready=when_ready)))
+
+    def after_run(self) -> Status:
+        """The status once a `run` that was answered with a fault has had the time to take effect.
+
+        A robot that was told to wait shows a fault until its next beat, whether there is one or
+        not. Raises as `RobotLink.query`.
+        """
+        status = self._link.status()
+        beat_s = 1 / max(SLOWEST_RATE_HZ, status.decision_rate_hz)
+        until_ns = self._monotonic_ns() + round((beat_s + BEGIN_WAIT_S) * 1e9)
+        while status.state == State.STATE_FAULT and self._monotonic_ns() < until_ns:
+            time.sleep(LOOK_PAUSE_S)
+            status = self._link.status()
+        return status
 
     def drive(self, left: float, right: float, hold_ms: int) -> str:
         """Drive by hand for `hold_ms` (at most 1000); then the robot stops by itself.

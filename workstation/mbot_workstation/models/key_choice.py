@@ -7,14 +7,13 @@ from mbot_protocol.public_key import PublicKey
 from mbot_protocol.v1.messages_pb2 import Status
 from mbot_workstation.models.key_folder import KeyFolder
 from mbot_workstation.models.signing_key import SigningKey
+from mbot_workstation.models.trusting_configuration import CONFIGURATION
 
 ChooseKey = Callable[[Status], SigningKey | None]
 """Given what a robot says of itself, the key to sign with; None: send the model unsigned.
 
 Raises RefusedError where no key of ours would do.
 """
-
-INTO_CONFIGURATION = "[trust] keys of its configuration (/etc/mbot-agent/config.toml)"
 
 
 def chooser(folder: KeyFolder, wanted: str, ask_passphrase: Callable[[str], str]) -> ChooseKey:
@@ -44,8 +43,7 @@ def chooser(folder: KeyFolder, wanted: str, ask_passphrase: Callable[[str], str]
             raise RefusedError(_untrusted(status.robot_id, own))
         raise RefusedError(
             f"robot {status.robot_id} takes signed models only and there is no signing key here: "
-            "make one with `workstation keys new`, put the line it prints into "
-            f"{INTO_CONFIGURATION} and restart mbot-agent there"
+            "make one with `workstation keys new`, which says how the robot learns of it"
         )
 
     return choose
@@ -66,5 +64,5 @@ def _untrusted(robot_id: str, keys: list[PublicKey]) -> str:
     names = " or ".join(repr(key.name) for key in keys)
     return (
         f'robot {robot_id} does not trust your key {names}: put the line "{keys[0].line}" into '
-        f"{INTO_CONFIGURATION} and restart mbot-agent there"
+        f"[trust] keys of its configuration ({CONFIGURATION}) and restart mbot-agent there"
     )

@@ -1,15 +1,31 @@
 """Adds a signing key to a robot's configuration without touching anything else in it."""
 
+import json
 import re
 import tomllib
+from collections.abc import Iterable
 from typing import Any, cast
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.public_key import PublicKey
 
+CONFIGURATION = "/etc/mbot-agent/config.toml"
+"""Where a robot's daemon looks for it."""
+
 _SECTION = re.compile(r"^[ \t]*\[trust\][ \t]*(#.*)?$", re.MULTILINE)
 _NEXT_SECTION = re.compile(r"^[ \t]*\[", re.MULTILINE)
 _KEYS = re.compile(r"^[ \t]*keys[ \t]*=[ \t]*\[", re.MULTILINE)
+
+
+def by_hand(lines: Iterable[str]) -> list[str]:
+    """What a person changes to make a new robot trust these keys: where, and the line to paste.
+
+    Not a table of its own: the configuration that comes with the daemon has [trust] already.
+    """
+    return [
+        f"in [trust] of {CONFIGURATION} change the line `keys = []` to:",
+        f"keys = {json.dumps(list(lines))}",
+    ]
 
 
 def with_trusted_key(text: str, key: PublicKey, origin: str) -> str:

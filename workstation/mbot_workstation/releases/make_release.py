@@ -1,6 +1,7 @@
 """`make dist`: wheel, sdist, and a signed release for each system that robots run.
 
-The same commit, pins and key make the same archives: no date is in them but the commit's.
+The same commit, pins, key and compiler of the firmware make the same archives: no date is in them
+but the commit's.
 """
 
 import argparse
@@ -11,7 +12,7 @@ import subprocess
 import sys
 import tomllib
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from mbot_protocol import release_archive, release_manifest
@@ -27,6 +28,9 @@ CHECKOUT = Path(__file__).parents[3]
 UPDATER_MODULES = CHECKOUT / "deploy/updater-modules.txt"
 """Modules of the protocol that the updater uses: those with the standard library only."""
 
+FIRMWARE = CHECKOUT / "out/firmware/mbot-deadman.hex"
+"""The board's, as `make firmware` leaves it."""
+
 VENV_BYTES = 4 << 20
 
 
@@ -39,6 +43,7 @@ def make_release(
     signers: Sequence[SigningKey],
     folder: Path,
     cache: Path,
+    firmware: Path | None,
 ) -> Path:
     """Write one archive and return where it is.
 
@@ -49,20 +54,17 @@ def make_release(
         signers: each adds its signature.
         folder: where the archive goes.
         cache: where wheels are kept.
+        firmware: the board's, to be flashed from the robot; None: none goes along.
 
     Raises:
         MbotError: something is missing.
 
     """
+    check_firmware(firmware)
     staging = folder / f"unpacked-{target.name}"
     shutil.rmtree(staging, ignore_errors=True)
-    wheels = staging / "wheels"
-    wheels.mkdir(parents=True)
-    for path in (*fetch_wheels(target, CHECKOUT, cache).iterdir(), wheel):
-        shutil.copyfile(path, wheels / path.name)
-    lines = [requirement(path) for path in sorted(wheels.iterdir())]
-    (staging / "requirements.txt").write_text("\n".join(lines) + "\n")
-    _put_deploy_files(staging)
+    _put_wheels(staging, (*fetch_wheels(target, CHECKOUT, cache).iterdir(), wheel))
+    _put_deploy_files(staging, firmware)
     paths = sorted(str(p.relative_to(staging)) for p in staging.rglob("*") if p.is_file())
     files = tuple(release_archive.described(staging, path) for path in paths)
     manifest = ReleaseManifest(
@@ -72,7 +74,7 @@ def make_release(
         target.system,
         target.architecture,
         target.python,
-        _installed_bytes(wheels),
+        _installed_bytes(staging / "wheels"),
         files,
     )
     data = release_manifest.encode(manifest)
@@ -126,14 +128,30 @@ def put_updater(folder: Path) -> None:
         shutil.copyfile(source, own / source.name)
 
 
-def _put_deploy_files(staging: Path) -> None:
+def check_firmware(firmware: Path | None) -> None:
+    """Raises ConfigurationError where one is wanted and has not been compiled."""
+    if firmware is not None and not firmware.is_file():
+        raise ConfigurationError(
+            f"no firmware at {firmware}: `make firmware` compiles it; or give --without-firmware"
+        )
+
+
+def _put_wheels(staging: Path, found: Iterable[Path]) -> None:
+    wheels = staging / "wheels"
+    wheels.mkdir(parents=True)
+    for path in found:
+        shutil.copyfile(path, wheels / path.name)
+    lines = [requirement(path) for path in sorted(wheels.iterdir())]
+    (staging / "requirements.txt").write_text("\n".join(lines) + "\n")
+
+
+def _put_deploy_files(staging: Path, firmware: Path | None) -> None:
     put_updater(staging / "updater")
     for name in ("systemd", "udev", "modules-load.d", "sysusers.d", "first-boot"):
         shutil.copytree(CHECKOUT / "deploy" / name, staging / "deploy" / name)
     for name in ("install.sh", "config.toml"):
         shutil.copyfile(CHECKOUT / "deploy" / name, staging / "deploy" / name)
-    firmware = CHECKOUT / "out/firmware/mbot-deadman.hex"
-    if firmware.is_file():
+    if firmware is not None:
         (staging / "firmware").mkdir()
         shutil.copyfile(firmware, staging / "firmware" / firmware.name)
 
@@ -177,6 +195,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--floor", type=int, help="smallest sequence taken afterwards (its own)")
     parser.add_argument("--sign-with", action="append", default=[], metavar="KEY")
     parser.add_argument("--target", action="append", default=[], metavar="SYSTEM-ARCHITECTURE")
+    parser.add_argument(
+        "--without-firmware", action="store_true", help="none for the board goes along"
+    )
     parser.add_argument("--deb", action="store_true", help="a Debian package of each, too")
     parser.add_argument("--output", type=Path, default=CHECKOUT / "out/dist", metavar="DIR")
     return parser
@@ -187,6 +208,8 @@ def _main() -> int:
     names = [target.name for target in TARGETS]
     if unknown := set(arguments.target) - set(names):
         raise ConfigurationError(f"unknown target {unknown.pop()}, expected {', '.join(names)}")
+    firmware = None if arguments.without_firmware else FIRMWARE
+    check_firmware(firmware)
     version, sequence = arguments.version, arguments.sequence
     if version is None or sequence is None:
         version, sequence = _names()
@@ -209,7 +232,9 @@ def _main() -> int:
         if arguments.target and target.name not in arguments.target:
             continue
         cache = CHECKOUT / "out/dist-cache"
-        archive = make_release(target, wheel, version, sequence, floor, signers, output, cache)
+        archive = make_release(
+            target, wheel, version, sequence, floor, signers, output, cache, firmware
+        )
         made = [archive]
         if arguments.deb:
             scripts = CHECKOUT / "deploy/debian"

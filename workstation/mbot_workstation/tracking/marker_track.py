@@ -76,14 +76,14 @@ def track_marker(
                 if is_live and time.monotonic() - saved_s > SAVE_EVERY_S:
                     # Too little yet, or too little of the floor: the end will tell.
                     with suppress(ConfigurationError):
-                        _save(output, _solve(watch, settings))
+                        write_tum(output, _solve(watch, settings).track)
                     saved_s = time.monotonic()
         except Exception:
             with suppress(ConfigurationError):
-                _save(output, _solve(watch, settings))
+                write_tum(output, _solve(watch, settings).track)
             raise
     result = _solve(watch, settings)
-    _save(output, result)
+    write_tum(output, result.track)
     return result
 
 
@@ -103,12 +103,3 @@ def _solve(watch: Watch, settings: MarkerSettings) -> OverheadTrack:
         camera_is_known=settings.camera_is_known,
         floor=watch.floor,
     )
-
-
-def _save(output: Path, result: OverheadTrack) -> None:
-    fresh = output.with_name(f".{output.name}.new")
-    try:
-        write_tum(fresh, result.track)
-        fresh.replace(output)
-    except OSError as error:
-        raise ConfigurationError(f"can't write {output}: {error.strerror}") from None

@@ -64,7 +64,7 @@ class Tolerances(Struct, frozen=True, forbid_unknown_fields=True):
     Attributes:
         contestant: whose: a policy's name.
         nominal_reward: its mean reward on the nominal robot.
-        bearable_share: of that reward, what must be left for a deviation to be bearable.
+        tolerated_share: of that reward, what must be left for a deviation to be tolerated.
         how: it was tried, in words.
         maps: see `RewardMap`.
 
@@ -75,7 +75,7 @@ class Tolerances(Struct, frozen=True, forbid_unknown_fields=True):
 
     contestant: str
     nominal_reward: float
-    bearable_share: float
+    tolerated_share: float
     how: str
     maps: tuple[RewardMap, ...]
 
@@ -85,8 +85,8 @@ class Tolerances(Struct, frozen=True, forbid_unknown_fields=True):
                 f"nominal_reward is {self.nominal_reward}, expected above 0: a policy that fails "
                 "on the nominal robot tolerates nothing"
             )
-        if not 0 < self.bearable_share < 1:
-            raise ValueError(f"bearable_share is {self.bearable_share}, expected 0 to 1")
+        if not 0 < self.tolerated_share < 1:
+            raise ValueError(f"tolerated_share is {self.tolerated_share}, expected 0 to 1")
 
 
 def read_tolerances(path: Path) -> Tolerances:

@@ -18,8 +18,8 @@ from mbot_workstation.training.studies.tolerance_file import MapAxis, RewardMap,
 from mbot_workstation.variation.effects import EffectRanges
 from mbot_workstation.variation.presets import NOMINAL
 
-BEARABLE = 0.95
-"""A deviation is bearable while this share of the nominal reward is left."""
+TOLERATED_SHARE = 0.95
+"""A deviation is tolerated while this share of the nominal reward is left."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ def as_file(
     return Tolerances(
         contestant=contestant,
         nominal_reward=nominal_reward,
-        bearable_share=BEARABLE,
+        tolerated_share=TOLERATED_SHARE,
         how=how,
         maps=tuple(
             RewardMap(
@@ -110,7 +110,7 @@ def draw_maps(
     nominal_reward: float,
     largest: float,
 ) -> None:
-    """Write the maps side by side, with the border of what is bearable.
+    """Write the maps side by side, with the border of what is tolerated.
 
     Args:
         maps: grids with their rewards, shape (up, across) each.
@@ -133,10 +133,10 @@ def draw_maps(
         picture = axes.pcolormesh(
             one.across_values, one.up_values, rewards, cmap="viridis", vmin=-1, vmax=largest
         )
-        bearable = BEARABLE * nominal_reward
-        if rewards.min() < bearable < rewards.max():
+        tolerated = TOLERATED_SHARE * nominal_reward
+        if rewards.min() < tolerated < rewards.max():
             axes.contour(
-                one.across_values, one.up_values, rewards, levels=[bearable], colors="black"
+                one.across_values, one.up_values, rewards, levels=[tolerated], colors="black"
             )
         axes.plot(DEVIATIONS[one.across].nominal, DEVIATIONS[one.up].nominal, "k+", markersize=12)
         axes.set_xlim(one.across_values[0], one.across_values[-1])
@@ -145,7 +145,8 @@ def draw_maps(
         axes.set_ylabel(DEVIATIONS[one.up].title)
     figure.colorbar(picture, ax=grid, label="mean reward", shrink=0.8)
     figure.suptitle(
-        f"+ nominal; black line: {100 * BEARABLE:.0f} % of the nominal reward {nominal_reward:.1f}"
+        f"+ nominal; black line: {100 * TOLERATED_SHARE:.0f} % of the nominal reward "
+        f"{nominal_reward:.1f}"
     )
     save_figure(figure, path)
 
@@ -162,7 +163,7 @@ def map_page(
         "# Tolerance of deviations between simulation and reality",
         "The paper asks how much deviation a task tolerates, and which measurements matter. "
         f"{contestant} has a mean reward of {nominal_reward:.2f} on the nominal robot; a deviation "
-        f"is bearable while {100 * BEARABLE:.0f} % of it is left.",
+        f"is tolerated while {100 * TOLERATED_SHARE:.0f} % of it is left.",
         how,
         f"![tolerance maps]({picture})",
     ]
