@@ -19,9 +19,7 @@ SOURCE = (
 LONGEST_FUNCTION = 60
 
 RUN_BY_OTHERS_TESTS = {
-    "mbot_agent.models.model_notices",
     "mbot_workstation.demo.demo_run",
-    "mbot_workstation.maneuvers.telemetry_recorder",
     "mbot_workstation.training.learning.teacher",
     "mbot_workstation.virtual.video_recorder",
 }
