@@ -30,7 +30,7 @@ from mbot_workstation.training.learning.checkpoint import (
     write_checkpoint,
 )
 from mbot_workstation.training.learning.curriculum import CurriculumState
-from mbot_workstation.training.learning.full_speed import within_full_speed
+from mbot_workstation.training.learning.full_speed import KEEPS_TURNS, within_full_speed
 from mbot_workstation.training.learning.golden_answers import check_golden_frames, golden_property
 from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
 from mbot_workstation.training.learning.memory_policy import Before
@@ -149,6 +149,20 @@ def test_the_dialect_for_armv6_decides_alike_and_has_the_same_weights(memory_uni
     assert back.keys() == before.keys()
     for name, weight in back.items():
         torch.testing.assert_close(weight, before[name])
+
+
+def test_weights_of_before_are_bounded_as_they_were_trained(learner: PicturePPO) -> None:
+    """Each wheel by itself: what was exported once must not drive otherwise in another dialect."""
+    weights = learner.policy.state_dict()
+    assert KEEPS_TURNS in weights
+    before = {name: value for name, value in weights.items() if name != KEEPS_TURNS}
+    kinds = [
+        [node.op_type for node in policy_graph(one, PolicyMetadata("one")).graph.node][-3:]
+        for one in (weights, before)
+    ]
+    assert kinds == [["Gemm", "Add", "Clip"], ["Concat", "Gemm", "Clip"]]
+    old = policy_graph(before, PolicyMetadata("one"))
+    assert KEEPS_TURNS not in graph_weights(old)
 
 
 @pytest.mark.slow

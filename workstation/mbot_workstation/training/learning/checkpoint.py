@@ -21,6 +21,7 @@ import torch
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.training.learning.colour_turn import turned
 from mbot_workstation.training.learning.curriculum import CurriculumState
+from mbot_workstation.training.learning.full_speed import KEEPS_TURNS
 from mbot_workstation.training.learning.picture_ppo import PicturePPO
 
 MODEL_FILE, STATE_FILE = "model.zip", "state.json"
@@ -168,7 +169,7 @@ def _deeper(
         for name, value in fresh.items()
         if ".third." in name or ".mixing." in name
     }
-    return lacking | weights
+    return {KEEPS_TURNS: fresh[KEEPS_TURNS]} | lacking | weights
 
 
 def _with_memory(

@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from onnx import helper
 from torch.nn import functional
 
+KEEPS_TURNS = "keeps_turns"
+"""Marks the weights of a policy that was trained so."""
+
 
 def within_full_speed(wheels: torch.Tensor) -> torch.Tensor:
     """What the wheels are told; both shapes (n, 2), the result in [-1, 1]."""

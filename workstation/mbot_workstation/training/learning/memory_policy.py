@@ -20,6 +20,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import nn
 from torch.distributions import Normal
 
+from mbot_workstation.training.learning.full_speed import KEEPS_TURNS
 from mbot_workstation.training.learning.network import DENSE_UNITS, policy_arguments
 from mbot_workstation.training.worlds.robot_body import BODY
 
@@ -111,10 +112,13 @@ class MemoryPolicy(ActorCriticPolicy):
 
     Attributes:
         memory: GRU from features and the last action; None for a policy without memory.
+        keeps_turns: not a number to learn: it marks weights whose wheels are brought within bounds
+            by `within_full_speed`; those of before have each wheel clipped by itself.
 
     """
 
     memory: nn.GRUCell | None
+    keeps_turns: torch.Tensor
 
     def __init__(self, *args: Any, memory_units: int = MEMORY_UNITS, **kwargs: Any) -> None:
         self._units = memory_units
@@ -217,6 +221,7 @@ class MemoryPolicy(ActorCriticPolicy):
         super()._build(lr_schedule)
         known = DENSE_UNITS + self._units
         self.memory = nn.GRUCell(DENSE_UNITS + ACTIONS, self._units) if self._units else None
+        self.register_buffer(KEEPS_TURNS, torch.ones(()))
         self.action_net = nn.Linear(known, ACTIONS)
         nn.init.orthogonal_(self.action_net.weight, gain=0.01)
         nn.init.zeros_(self.action_net.bias)

@@ -30,7 +30,11 @@ from mbot_protocol.policy_contract import (
     STATE_OUT_NAME,
     PolicyMetadata,
 )
-from mbot_workstation.training.learning.full_speed import full_speed_constants, full_speed_nodes
+from mbot_workstation.training.learning.full_speed import (
+    KEEPS_TURNS,
+    full_speed_constants,
+    full_speed_nodes,
+)
 from mbot_workstation.training.learning.memory_graph import (
     FEATURES,
     PARTS,
@@ -86,6 +90,7 @@ def policy_graph(
     memory = (spelt_out_gru if for_armv6 else gru)(parts) if parts else MemoryGraph([], {})
     metadata = replace(metadata, contract_version=2 if parts else 1)
     deeper = f"{_ORIGINS['third']}.weight" in weights
+    bounded = _bounded(for_armv6, keeps_turns=KEEPS_TURNS in weights)
     nodes = [
         helper.make_node("Cast", [INPUT_NAME], ["pixels"], name="pixels", to=TensorProto.FLOAT),
         helper.make_node("Transpose", ["pixels"], ["planes"], name="planes", perm=[0, 3, 1, 2]),
@@ -97,12 +102,13 @@ def policy_graph(
         *_more(deeper, "Gemm", "dense_active", "mixing", FEATURES, transB=1),
         *memory.nodes,
         _gemm("known" if parts else FEATURES, "wheels"),
-        *full_speed_nodes("wheels", "fast_wheels"),
-        _clip(for_armv6),
+        *bounded,
     ]
     if not for_armv6:
         constants |= {"backward": np.array(-1.0, np.float32), "forward": np.array(1.0, np.float32)}
-    constants |= memory.constants | full_speed_constants()
+    constants |= memory.constants
+    if KEEPS_TURNS in weights:
+        constants |= full_speed_constants()
     model = helper.make_model(
         helper.make_graph(
             nodes,
@@ -138,10 +144,15 @@ def _kernel(for_armv6: bool, side: int) -> dict[str, list[int]]:
     return {"kernel_shape": [side, side]} if for_armv6 else {}
 
 
-def _clip(for_armv6: bool) -> onnx.NodeProto:
+def _bounded(for_armv6: bool, *, keeps_turns: bool) -> list[onnx.NodeProto]:
+    """From the wheels to the action, each wheel in [-1, 1]."""
+    nodes = full_speed_nodes("wheels", "fast_wheels") if keeps_turns else []
+    wheels = "fast_wheels" if keeps_turns else "wheels"
     if for_armv6:
-        return helper.make_node("Clip", ["fast_wheels"], [OUTPUT_NAME], "clip", min=-1.0, max=1.0)
-    return helper.make_node("Clip", ["fast_wheels", "backward", "forward"], [OUTPUT_NAME], "clip")
+        clip = helper.make_node("Clip", [wheels], [OUTPUT_NAME], "clip", min=-1.0, max=1.0)
+    else:
+        clip = helper.make_node("Clip", [wheels, "backward", "forward"], [OUTPUT_NAME], "clip")
+    return [*nodes, clip]
 
 
 def _gemm(source: str, name: str) -> onnx.NodeProto:
@@ -211,6 +222,8 @@ def graph_weights(model: onnx.ModelProto) -> dict[str, torch.Tensor]:
         for part in ("weight", "bias")
         if f"{name}.{part}" in arrays
     }
+    if "beyond.weight" in arrays:
+        found[KEEPS_TURNS] = np.ones((), np.float32)
     found |= {f"memory.{part}": value for part, value in memory_parts(arrays).items()}
     return {name: torch.from_numpy(value.copy()) for name, value in found.items()}
 
