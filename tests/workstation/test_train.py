@@ -314,29 +314,6 @@ def test_the_learning_rate_falls_evenly() -> None:
     assert rates == pytest.approx([1.0, 0.6, 0.2, 0.2])
 
 
-def test_without_the_guide_rates_begin_anew() -> None:
-    settings = LearnerSettings(
-        learning_rate=1.0,
-        final_learning_rate=0.2,
-        noise=0.4,
-        final_noise=0.1,
-        alone_share=0.25,
-        alone_learning_rate=0.6,
-    )
-    when = (1.0, 0.625, 0.2501, 0.25, 0.125, 0.0)
-    rates = [settings.learning_rate_at(remaining) for remaining in when]
-    assert rates == pytest.approx([1.0, 0.6, 0.2, 0.6, 0.4, 0.2], abs=1e-3)
-    noises = [settings.noise_at(remaining) for remaining in when]
-    assert noises == pytest.approx([0.4, 0.2, 0.1, 0.4, 0.2, 0.1], abs=1e-3)
-
-
-def test_only_from_nothing_ppo_goes_on_alone() -> None:
-    assert configured(guide=300, steps=400).learner.alone_share == pytest.approx(0.25)
-    assert configured(guide=500, steps=400).learner.alone_share == 0.0
-    shipped = Path(__file__).parents[2] / "models" / "red-cube-run"
-    assert configured(parent=shipped, guide=300, steps=400).learner.alone_share == 0.0
-
-
 def test_a_checkpoint_keeps_the_curriculum(finished: RunDirectory) -> None:
     state = read_state(finished.last_checkpoint())
     assert isinstance(state.curriculum, CurriculumState)
@@ -363,7 +340,6 @@ def test_without_options_a_policy_with_memory_learns_from_a_guide_on_any_robot()
     assert config.lessons == ("rough",)
     assert config.steps == command.GUIDED_STEPS
     assert config.learner.guided_decisions == command.GUIDED_DECISIONS
-    assert config.learner.alone_share == pytest.approx(2 / 9)
     assert config.learner.memory_units == command.MEMORY_UNITS == MEMORY_UNITS
 
 

@@ -45,9 +45,6 @@ class LearnerSettings:
         rehearsal_batch: decisions of each.
         memory_units: numbers that the policy remembers from decision to decision; 0 is the
             paper's network.
-        alone_share: of the planned decisions, the last ones, for which PPO goes on alone after the
-            guide: the noise begins anew, and the learning rate at `alone_learning_rate`.
-        alone_learning_rate: there.
 
     """
 
@@ -69,29 +66,16 @@ class LearnerSettings:
     rehearsals: int = 0
     rehearsal_batch: int = 512
     memory_units: int = MEMORY_UNITS
-    alone_share: float = 0.0
-    alone_learning_rate: float = 2e-4
 
     def learning_rate_at(self, remaining: float) -> float:
         """The learning rate when this share, 1 to 0, of the planned decisions remains."""
-        first = self.alone_learning_rate if self._is_alone(remaining) else self.learning_rate
         final = self.final_learning_rate
-        return final + (first - final) * self._share_of_phase(remaining)
+        return final + (self.learning_rate - final) * min(1.0, max(0.0, remaining))
 
     def noise_at(self, remaining: float) -> float:
         """The exploration noise when this share, 1 to 0, of the planned decisions remains."""
-        return self.final_noise * (self.noise / self.final_noise) ** self._share_of_phase(remaining)
-
-    def _is_alone(self, remaining: float) -> bool:
-        return remaining <= self.alone_share and self.alone_share > 0
-
-    def _share_of_phase(self, remaining: float) -> float:
-        """How much of the phase remains that a run is in: guided or alone."""
-        if self._is_alone(remaining):
-            share = remaining / self.alone_share
-        else:
-            share = (remaining - self.alone_share) / (1 - self.alone_share)
-        return min(1.0, max(0.0, share))
+        share = min(1.0, max(0.0, remaining))
+        return self.final_noise * (self.noise / self.final_noise) ** share
 
 
 FINE_TUNING = LearnerSettings(
