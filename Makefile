@@ -27,7 +27,7 @@ demo-firmware: $(VENV)/.demo $(FIRMWARE)/mbot-deadman.elf ## The demo with the b
 test: $(VENV)/.all ## Run the tests that a change needs, 5 minutes
 	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile $(TEST)
 
-test-all: $(VENV)/.all ## Run all tests: those too that run real programs in real time, 18 minutes
+test-all: $(VENV)/.all ## Run all tests: those too that run real programs in real time, 22 minutes
 	@rm -rf $(REPORTS)
 	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile --junitxml $(REPORTS)/quick.xml
 	$(BIN)/pytest -m slow -n 2 --dist loadgroup --junitxml $(REPORTS)/slow.xml tests/workstation
