@@ -80,7 +80,7 @@ reliability: $(VENV)/.all ## Cause every fault of the table, write docs/results/
 reliability-quick: $(VENV)/.all ## Cause every fault of the table once, write the page; 10 minutes
 	$(BIN)/python benchmarks/reliability.py --quick $(RELIABILITY)
 
-policy-pages: $(VENV)/.all ## Make every page about the policy in models/ anew, where it was stopped; 40 minutes
+policy-pages: $(VENV)/.all ## Make every page about the policy in models/ anew, where it was stopped; about an hour
 	$(BIN)/python benchmarks/policy_pages.py $(PAGES)
 
 mutants: $(VENV)/.all ## Put small faults into the safety path, one by one: a test must fail for each

@@ -3,8 +3,8 @@
     python benchmarks/policy_pages.py [--pictures ../shared/pictures]
 
 Goes on where it was stopped: what a command has answered for this policy is kept in
-out/policy-pages, and pages that are of this policy already are left alone. About 40 minutes on two
-cores; use a quiet machine for the demos only, the rest are figures of simulation.
+out/policy-pages, and pages that are of this policy already are left alone. About an hour on two
+cores (estimated); use a quiet machine for the demos only, the rest are figures of simulation.
 """
 
 import argparse

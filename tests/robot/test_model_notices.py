@@ -1,6 +1,7 @@
 """What a person is told of the robot's models, though it drives."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import pytest
@@ -23,24 +24,27 @@ class Keys:
 class Case:
     kind: str
     words: str
-    activation: Activation = field(default_factory=lambda: Activation(active=NEW))
+    activation: Callable[[], Activation] = lambda: Activation(active=NEW)
     trust: Keys = field(default_factory=Keys)
     has_model: bool = True
     unusable: str = ""
 
 
-CRASHED = Activation(
-    active=NEW, proven=(NEW,), proven_starts=tuple([time.time()] * MOST_STARTS_PROVEN)
-)
+def crashed() -> Activation:
+    """Again and again, just now: crashes of long ago don't count."""
+    starts = (time.time(),) * MOST_STARTS_PROVEN
+    return Activation(active=NEW, proven=(NEW,), proven_starts=starts)
+
+
 CASES = [
     Case("unsigned-models", "from anyone", trust=Keys(accepts_unsigned=True)),
     Case("no-trusted-key", "`workstation keys new`", trust=Keys(keys=())),
     Case(
         "model-rolled-back",
         "turner bbbbbbbbbbbb was rolled back to model aaaaaaaaaaaa: it crashed",
-        Activation(active=OLD, rollback=Rollback(NEW, OLD, "it crashed")),
+        lambda: Activation(active=OLD, rollback=Rollback(NEW, OLD, "it crashed")),
     ),
-    Case("model-left-out", "turner bbbbbbbbbbbb is the only one, and", CRASHED, has_model=False),
+    Case("model-left-out", "turner bbbbbbbbbbbb is the only one, and", crashed, has_model=False),
     Case(
         "model-unusable",
         "turner bbbbbbbbbbbb cannot be used: no such file",
@@ -53,7 +57,7 @@ CASES = [
 def notices(case: Case) -> list[tuple[str, str]]:
     names = {NEW: "turner"}
     found = model_notices(
-        case.activation,
+        case.activation(),
         lambda sha256: names.get(sha256, ""),
         case.trust,  # pyright: ignore[reportArgumentType]
         has_model=case.has_model,
@@ -74,4 +78,4 @@ def test_a_robot_in_order_says_nothing() -> None:
 
 
 def test_a_robot_without_any_model_is_a_fault_and_no_notice() -> None:
-    assert notices(Case("", "", Activation(), has_model=False)) == []
+    assert notices(Case("", "", Activation, has_model=False)) == []

@@ -57,6 +57,8 @@ class Guide:
     def act(self, situations: NDArray[np.void]) -> Actions:
         """Both wheels of every robot, shape (robots, 2); NaN for robots whose target is unknown.
 
+        In shares of full speed, up to 2 where a turn comes on top of it.
+
         Args:
             situations: STEP_RECORD, shape (robots,). Where observations show the objects counts,
                 though a robot may have turned past one since.

@@ -3,8 +3,8 @@
 A policy with a memory has two layers more, each added to its own input: a third convolution behind
 the second, and a dense one behind the first. Trained to say whether and where the object is (6
 times 90,000 pictures) and asked about 16,000 of other rooms, at 3 % false alarms, the paper's
-network missed 28 % of the objects that are 2 to 2.5 m away, the deeper one 16 % (measured, one
-seed).
+network missed 28 % of the objects that are 2 to 2.5 m away, the deeper one 16 % (measured once, one
+seed, by a script that is not kept).
 
 Pictures stay height x width x channel from the renderer to the first convolution: torch takes such
 memory as its "channels last" layout, so nobody transposes or copies them. Measured on one thread,
