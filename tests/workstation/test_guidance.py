@@ -96,6 +96,17 @@ def test_what_was_not_noticed_is_not_gone_back_to() -> None:
     np.testing.assert_allclose(guide.act(situation(1.0, 3.0))[0], SEARCH)
 
 
+@pytest.mark.parametrize("time_left_s", [50, 66], ids=["the same object", "the next one"])
+def test_to_have_noticed_it_once_does_not_count_for_ever(time_left_s: float) -> None:
+    guide = Guide(1, NOMINAL, remembers=1)
+    guide.drove(told(guide.act(situation(1.0, 0.3, time_left_s=50))))
+    for _ in range(2 if time_left_s == 50 else 0):
+        guide.drove(told(guide.act(situation(0.3, 1.0, time_left_s=50))))
+    guide.act(situation(3.0, 0.3, time_left_s=time_left_s))
+    guide.drove(SEARCH[None])
+    np.testing.assert_allclose(guide.act(situation(1.0, 3.0, time_left_s=time_left_s))[0], SEARCH)
+
+
 def test_the_next_object_was_not_seen_before() -> None:
     guide = Guide(1, NOMINAL, remembers=2)
     guide.drove(told(guide.act(situation(1.0, 0.3, time_left_s=50))))

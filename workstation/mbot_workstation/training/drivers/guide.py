@@ -68,7 +68,8 @@ class Guide:
         seen = np.abs(situations["seen_left_rad"]) <= IN_VIEW_RAD
         another = situations["time_left_s"] > self._time_left_s  # each object has its own time
         self._time_left_s = situations["time_left_s"].copy()
-        self._unseen_for[another | ~self._noticed] = self._remembers + 1
+        self._noticed &= ~another
+        self._unseen_for[~self._noticed] = self._remembers + 1
         self._unseen_for = np.where(seen, 0, self._unseen_for + 1)
         lost = self._unseen_for > self._remembers
         actions = self._oracle.act(np.where(lost[:, None], np.nan, targets).astype(np.float64))
