@@ -35,9 +35,11 @@ test-all: $(VENV)/.all ## Run all tests: those too that run real programs in rea
 	$(BIN)/python benchmarks/reliability.py --quick --of $(REPORTS) -o out/reliability.md
 
 test-pi: $(VENV)/.all ## Install on booted Bookworm and Trixie machines and break things there, updates included; wants root, 30 minutes
+	@PYTHON=$(PYTHON) sh deploy/workstation-libraries.sh machines
 	$(BIN)/pytest tests/pi -v -n 0 --timeout 600 --ignore tests/pi/test_real_kernel.py --junitxml out/tests-pi.xml
 
 test-kernel: $(VENV)/.all ## The service on a kernel of its own, in an emulated PC: its limits, a plug pulled out, power cuts; wants root, 8 minutes
+	@PYTHON=$(PYTHON) sh deploy/workstation-libraries.sh kernel
 	$(BIN)/pytest tests/pi/test_real_kernel.py -v -n 0 --timeout 900
 
 check: $(VENV)/.all ## Lint, format, types, imports

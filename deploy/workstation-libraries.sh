@@ -2,7 +2,8 @@
 # System libraries a workstation needs, checked before anything is installed with pip.
 # As root on Debian or Ubuntu what is missing is installed; anybody else is told the command.
 # The argument "firmware" looks only at what compiles the board's firmware, "emulator" only at what
-# compiles the board's emulator, "test" at both and the tests' own needs as well.
+# compiles the board's emulator, "test" at both and the tests' own needs as well, "machines" at what
+# boots the robot's systems in containers, "kernel" at what boots them on an emulated PC besides.
 set -eu
 
 python=${PYTHON:-python3}
@@ -19,11 +20,23 @@ library() { # is a shared library known to the loader?
 }
 
 if [ "$(uname -s)" = Linux ]; then
-    if [ "${1:-}" != firmware ] && [ "${1:-}" != emulator ]; then
+    case ${1:-} in "" | test)
         need python3-venv "$python" -c 'import ensurepip, venv'
         need libegl1 library libEGL.so.1
         need libgl1-mesa-dri library libEGL_mesa.so.0
         need libgl1 library libGL.so.1
+        ;;
+    esac
+    if [ "${1:-}" = machines ] || [ "${1:-}" = kernel ]; then
+        need mmdebstrap command -v mmdebstrap
+        need systemd-container command -v systemd-nspawn
+        need qemu-user-static command -v qemu-aarch64-static
+        need arch-test command -v arch-test
+        need gcc-arm-linux-gnueabi command -v arm-linux-gnueabi-gcc
+    fi
+    if [ "${1:-}" = kernel ]; then
+        need qemu-system-x86 command -v qemu-system-x86_64
+        need e2fsprogs command -v mke2fs
     fi
     if [ "${1:-}" = test ]; then
         need systemd command -v systemd-analyze
