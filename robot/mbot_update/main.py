@@ -11,11 +11,14 @@ from pathlib import Path
 
 from mbot_protocol.errors import MbotError, RefusedError
 from mbot_protocol.release_ledger import Outcome
-from mbot_update import before_releases, python_packages, update_steps
+from mbot_update import before_releases, python_packages, short_lives, update_steps
 from mbot_update.release_folders import ReleaseFolders
 from mbot_update.system import GoingDownError
 
-ACTIONS = ("work", "take-over", "install", "adopt", "recover", "put-back", "rollback", "releases")
+ACTIONS = (
+    *("work", "take-over", "install", "adopt", "recover"),
+    *("ended", "put-back", "rollback", "releases"),
+)
 
 
 def main() -> int:
@@ -31,7 +34,10 @@ def main() -> int:
         if arguments.action == "releases":
             _show(folders, as_json=arguments.json)
             return 0
-        if arguments.action == "put-back" and not update_steps.has_given_up():
+        if arguments.action == "ended":
+            short_lives.count_end(folders)
+            return 0
+        if arguments.action == "put-back" and not update_steps.is_given_up(folders):
             print("systemd starts the daemon again by itself")
             return 0
         with _alone(folders):
@@ -89,7 +95,7 @@ def _alone(folders: ReleaseFolders) -> Generator[None]:
         raise RefusedError(f"cannot use {path}: {error.strerror}; run it with sudo") from None
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        with _seen(folders.root / "run/mbot-agent-update"):
+        with _seen(folders.at_work):
             yield
     except BlockingIOError:
         raise RefusedError("an update is under way, and looks after itself") from None

@@ -28,6 +28,8 @@ class ReleaseFolders:
         configuration: the robot's config.toml.
         units: root's unit files.
         inbox: where the daemon puts an archive and a request for it.
+        lives: how often the release that runs has died young.
+        at_work: is there while an updater works.
 
     """
 
@@ -38,6 +40,8 @@ class ReleaseFolders:
         self.configuration = root / "etc/mbot-agent/config.toml"
         self.units = root / "etc/systemd/system"
         self.inbox = root / "var/lib/mbot-agent/releases"
+        self.lives = self.application / "lives"
+        self.at_work = root / "run/mbot-agent-update"
         self._ledger_path = self.application / "ledger.json"
         self._link = self.application / "current"
 
@@ -66,6 +70,14 @@ class ReleaseFolders:
     def is_whole(self, version: str) -> bool:
         """Whether a release has been built to its end."""
         return bool(version) and (self.release(version) / WHOLE).is_file()
+
+    @property
+    def installed_s(self) -> float:
+        """When the release that runs was built here, in seconds since 1970; 0 if none was."""
+        try:
+            return (self.release(self.current) / WHOLE).stat().st_mtime
+        except OSError:
+            return 0.0
 
     def versions(self) -> list[str]:
         """All whole releases, by name."""

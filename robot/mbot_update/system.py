@@ -15,6 +15,7 @@ from mbot_protocol.release_ledger import Computer
 from mbot_update.ed25519_check import is_signed
 
 SERVICE = "mbot-agent.service"
+PUTS_BACK = "mbot-agent-rollback.service"
 USER = "mbot-agent"
 RESTART_S = 90.0
 """More than the unit's TimeoutStopSec and TimeoutStartSec together."""
@@ -61,11 +62,7 @@ class Service:
 
 def service() -> Service:
     """How the daemon is now."""
-    names = ("ActiveState", "MainPID", "StatusText", "Result", "ExecMainStatus")
-    asked = ["systemctl", "show", SERVICE, *(f"--property={name}" for name in names)]
-    lines = _run(asked, 20).stdout.splitlines()
-    parts = [line.partition("=") for line in lines]
-    found = {name: value for name, _, value in parts}
+    found = _shown("ActiveState", "MainPID", "StatusText", "Result", "ExecMainStatus")
     return Service(
         found.get("ActiveState", ""),
         int(found.get("MainPID") or 0),
@@ -73,6 +70,14 @@ def service() -> Service:
         found.get("Result", ""),
         int(found.get("ExecMainStatus") or 0),
     )
+
+
+def lived_s() -> float:
+    """From the daemon's last start to its end."""
+    names = ("ExecMainStartTimestampMonotonic", "ExecMainExitTimestampMonotonic")
+    found = _shown(*names)
+    began_us, ended_us = (int(found.get(name) or 0) for name in names)
+    return max(0, ended_us - began_us) / 1e6
 
 
 def is_up() -> bool:
@@ -95,6 +100,11 @@ def start_without_waiting() -> None:
     """Start the daemon some time soon."""
     _run(["systemctl", "reset-failed", SERVICE], 20)
     _run(["systemctl", "--no-block", "start", SERVICE], 20)
+
+
+def start_putting_back() -> None:
+    """As if systemd had given the daemon up."""
+    _run(["systemctl", "--no-block", "start", PUTS_BACK], 20)
 
 
 CONFINED = (
@@ -164,6 +174,13 @@ def release_keys(configuration: Path) -> tuple[PublicKey, ...]:
 def has_signed(key: PublicKey, message: bytes, signature: bytes) -> bool:
     """As `PublicKey.has_signed`, without PyNaCl."""
     return is_signed(key.raw, message, signature)
+
+
+def _shown(*names: str) -> dict[str, str]:
+    """Properties of the daemon's unit; without those that systemd does not tell."""
+    asked = ["systemctl", "show", SERVICE, *(f"--property={name}" for name in names)]
+    parts = [line.partition("=") for line in _run(asked, 20).stdout.splitlines()]
+    return {name: value for name, _, value in parts}
 
 
 def _text(path: Path) -> str:

@@ -4,6 +4,7 @@ import contextlib
 import os
 import shutil
 import stat
+import time
 from collections.abc import Generator
 from functools import partial
 from pathlib import Path
@@ -21,6 +22,8 @@ BUILD_S = 1800.0
 """A Pi Zero 2 W writes and compiles 1,500 files to its card; 5 s on a PC."""
 
 PYTHON = "/usr/bin/python3"
+CLOCK_SLACK_S = 3600.0
+"""Time servers correct a clock after a release was installed."""
 
 REQUEST, ARCHIVE = "request", "incoming.tar"
 _LARGEST_REQUEST_BYTES = 64
@@ -145,6 +148,8 @@ def _check(
         ledger = type(ledger)()
     elif version == folders.current:
         raise RefusedError(f"{version} runs on this robot already")
+    else:
+        _check_clock(folders)
     wheels = sum(file.size_bytes for file in manifest.files)
     built = folders.is_whole(version)
     needed_bytes = wheels + (0 if built else manifest.installed_bytes)
@@ -152,6 +157,20 @@ def _check(
     own = folders.release(version) / "manifest.json"
     if built and (not own.is_file() or own.read_bytes() != data):
         raise RefusedError(f"another release of the name {version} is on this robot already")
+
+
+def _check_clock(folders: ReleaseFolders) -> None:
+    """A clock that is behind the installation of what runs would date this one before it."""
+    installed_s, now_s = folders.installed_s, time.time()
+    if now_s < installed_s - CLOCK_SLACK_S:
+        now, installed = (
+            time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(s)) for s in (now_s, installed_s)
+        )
+        raise RefusedError(
+            f"the robot's clock is wrong: it says {now}, and what runs was installed at "
+            f"{installed}: set it (sudo timedatectl set-time ...); if it is right, install the "
+            "release there by deploy/install.sh"
+        )
 
 
 @contextlib.contextmanager

@@ -12,7 +12,7 @@ from typing import IO
 from mbot_protocol.errors import MbotError, RefusedError
 from mbot_protocol.public_key import PublicKey
 from mbot_protocol.release_ledger import BUSY, Outcome
-from mbot_update import health_gate, system, taking_in
+from mbot_update import health_gate, short_lives, system, taking_in
 from mbot_update.release_folders import BEFORE_RELEASES, ReleaseFolders
 
 GIVES_UP_WITHIN_S = 3.0
@@ -120,12 +120,14 @@ def recover(folders: ReleaseFolders, keep: str = "") -> None:
     folders.sweep(keep)
 
 
-def has_given_up() -> bool:
-    """Whether systemd will not start the daemon again by itself.
+def is_given_up(folders: ReleaseFolders) -> bool:
+    """Whether the daemon's release has died young too often, or systemd won't start it again.
 
     From version 254 on systemd takes OnFailure= for every end of a daemon that it is about to start
     again, before only for the last one.
     """
+    if short_lives.short_lives(folders) >= short_lives.TOO_MANY:
+        return True
     until_s = time.monotonic() + GIVES_UP_WITHIN_S
     while system.service().state != "failed":
         if time.monotonic() >= until_s:

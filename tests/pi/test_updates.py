@@ -1,6 +1,7 @@
 """Releases on a booted machine: installed, updated, refused, rolled back, cut off in between."""
 
 import json
+import signal
 import subprocess
 import sys
 import time
@@ -151,6 +152,12 @@ def test_refusals_are_one_line(started: Robot, releases: Releases) -> None:
         sent(started, releases.make("0.1.0+strange", 9, stranger))
     with pytest.raises(RefusedError, match="below 2"):
         sent(started, releases.make("0.1.0+old", 1, KEY))
+    mark = f"/opt/mbot-agent/releases/{SECOND}/whole"
+    started.machine.says("touch", "-d", "2 hours", mark)
+    phase, detail = sent(started, releases.make("0.1.0+early", 9, KEY))
+    started.machine.says("touch", mark)
+    assert phase == "refused"
+    assert "the robot's clock is wrong" in detail
     started.daemon.run()
     with pytest.raises(RefusedError, match="armed"):
         sent(started, releases.make("0.1.0+armed", 9, KEY))
@@ -173,6 +180,24 @@ def test_one_that_dies_later_is_put_back_by_systemd_alone(
     assert running(started) == SECOND
 
 
+def test_one_that_dies_slowly_is_put_back_at_its_tenth_death(
+    started: Robot, releases: Releases
+) -> None:
+    """The nine before are written down, not waited for."""
+    slow = "0.1.0+slow"
+    assert sent(started, releases.make(slow, 6, KEY))[0] == "installed"
+    assert until(started.daemon.is_ready, 30)
+    started.signal(signal.SIGKILL)
+    lives = "/opt/mbot-agent/lives"
+    assert until(lambda: started.machine.read(lives) == f"{slow} 1\n"), update_journal(started)
+    started.machine.write(lives, f"{slow} 9\n")
+    assert until(started.daemon.is_ready, 30)
+    started.signal(signal.SIGKILL)
+    assert until(lambda: last(started)["phase"] == "rolled-back", 60), started.journal()
+    assert until(lambda: running_is(started, SECOND), 30)
+    assert until(started.daemon.is_ready, 30)
+
+
 def test_a_person_goes_back_and_forth(started: Robot) -> None:
 
     def rolls_back() -> bool:
@@ -188,7 +213,7 @@ def test_a_person_goes_back_and_forth(started: Robot) -> None:
 
 
 def test_a_killed_updater_is_tidied_up_after(started: Robot, releases: Releases) -> None:
-    archive = releases.make("0.1.0+killed", 6, KEY)
+    archive = releases.make("0.1.0+killed", 7, KEY)
     with started.daemon.link() as link:
         number = send(link, check_release_file(archive), lambda _sent, _all: None)
         assert until(lambda: phase_on_disk(started) == "trying", 60)
@@ -212,7 +237,7 @@ def test_a_power_cut_at_any_moment_leaves_a_whole_release(
     started: Robot, releases: Releases, record_property: Record
 ) -> None:
     machine = started.machine
-    runs, offered, sequence = SECOND, "0.1.0+cut7", 7
+    runs, offered, sequence = SECOND, "0.1.0+cut8", 8
     archive = releases.make(offered, sequence, KEY)
     ends: list[str] = []
     for phase, later_s in CUTS:

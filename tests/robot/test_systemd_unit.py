@@ -113,7 +113,10 @@ def test_a_hung_or_dead_daemon_is_replaced_and_the_motors_are_stopped() -> None:
     assert settings("NotifyAccess") == ["main"]
     assert settings("Restart") == ["always"]
     assert float(settings("WatchdogSec")[0]) + float(settings("RestartSec")[0]) <= 7
-    assert settings("ExecStopPost") == ["-/opt/mbot-agent/current/venv/bin/mbot-agent stop-motors"]
+    assert settings("ExecStopPost") == [
+        "-/opt/mbot-agent/current/venv/bin/mbot-agent stop-motors",
+        "-+/usr/bin/python3 -I -B /opt/mbot-agent/updater ended",
+    ]
 
 
 def test_start_limit_leaves_room_for_a_rollback_and_stands_in_the_unit_section() -> None:

@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -50,6 +51,17 @@ def test_a_stranger_a_changed_byte_and_another_system_are_refused(
     assert "is a downgrade: its sequence 0 is below 1" in refused(robot)
     robot.receives(archive(tmp_path, "0.1", 1))
     assert "0.1 runs on this robot already" in refused(robot)
+
+
+def test_a_clock_behind_what_runs_is_wrong(robot: Robot, tmp_path: Path) -> None:
+    mark = robot.folders.release("0.1") / "whole"
+    now_s = time.time()
+    os.utime(mark, (now_s + 2 * 3600, now_s + 2 * 3600))
+    robot.receives(archive(tmp_path))
+    assert "the robot's clock is wrong: it says 2" in refused(robot)
+    os.utime(mark, (now_s + 600, now_s + 600))  # a time server has set it back a little
+    robot.receives(archive(tmp_path))
+    assert update_steps.work(robot.folders).phase == "installed"
 
 
 def test_without_keys_nothing_is_taken(robot: Robot, tmp_path: Path) -> None:

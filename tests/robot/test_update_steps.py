@@ -266,7 +266,7 @@ def test_a_daemon_that_is_about_to_be_started_again_is_not_put_back(
     monkeypatch.setattr(update_steps, "GIVES_UP_WITHIN_S", 0.3)
     for state in ("activating", "active", "inactive"):
         robot.system.service = replace(HEALTHY, state=state)
-        assert not update_steps.has_given_up()
+        assert not update_steps.is_given_up(robot.folders)
     states = iter([replace(HEALTHY, state="activating"), replace(HEALTHY, state="failed")])
     monkeypatch.setattr(update_steps.system, "service", lambda: next(states))
-    assert update_steps.has_given_up()
+    assert update_steps.is_given_up(robot.folders)

@@ -1,0 +1,62 @@
+"""A release that was accepted and dies later, but too seldom for systemd to give up.
+
+The daemon's unit tells root of each end (`ExecStopPost`). What dies ten times before it has once
+lived for an hour goes back, however many days and boots lie in between. Ends that were asked for
+count for nothing, nor do those by a wrong configuration, in an update, or by the machine's own end;
+a power cut is none. Afterwards only what systemd counts is held against a release: it was not the
+release that changed.
+"""
+
+import os
+
+from mbot_protocol import atomic_file
+from mbot_update import system
+from mbot_update.release_folders import ReleaseFolders
+
+SHORT_S = 3600.0
+TOO_MANY = 10
+"""As StartLimitBurst= of the daemon's unit."""
+
+PROVEN = "proven"
+
+
+def count_end(folders: ReleaseFolders) -> None:
+    """The daemon has just ended, as systemd says in $SERVICE_RESULT and $EXIT_STATUS."""
+    version = folders.current
+    if not version or _record(folders, version) == PROVEN:
+        return
+    if folders.at_work.exists() or not system.is_up():
+        return
+    if system.lived_s() >= SHORT_S:
+        _note(folders, version, PROVEN)
+    elif _died():
+        deaths = short_lives(folders) + 1
+        _note(folders, version, str(deaths))
+        if deaths >= TOO_MANY:
+            system.start_putting_back()
+
+
+def short_lives(folders: ReleaseFolders) -> int:
+    """How often the release that runs has died young; 0 once it has lived long."""
+    record = _record(folders, folders.current)
+    return int(record) if record.isdecimal() else 0
+
+
+def _died() -> bool:
+    result, status = (os.environ.get(name, "") for name in ("SERVICE_RESULT", "EXIT_STATUS"))
+    asked_for = result in ("", "success")
+    misconfigured = (result, status) == ("exit-code", str(system.WRONG_CONFIGURATION))
+    return not asked_for and not misconfigured
+
+
+def _record(folders: ReleaseFolders, version: str) -> str:
+    """What is noted of this version; nothing if the file is another's, or unreadable."""
+    try:
+        named, _, record = folders.lives.read_text().strip().partition(" ")
+    except (OSError, ValueError):
+        return ""
+    return record if named == version else ""
+
+
+def _note(folders: ReleaseFolders, version: str, record: str) -> None:
+    atomic_file.replace(folders.lives, f"{version} {record}\n".encode())
