@@ -42,6 +42,19 @@ def test_it_is_the_papers_network(network: PaperNetwork) -> None:
     torch.testing.assert_close(network(batch), textbook(scaled), rtol=1e-4, atol=1e-5)
 
 
+def test_finer_filters_lie_closer() -> None:
+    finer = PaperNetwork(SPACE, deeper=True, first_filter_px=6)
+    assert finer.first.weight.shape == (16, 3, 6, 6)
+    assert finer.first.stride == (3, 3)
+    assert finer.dense.in_features == 32 * 9 * 9
+    batch = pictures(3)
+    scaled = batch.permute(0, 3, 1, 2) * PIXEL_SCALE + PIXEL_SHIFT
+    weight, bias = finer.scaled_first_layer()
+    raw = nn.functional.conv2d(batch.permute(0, 3, 1, 2), weight, bias, stride=3)
+    torch.testing.assert_close(raw, finer.first(scaled), rtol=1e-4, atol=1e-5)
+    assert finer(batch).shape == (3, 256)
+
+
 def test_pictures_are_not_copied_on_the_way(network: PaperNetwork) -> None:
     seen: list[torch.Tensor] = []
     convolution = nn.functional.conv2d

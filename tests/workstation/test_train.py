@@ -374,6 +374,7 @@ def test_for_another_colour_the_parents_first_layer_is_turned(
     assert told.hue_turn_deg == pytest.approx(131, abs=1)
     assert told.steps == command.NEW_OBJECT_STEPS
     assert told.learner.guided_decisions == command.NEW_OBJECT_GUIDED
+    assert told.learner.first_filter_px == 8  # as the parent's, not as the guide's pupils have it
     config = replace(TINY, parent=told.parent, hue_turn_deg=told.hue_turn_deg)
     with FetchVecEnv(robots=2, workers=1, preset="ideal") as environment:
         red, green = (make_learner(environment, TINY.learner, seed=5) for _ in range(2))

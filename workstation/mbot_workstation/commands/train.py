@@ -250,6 +250,8 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
     if guided:
         learner = replace(GUIDED, guided_decisions=guided)
         steps = FURTHER_STEPS if further else GUIDED_STEPS
+    if not options.memory:
+        learner = replace(learner, first_filter_px=default.learner.first_filter_px)
     if new_object:
         steps = NEW_OBJECT_STEPS
     config = TrainingConfig(
@@ -274,11 +276,12 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
     )
     if options.parent is not None:
         source = find_source(options.parent)
-        before = read_config(source.run.config_file).scene.objects[0]
+        before = read_config(source.run.config_file)
         return replace(
             config,
             parent=str(source.checkpoint.resolve()),
-            hue_turn_deg=hue_turn_deg(before, config.scene.objects[0]),
+            hue_turn_deg=hue_turn_deg(before.scene.objects[0], config.scene.objects[0]),
+            learner=replace(config.learner, first_filter_px=before.learner.first_filter_px),
         )
     if config.lessons[0] in ("blur", "rough") and not guided:
         raise ConfigurationError(

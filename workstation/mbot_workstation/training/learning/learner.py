@@ -10,7 +10,7 @@ from mbot_workstation.training.learning.memory_policy import (
     MemoryPolicy,
     memory_policy_arguments,
 )
-from mbot_workstation.training.learning.network import INITIAL_NOISE
+from mbot_workstation.training.learning.network import INITIAL_NOISE, PAPER_FILTER_PX
 from mbot_workstation.training.learning.picture_ppo import PicturePPO
 from mbot_workstation.training.learning.sequences import SequenceBuffer
 
@@ -45,6 +45,7 @@ class LearnerSettings:
         rehearsal_batch: decisions of each.
         memory_units: numbers that the policy remembers from decision to decision; 0 is the
             paper's network.
+        first_filter_px: side of the first convolution's filters; the paper's have 8.
 
     """
 
@@ -66,6 +67,7 @@ class LearnerSettings:
     rehearsals: int = 0
     rehearsal_batch: int = 512
     memory_units: int = MEMORY_UNITS
+    first_filter_px: int = PAPER_FILTER_PX
 
     def learning_rate_at(self, remaining: float) -> float:
         """The learning rate when this share, 1 to 0, of the planned decisions remains."""
@@ -93,9 +95,9 @@ FINE_TUNING = LearnerSettings(
 an episode: with 2,048 decisions an update and batches of 256 PPO made such a policy worse, with
 8,192 and 1,024 better (measured)."""
 
-GUIDED = replace(FINE_TUNING, learning_rate=5e-4, rehearsals=128)
+GUIDED = replace(FINE_TUNING, learning_rate=5e-4, rehearsals=128, first_filter_px=6)
 """The guide soon makes a trained policy of it; its advice is no matter of luck and bears larger
-steps, in small batches."""
+steps, in small batches. Finer filters than the paper's see more of the far objects (network.py)."""
 
 
 def make_learner(
@@ -115,7 +117,9 @@ def make_learner(
         ent_coef=settings.entropy_weight,
         vf_coef=settings.value_weight,
         max_grad_norm=settings.largest_gradient,
-        policy_kwargs=memory_policy_arguments(settings.memory_units, math.log(settings.noise)),
+        policy_kwargs=memory_policy_arguments(
+            settings.memory_units, math.log(settings.noise), settings.first_filter_px
+        ),
         rollout_buffer_class=SequenceBuffer,
         seed=seed,
         device=device,

@@ -21,7 +21,11 @@ from torch import nn
 from torch.distributions import Normal
 
 from mbot_workstation.training.learning.full_speed import KEEPS_TURNS
-from mbot_workstation.training.learning.network import DENSE_UNITS, policy_arguments
+from mbot_workstation.training.learning.network import (
+    DENSE_UNITS,
+    PAPER_FILTER_PX,
+    policy_arguments,
+)
 from mbot_workstation.training.worlds.robot_body import BODY
 
 MEMORY_UNITS = 128
@@ -235,6 +239,9 @@ class MemoryPolicy(ActorCriticPolicy):
         return {**super()._get_constructor_parameters(), "memory_units": self._units}
 
 
-def memory_policy_arguments(units: int, initial_log_std: float) -> dict[str, Any]:
+def memory_policy_arguments(
+    units: int, initial_log_std: float, first_filter_px: int = PAPER_FILTER_PX
+) -> dict[str, Any]:
     """What SB3 needs to make a `MemoryPolicy`; without a memory it is the paper's."""
-    return {**policy_arguments(initial_log_std, deeper=units > 0), "memory_units": units}
+    network = policy_arguments(initial_log_std, deeper=units > 0, first_filter_px=first_filter_px)
+    return {**network, "memory_units": units}

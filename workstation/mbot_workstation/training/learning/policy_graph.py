@@ -43,7 +43,12 @@ from mbot_workstation.training.learning.memory_graph import (
     memory_parts,
     spelt_out_gru,
 )
-from mbot_workstation.training.learning.network import LEAKY_SLOPE, PIXEL_SCALE, PIXEL_SHIFT
+from mbot_workstation.training.learning.network import (
+    LEAKY_SLOPE,
+    PIXEL_SCALE,
+    PIXEL_SHIFT,
+    first_stride,
+)
 
 OPSET = 13
 ARMV6_OPSET = 10
@@ -90,11 +95,13 @@ def policy_graph(
     memory = (spelt_out_gru if for_armv6 else gru)(parts) if parts else MemoryGraph([], {})
     metadata = replace(metadata, contract_version=2 if parts else 1)
     deeper = f"{_ORIGINS['third']}.weight" in weights
+    side = weights[f"{_ORIGINS['first']}.weight"].shape[-1]
+    stride = first_stride(side)
     bounded = _bounded(for_armv6, keeps_turns=KEEPS_TURNS in weights)
     nodes = [
         helper.make_node("Cast", [INPUT_NAME], ["pixels"], name="pixels", to=TensorProto.FLOAT),
         helper.make_node("Transpose", ["pixels"], ["planes"], name="planes", perm=[0, 3, 1, 2]),
-        *_layer("Conv", "planes", "first", **_kernel(for_armv6, 8), strides=[4, 4]),
+        *_layer("Conv", "planes", "first", **_kernel(for_armv6, side), strides=[stride, stride]),
         *_layer("Conv", "first_active", "second", **_kernel(for_armv6, 4), strides=[2, 2]),
         *_more(deeper, "Conv", "second_active", "third", "view", **_kernel(for_armv6, 3), **_ROUND),
         helper.make_node("Flatten", ["view"], ["flat"], name="flat", axis=1),
