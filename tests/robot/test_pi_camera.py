@@ -7,9 +7,12 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from mbot_agent.camera.capture import CaptureThread
 from mbot_agent.camera.pi_camera_source import SENSOR_MODE, PiCameraSource
 from mbot_agent.camera.source_contract import CameraError
 from mbot_agent.configuration import Camera
+
+from ..end_to_end.processes import until
 
 
 class StandInRequest:
@@ -19,7 +22,7 @@ class StandInRequest:
 
     def make_array(self, stream: str) -> np.ndarray:
         assert stream == "main"
-        return np.full((240, 320, 3), 7, np.uint8)
+        return np.random.default_rng().integers(0, 256, (240, 320, 3), np.uint8)
 
     def get_metadata(self) -> dict[str, int]:
         return {"SensorTimestamp": self.captured_ns}
@@ -35,8 +38,10 @@ class StandIn:
     pixel_format: str
     busy: bool
     newest: "StandIn"
+    opened: list["StandIn"]
 
     def __init__(self) -> None:
+        assert all(before.closed for before in StandIn.opened), "libcamera gives one at a time"
         self.configuration: dict[str, object] = {}
         self.requests: list[StandInRequest] = []
         self.hangs = False
@@ -44,6 +49,7 @@ class StandIn:
         self.refuses = False
         self.closed = False
         StandIn.newest = self
+        StandIn.opened.append(self)
 
     @staticmethod
     def global_camera_info() -> list[dict[str, str]]:
@@ -87,6 +93,7 @@ def picamera2(monkeypatch: pytest.MonkeyPatch) -> None:
     StandIn.cameras = [{"Model": "imx477"}]
     StandIn.pixel_format = "BGR888"
     StandIn.busy = False
+    StandIn.opened = []
 
 
 def test_the_full_view_mode_is_pinned_and_the_colour_order_asked_for() -> None:
@@ -119,6 +126,18 @@ def test_a_hanging_camera_is_an_error_in_time() -> None:
         StandIn.newest.hangs = True
         with pytest.raises(CameraError, match="delivers no frames"):
             source.read()
+
+
+def test_a_hung_camera_is_closed_and_started_anew() -> None:
+    with CaptureThread(Camera()) as capture:
+        assert until(capture.is_fresh)
+        first = StandIn.newest
+        first.hangs = True
+        assert until(lambda: not capture.is_fresh())
+        assert until(capture.is_fresh)
+        assert first.closed
+        assert StandIn.newest is not first
+    assert StandIn.newest.closed
 
 
 def test_no_camera_on_the_cable_is_explained() -> None:
