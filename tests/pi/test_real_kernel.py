@@ -16,7 +16,7 @@ import pytest
 
 from mbot_protocol.errors import MbotError
 
-from ..end_to_end.processes import Daemon, until
+from ..end_to_end.processes import Daemon, beats_on, until
 from ..reliability.motion import FORWARD, FORWARD_BOARD, driven_since
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
@@ -134,7 +134,7 @@ def test_a_plug_pulled_out_and_in_again_leaves_it_standing(bench: Bench) -> None
     bench.machine.plug_in_board()
     assert bench.waits_for(), bench.journal()
     assert bench.board.speeds == (0, 0)
-    time.sleep(5)
+    assert beats_on(bench.daemon.status)
     assert driven_since(bench.board, before_s) == 0
     bench.daemon.run()
     assert bench.board.wait_for(*FORWARD_BOARD, timeout_s=SLOWLY_S), bench.journal()
