@@ -33,6 +33,7 @@ if [ "$(uname -s)" = Linux ]; then
         need qemu-user-static command -v qemu-aarch64-static
         need arch-test command -v arch-test
         need gcc-arm-linux-gnueabi command -v arm-linux-gnueabi-gcc
+        need libc6-dev-armel-cross test -e /usr/arm-linux-gnueabi/include/stdio.h
     fi
     if [ "${1:-}" = kernel ]; then
         need qemu-system-x86 command -v qemu-system-x86_64

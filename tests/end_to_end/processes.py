@@ -34,6 +34,16 @@ def until(condition: Callable[[], bool], timeout_s: float = 15.0) -> bool:
     return False
 
 
+def beats_on(status: Callable[[], Status], times: int = 2) -> bool:
+    """Whether the loop begins and ends so many beats from now on.
+
+    For what must not happen: a beat ends after the board has acknowledged what it drives, so
+    whatever has set the robot in motion before the call shows by then.
+    """
+    under_way = status().decisions + 1
+    return until(lambda: status().decisions >= under_way + times)
+
+
 def freeze(pid: int) -> None:
     """SIGSTOP, and wait until it holds: on a busy machine a thread may run on for a while."""
     os.kill(pid, signal.SIGSTOP)

@@ -13,7 +13,7 @@ from mbot_protocol.v1.messages_pb2 import Command, CommandReply, Run, Stop
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
 from .daemon_watch import Observer
-from .processes import Daemon, Process, until
+from .processes import Daemon, Process, beats_on, until
 
 FORWARD = constant_model(0.6, 0.6, name="first")
 SECOND = constant_model(0.6, 0.5, name="second")
@@ -69,7 +69,7 @@ def held_up(board: FakeBoard, process: Process, observer: Observer) -> None:
         ]
         assert any(reply.standing for reply in replies)
         mark = len(board.commands)
-        time.sleep(0.6)
+        assert beats_on(observer.status, 1)
         assert all(speeds[1:] == (0, 0) for speeds in board.commands[mark:])
         assert observer.status().last_stop.by == "max"
 
@@ -79,7 +79,8 @@ def test_another_model_sets_nothing_in_motion(daemon: Daemon, board: FakeBoard) 
         assert daemon.is_up()
         daemon.run()  # and waits: there is no model
         daemon.push(FORWARD)
-        time.sleep(1.0)
+        assert until(daemon.is_ready)
+        assert beats_on(daemon.status)
         assert not board.moved
         assert "pushed" in daemon.status().last_stop.why
         daemon.run()

@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -26,7 +25,7 @@ from ..robot.model_bench import digest
 from ..robot.moody_models import breaks_on_a_cameras_picture
 from ..robot.test_dry_run import huge_tensor
 from ..robot.tiny_models import constant_model
-from .processes import HERE, PROGRAMS, Daemon, Process, until
+from .processes import HERE, PROGRAMS, Daemon, Process, beats_on, until
 
 FORWARD = constant_model(0.6, 0.6, name="good", decision_rate_hz=10.0)
 FORWARD_BOARD = (-169, 169)
@@ -131,8 +130,8 @@ def test_a_model_that_answers_nan_stops_the_robot_and_is_rolled_back_after_3(
         record_property("decisions until the bad one was gone", len(failed))
         # The one before it is in use, and waits for somebody's word.
         mark = len(board.commands)
-        time.sleep(1.0)
-        assert {speeds[1:] for speeds in board.commands[mark:]} == {(0, 0)}
+        assert beats_on(daemon.status, 5)
+        assert all(speeds[1:] == (0, 0) for speeds in board.commands[mark:])
         daemon.run()
         assert board.wait_for(*FORWARD_BOARD)
     assert "rolled back" in daemon.log.read_text()

@@ -20,7 +20,7 @@ from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
 from .daemon_watch import Observer
 from .network_proxy import NetworkProxy
-from .processes import LONGER_THAN_FORGIVEN_S, ROBOT_ID, Daemon, until
+from .processes import LONGER_THAN_FORGIVEN_S, ROBOT_ID, Daemon, beats_on, until
 
 FORWARD = constant_model(0.6, 0.6)
 FORWARD_BOARD = (-169, 169)
@@ -109,7 +109,7 @@ def test_told_so_the_robot_does_not_drive_alone(
             time.sleep(LONGER_THAN_FORGIVEN_S)
             network.heal()
             assert until(lambda: answers(link), 20)
-            time.sleep(1.0)
+            assert beats_on(observer.status)
             assert {speeds[1:] for speeds in board.commands[mark:]} == {(0, 0)}
             RemoteControl(link).run(when_ready=True)
             assert board.wait_for(*FORWARD_BOARD, timeout_s=20)

@@ -14,7 +14,7 @@ from mbot_workstation.link.remote_control import RemoteControl
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
 from .daemon_watch import Observer
-from .processes import Daemon, Process
+from .processes import Daemon, Process, beats_on
 
 FORWARD = constant_model(0.6, 0.6)
 FORWARD_BOARD = (-169, 169)
@@ -53,7 +53,7 @@ def test_no_command_older_than_its_expiry_is_obeyed(
         assert len(replies) == COMMANDS
         assert obeyed == 0
         assert all("expired" in reply.reason for reply in replies)
-        time.sleep(0.5)
+        assert beats_on(observer.status, 1)
         assert not board.moved
         # What comes in time is obeyed, so the silence above means something.
         with daemon.link() as link:

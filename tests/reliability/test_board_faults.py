@@ -18,7 +18,7 @@ from mbot_agent.configuration import Board
 from mbot_agent.hardware import DriveCommand
 from mbot_protocol.mcore import STOP, VERSION_REQUEST, Joystick
 
-from ..end_to_end.processes import Daemon, until
+from ..end_to_end.processes import Daemon, beats_on, until
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
 from .effort import within
@@ -94,7 +94,7 @@ def test_a_torn_write_ends_in_a_stop(
         assert until(lambda: STOP.to_bytes() in bytes(board.received[mark:]))
         assert until(lambda: motors.fault is None)
         assert board.wait_for(0, 0)
-        time.sleep(0.2)
+        assert motors.stands(1.0), "no command is in force any more"
         assert board.speeds == (0, 0)
 
 
@@ -114,7 +114,7 @@ def test_a_board_that_was_reset_is_not_driven_before_it_has_answered(
             back_s = time.monotonic()
             board.mute = False
             assert until(lambda: not daemon.status().faults)
-            time.sleep(0.5)
+            assert beats_on(daemon.status, 1)
             assert not driven_since(board, back_s), "a reset disarms"
             assert "reset" in daemon.status().last_stop.why
             daemon.run()
@@ -177,7 +177,9 @@ def test_a_wrong_device_never_gets_a_drive_frame(
         with Motors(Board(port=path, accept_no_deadman=True)) as motors:
             assert until(lambda: motors.fault is not None and "baud" in motors.fault.detail)
             motors.drive(for_10_s())
-            time.sleep(0.3)
+            asked = received.count(VERSION_REQUEST)
+            # It is asked anew meanwhile, over a port that was opened anew.
+            assert until(lambda: received.count(VERSION_REQUEST) >= asked + 2)
         frames = bytes(received).count(FULL_SPEED.to_bytes())
     record_property("motor frames", frames)
     assert frames == 0
@@ -196,7 +198,8 @@ def test_a_second_daemon_gets_no_say(
             assert second.is_up()
             second.push(BACKWARD)
             second.run()
-            time.sleep(1.5)
+            assert until(lambda: any(f.kind == "board-lost" for f in second.status().faults))
+            assert beats_on(second.status)
             (fault,) = (fault for fault in second.status().faults if fault.kind == "board-lost")
             assert "in use by another process" in fault.detail
         speeds = [command[1:] for command in board.commands[mark:]]

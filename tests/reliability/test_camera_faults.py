@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from ..end_to_end.processes import LONGER_THAN_FORGIVEN_S, Daemon, until
+from ..end_to_end.processes import LONGER_THAN_FORGIVEN_S, Daemon, beats_on, until
 from ..robot.fake_board import FakeBoard
 from .effort import within
 from .faulty_camera import HEIGHT_PX, WIDTH_PX, FaultyCamera, Mood
@@ -35,7 +35,7 @@ def test_the_robot_stops_for_a_camera_that_ends(
                 camera.revive()
             assert until(lambda: not daemon.status().faults, 30)
             recovered_s.append(time.monotonic() - back_s)
-            time.sleep(0.5)
+            assert beats_on(daemon.status, 1)
             assert not driven_since(board, back_s)
             daemon.run()
             assert board.wait_for(*FORWARD_BOARD, timeout_s=30)
@@ -76,13 +76,16 @@ def test_nothing_is_driven_by_a_bad_picture(
     shape = f"width_px = {WIDTH_PX}\nheight_px = {HEIGHT_PX}"
     configure(daemon, "camera", f'identical_frames = "refuse"\n{shape}')
     with FaultyCamera(daemon.camera_port, mood) as camera, daemon.start():
+
+        def is_named() -> bool:
+            return {fault.kind for fault in daemon.status().faults} == {f"camera-{mood}"}
+
         assert daemon.is_up()
         daemon.push(FORWARD)
-        time.sleep(0.5)
+        assert until(is_named)
         daemon.run()
-        time.sleep(2.0)
-        kinds = {fault.kind for fault in daemon.status().faults}
-        assert kinds == {f"camera-{mood}"}
+        assert beats_on(daemon.status)
+        assert is_named()
         frames = driven_since(board, 0.0)
         record_property("motor frames", frames)
         assert frames == 0
@@ -93,7 +96,7 @@ def test_nothing_is_driven_by_a_bad_picture(
             assert board.wait_for(*FORWARD_BOARD, timeout_s=30)
             last_s = camera.change(mood)
             assert board.wait_for(0, 0, timeout_s=10)
-            time.sleep(1.0)
+            assert beats_on(daemon.status)
             return (stopped_s(board, last_s) - last_s) * 1000
 
         found = within(600, stopped_ms)

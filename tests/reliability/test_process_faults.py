@@ -18,7 +18,7 @@ from mbot_workstation.link.remote_control import RemoteControl
 from mbot_workstation.link.robot_link import RobotLink
 from mbot_workstation.telemetry.stream import TelemetryStream
 
-from ..end_to_end.processes import Daemon, Process, until
+from ..end_to_end.processes import Daemon, Process, beats_on, until
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
 from .effort import REPEATS, TRIES, within
@@ -47,7 +47,7 @@ def test_a_decision_that_takes_2_s_stops_the_robot(
             slow.unlink()
             at_s = next(at for at, m1, _ in board.commands if at > slow_s and m1 == 0)
             assert until(lambda: "stood still" in daemon.status().last_stop.why, 5)
-            time.sleep(0.5)
+            assert beats_on(daemon.status, 1)
             assert not driven_since(board, at_s), "a loop that stood still does not drive on"
             daemon.run()
             assert board.wait_for(*FORWARD_BOARD, timeout_s=15)
@@ -128,7 +128,7 @@ def test_a_killed_daemon_is_there_again_soon_and_waits_for_a_word(
                 assert until(daemon.is_ready, 30)
                 ready_s = time.monotonic()
                 assert "did not end in order" in daemon.status().last_stop.why
-                time.sleep(1.0)
+                assert beats_on(daemon.status)
                 assert not driven_since(board, since_s)
                 daemon.run()
                 assert board.wait_for(*FORWARD_BOARD)
@@ -172,7 +172,7 @@ def test_a_clock_that_jumps_by_ten_years_changes_nothing(
             mark, began_s = len(board.commands), time.monotonic()
             with clock.open("r+b") as file:
                 file.write(jump_s.to_bytes(8, sys.byteorder, signed=True))
-            time.sleep(2.0)
+            assert beats_on(link.status, 5)
             daemon.push(constant_model(0.6, 0.6, name=f"after {jump_s}"))
             assert wall_clock_s(link) == pytest.approx(time.time() + jump_s, abs=3600)
             assert RemoteControl(link).run(when_ready=True) in ("running", "fault")
