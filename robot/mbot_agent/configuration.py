@@ -35,7 +35,6 @@ ASPECT_TOLERANCE = 0.02
 """Of a frame's shape against the calibration's: 2028 x 1520 and 320 x 240 differ by 0.1 %, 4:3 and
 16:9 by a third."""
 
-Positive = Annotated[float, Meta(gt=0)]
 Pixels = Annotated[int, Meta(ge=16, le=8192)]
 Degrees = Annotated[float, Meta(ge=1, le=170)]
 
@@ -49,18 +48,6 @@ def shown_source(source: str) -> str:
     return _QUERY.sub("?...", _LOGIN.sub("//...@", source)) if "://" in source else source
 
 
-class Intrinsics(Struct, frozen=True, forbid_unknown_fields=True):
-    """A calibrated camera, at the resolution the calibration was made at."""
-
-    width_px: Pixels
-    height_px: Pixels
-    focal_x_px: Positive
-    focal_y_px: Positive
-    principal_x_px: float
-    principal_y_px: float
-    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
-
-
 class Camera(Struct, frozen=True, forbid_unknown_fields=True):
     """Where frames come from and when they are too bad to drive on."""
 
@@ -70,7 +57,7 @@ class Camera(Struct, frozen=True, forbid_unknown_fields=True):
     frame_rate_hz: Annotated[float, Meta(ge=1, le=120)] = 30.0
     horizontal_fov_deg: Degrees = PI_CAMERA_HORIZONTAL_FOV_DEG
     vertical_fov_deg: Degrees = PI_CAMERA_VERTICAL_FOV_DEG
-    intrinsics: Intrinsics | None = None
+    intrinsics: CameraModel | None = None
     stale_after_ms: Annotated[float, Meta(ge=50, le=600)] = 300.0
     identical_frames: Literal["auto", "refuse", "refuse-while-driving"] = "auto"
     automatic: Literal["settle", "always", "off"] = "settle"
@@ -86,10 +73,7 @@ class Camera(Struct, frozen=True, forbid_unknown_fields=True):
     def model_at(self, width_px: int, height_px: int) -> CameraModel:
         """The intrinsics for frames of this size: calibrated, or from the field of view."""
         if self.intrinsics is not None:
-            calibrated = CameraModel(
-                **{name: getattr(self.intrinsics, name) for name in Intrinsics.__struct_fields__}
-            )
-            return calibrated.scaled_to(width_px, height_px)
+            return self.intrinsics.scaled_to(width_px, height_px)
         return CameraModel.from_field_of_view(
             width_px, height_px, self.horizontal_fov_deg, self.vertical_fov_deg
         )

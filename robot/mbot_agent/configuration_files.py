@@ -11,7 +11,7 @@ from typing import TypeVar
 import msgspec
 from msgspec import Struct
 
-from mbot_agent.configuration import Access, Configuration, Intrinsics, Motor, Network, load
+from mbot_agent.configuration import Access, Configuration, Motor, Network, load
 from mbot_protocol.calibration import (
     CAMERA_FILE,
     MOTION_FILE,
@@ -66,9 +66,7 @@ def _with_camera(
             f"{origin}: [camera.intrinsics] is set, and {folder / CAMERA_FILE} gives the camera "
             "too: delete one of the two"
         )
-    names = Intrinsics.__struct_fields__
-    intrinsics = Intrinsics(**{name: getattr(camera, name) for name in names})
-    changed = msgspec.structs.replace(configuration.camera, intrinsics=intrinsics)
+    changed = msgspec.structs.replace(configuration.camera, intrinsics=camera.model())
     size_px = changed.width_px, changed.height_px
     if size_px[0] and size_px[1] and not changed.is_calibrated_for(size_px[0], size_px[1]):
         raise ConfigurationError(

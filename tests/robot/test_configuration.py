@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from mbot_agent.camera.picture_check import PictureCheck
-from mbot_agent.configuration import Camera, Configuration, Intrinsics, decode, load, load_board
+from mbot_agent.configuration import Camera, Configuration, decode, load, load_board
 from mbot_agent.configuration_files import calibrated
 from mbot_agent.doctor import examine_lens
 from mbot_protocol.actions import MotorMap, Steps
+from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError
 
 EXAMPLE = Path(__file__).parents[2] / "deploy" / "config.toml"
@@ -21,7 +22,7 @@ def test_the_annotated_example_shows_the_defaults() -> None:
 
 def test_the_example_shows_every_setting() -> None:
     text = EXAMPLE.read_text()
-    for section in (Camera, Intrinsics):
+    for section in (Camera, CameraModel):
         for name in section.__struct_fields__:
             assert f"{name} = " in text or f".{name}]" in text, name
 
@@ -106,7 +107,7 @@ def test_a_motor_section_keeps_the_sides_own_direction() -> None:
 
 def test_calibrated_intrinsics_are_scaled_to_the_frames() -> None:
     camera = Camera(
-        intrinsics=Intrinsics(
+        intrinsics=CameraModel(
             width_px=640,
             height_px=480,
             focal_x_px=600.0,

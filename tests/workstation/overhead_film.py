@@ -1,11 +1,12 @@
 """A film of a marker that moves on a known path, drawn through a known camera."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
+from msgspec.structs import replace
 
 from mbot_protocol.camera_model import CameraModel
 from mbot_workstation.recordings.track import Array

@@ -1,9 +1,9 @@
 from collections.abc import Iterator
-from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from mbot_protocol.camera_model import CameraModel, nominal_pi_camera
 from mbot_protocol.picture import Picture

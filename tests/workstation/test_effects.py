@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec import structs
 
 from mbot_protocol.camera_model import nominal_pi_camera
 from mbot_protocol.policy_contract import FULL_VIEW
@@ -116,7 +117,7 @@ def test_no_dead_band_becomes_a_motor_that_never_turns() -> None:
 def test_a_swapped_body_is_the_compiled_one_in_every_number() -> None:
     effects = RANDOMISED.sample(np.random.default_rng(3))
     robot = perturbed_robot(RobotParameters(turning_drag_n_m=0.01), effects)
-    robot = replace(robot, camera=replace(nominal_pi_camera(88, 72), principal_x_px=40.0))
+    robot = replace(robot, camera=structs.replace(nominal_pi_camera(88, 72), principal_x_px=40.0))
     simulation = Simulation(room_picture=PLACEHOLDER)
     swap_body(simulation, robot)
     compiled = build_model(robot, SceneParameters(), PLACEHOLDER)
@@ -135,7 +136,7 @@ def test_a_swapped_body_is_the_compiled_one_in_every_number() -> None:
 
 
 def test_an_aimed_camera_is_the_compiled_one() -> None:
-    camera = replace(nominal_pi_camera(64, 64), focal_x_px=50.0, principal_x_px=33.0)
+    camera = structs.replace(nominal_pi_camera(64, 64), focal_x_px=50.0, principal_x_px=33.0)
     robot = replace(RobotParameters(), camera=nominal_pi_camera(64, 64))
     simulation = Simulation(robot, room_picture=PLACEHOLDER)
     aim_camera(simulation.model, camera)

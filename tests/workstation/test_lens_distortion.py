@@ -1,7 +1,6 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from mbot_protocol.camera_model import nominal_pi_camera
 from mbot_workstation.simulation.lens_distortion import LensDistortion, covering_pinhole

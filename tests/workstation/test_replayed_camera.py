@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 from typer.testing import CliRunner
 
 from mbot_protocol.camera_model import CameraModel, nominal_pi_camera
@@ -29,7 +30,7 @@ from mbot_workstation.virtual.replayed_camera import BackProjection, Frame, Repl
 
 RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"
 CAMERA = nominal_pi_camera(640, 480)
-LENS = replace(CAMERA, distortion=(-0.2, 0.05, 0.001, -0.001, 0.0))
+LENS = structs.replace(CAMERA, distortion=(-0.2, 0.05, 0.001, -0.001, 0.0))
 
 
 @pytest.fixture(scope="module")

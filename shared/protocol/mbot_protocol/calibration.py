@@ -86,15 +86,8 @@ class CameraCalibration(Struct, frozen=True, forbid_unknown_fields=True):
 
     def model(self) -> CameraModel:
         """The intrinsics to compute with."""
-        return CameraModel(
-            width_px=self.width_px,
-            height_px=self.height_px,
-            focal_x_px=self.focal_x_px,
-            focal_y_px=self.focal_y_px,
-            principal_x_px=self.principal_x_px,
-            principal_y_px=self.principal_y_px,
-            distortion=self.distortion,
-        )
+        names = CameraModel.__struct_fields__
+        return CameraModel(**{name: getattr(self, name) for name in names})
 
 
 class MotorMapping(Struct, frozen=True):

@@ -1,17 +1,16 @@
 """A pinhole camera with lens distortion: the intrinsics that both sides compute with."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 DISTORTION_LENGTHS = (5, 8)
 
 
-@dataclass(frozen=True, slots=True)
-class CameraModel:
-    """Intrinsics of a camera at one resolution, in OpenCV's conventions.
+class CameraModel(Struct, frozen=True, forbid_unknown_fields=True):
+    """Intrinsics of a camera at one resolution, in OpenCV's conventions; in TOML by these names.
 
     Attributes:
         width_px, height_px: the picture these intrinsics belong to.

@@ -232,10 +232,8 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
     """A new run's configuration."""
     from mbot_workstation.calibration_files.calibration_folder import read_files
     from mbot_workstation.commands.simulation_options import photographs
-    from mbot_workstation.training.learning.colour_turn import hue_turn_deg
     from mbot_workstation.training.learning.learner import FINE_TUNING, GUIDED
-    from mbot_workstation.training.learning.policy_source import find_source
-    from mbot_workstation.training.learning.training_config import TrainingConfig, read_config
+    from mbot_workstation.training.learning.training_config import TrainingConfig
 
     rooms = photographs(options.panorama, options.calibration)
     default = TrainingConfig()
@@ -275,20 +273,29 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
         learner=replace(learner, memory_units=options.memory),
     )
     if options.parent is not None:
-        source = find_source(options.parent)
-        before = read_config(source.run.config_file)
-        return replace(
-            config,
-            parent=str(source.checkpoint.resolve()),
-            hue_turn_deg=hue_turn_deg(before.scene.objects[0], config.scene.objects[0]),
-            learner=replace(config.learner, first_filter_px=before.learner.first_filter_px),
-        )
+        return _from_parent(config, options.parent)
     if config.lessons[0] in ("blur", "rough") and not guided:
         raise ConfigurationError(
             f"--lesson {config.lessons[0]} without a guide trains a trained model on: add --from "
             "RUN, such as runs/first, or --guide 400000"
         )
     return config
+
+
+def _from_parent(config: "TrainingConfig", parent: Path) -> "TrainingConfig":
+    """With the weights of another run, so with the pictures' filters that it has."""
+    from mbot_workstation.training.learning.colour_turn import hue_turn_deg
+    from mbot_workstation.training.learning.policy_source import find_source
+    from mbot_workstation.training.learning.training_config import read_config
+
+    source = find_source(parent)
+    before = read_config(source.run.config_file)
+    return replace(
+        config,
+        parent=str(source.checkpoint.resolve()),
+        hue_turn_deg=hue_turn_deg(before.scene.objects[0], config.scene.objects[0]),
+        learner=replace(config.learner, first_filter_px=before.learner.first_filter_px),
+    )
 
 
 def _lessons(selection: list[str]) -> tuple[str, ...]:

@@ -5,6 +5,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from msgspec import structs
+
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands.options import option, output_file, with_options
 from mbot_workstation.commands.simulation_options import calibration_option, object_option
@@ -411,5 +413,5 @@ def _robot(nominal: "RobotParameters", options: VirtualRobotOptions) -> "RobotPa
             motors[side] = replace(motors[side], time_constant_s=options.time_constant_ms / 1000)
     camera = nominal.camera
     if options.distortion is not None:
-        camera = replace(camera, distortion=(*options.distortion, 0.0, 0.0, 0.0))
+        camera = structs.replace(camera, distortion=(*options.distortion, 0.0, 0.0, 0.0))
     return replace(nominal, left_motor=motors[0], right_motor=motors[1], camera=camera)

@@ -3,6 +3,8 @@
 import math
 from dataclasses import replace
 
+from msgspec import structs
+
 from mbot_protocol.actions import MotorMap, WheelMaps
 from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.mcore import SPEED_LIMIT
@@ -77,7 +79,7 @@ def observing_camera(effects: RealWorldEffects) -> CameraModel:
     ideal = CameraModel.from_field_of_view(
         side, side, FULL_VIEW.horizontal_deg, FULL_VIEW.vertical_deg
     )
-    return replace(
+    return structs.replace(
         ideal,
         focal_x_px=ideal.focal_x_px / effects.fov_scale,
         focal_y_px=ideal.focal_y_px / effects.fov_scale,

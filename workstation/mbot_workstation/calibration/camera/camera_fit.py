@@ -5,10 +5,11 @@ OpenCV fits; on the same corners a bundle adjustment of our own found the same c
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from mbot_protocol.camera_model import CameraModel

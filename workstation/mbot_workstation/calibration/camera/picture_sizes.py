@@ -6,10 +6,11 @@ narrower view, another camera). The aspect ratio tells some crops, the boards te
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from mbot_protocol.camera_model import CameraModel
