@@ -122,6 +122,27 @@ def test_calibrated_intrinsics_are_scaled_to_the_frames() -> None:
     assert model.distortion[0] == -0.1
 
 
+LENS = """robot_id = "a"
+[camera.intrinsics]
+width_px = 640
+height_px = 480
+focal_x_px = 320.0
+focal_y_px = 320.0
+principal_x_px = 319.5
+principal_y_px = 239.5
+"""
+
+
+def test_a_wide_lens_has_eight_numbers_and_no_lens_six() -> None:
+    wide = decode(f"{LENS}distortion = [0.1, 0.2, 0, 0, 0, 0.3, 0.1, 0]", "x").camera.intrinsics
+    assert wide is not None
+    assert wide.distortion[5] == 0.3
+    with pytest.raises(ConfigurationError, match=r"has 6 numbers, expected 5 .*or 8"):
+        decode(f"{LENS}distortion = [0, 0, 0, 0, 0, 0]", "x")
+    with pytest.raises(ConfigurationError, match=r"distorsion is unknown \(line 9\)"):
+        decode(f"{LENS}distorsion = [0, 0, 0, 0, 0]", "x")
+
+
 CAMERA_TEXT = """
 width_px = 2028
 height_px = 1520
