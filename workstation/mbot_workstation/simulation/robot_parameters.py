@@ -62,6 +62,10 @@ class MotorParameters:
             the nominal motor's at standstill and full duty. It stops the wheel sooner and holds
             it; what it takes from a driven wheel is in the other three. 0 if not identified.
 
+    Raises:
+        ValueError: nothing can be simulated with a value. What real robots have is narrower:
+            `parameter_table.py`.
+
     """
 
     gain: float = 1.0

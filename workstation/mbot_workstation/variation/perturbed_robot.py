@@ -9,6 +9,7 @@ from mbot_protocol.actions import MotorMap, WheelMaps
 from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.mcore import SPEED_LIMIT
 from mbot_protocol.policy_contract import FULL_VIEW, OBSERVATION_SIDE_PX
+from mbot_workstation.simulation.parameter_table import BY_NAME
 from mbot_workstation.simulation.robot_parameters import (
     CameraMount,
     MotorParameters,
@@ -16,7 +17,7 @@ from mbot_workstation.simulation.robot_parameters import (
 )
 from mbot_workstation.variation.effects import RealWorldEffects
 
-MOST_DEAD_BAND = 200 / 255
+MOST_DEAD_BAND = BY_NAME["left_dead_band"].high
 """However much larger it becomes: a motor that never turns is no robot to drive."""
 
 
