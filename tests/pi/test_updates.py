@@ -198,17 +198,22 @@ def test_one_that_dies_slowly_is_put_back_at_its_tenth_death(
     assert until(started.daemon.is_ready, 30)
 
 
-def test_a_person_goes_back_and_forth(started: Robot) -> None:
+def test_a_person_goes_back_and_forth(started: Robot, record_property: Record) -> None:
+    said: list[str] = []
 
     def rolls_back() -> bool:
         """Refused while the updater still deletes a release."""
-        return started.machine.run("mbot-agent", "rollback").returncode == 0
+        done = started.machine.run("mbot-agent", "rollback")
+        said.append(done.stdout + done.stderr)
+        return done.returncode == 0
 
     assert until(rolls_back, 60)
     assert running(started) == FIRST
     assert until(rolls_back, 60)
     assert running(started) == SECOND
     listed = started.machine.says("mbot-agent", "releases")
+    record_property("rollback says", said)
+    record_property("releases says", listed)
     assert "previous, golden" in listed
 
 
