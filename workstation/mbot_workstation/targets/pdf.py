@@ -1,6 +1,7 @@
 """A page as a PDF, the one format every printer prints at its exact size.
 
-One page, filled paths and Helvetica, which every reader has: 60 lines instead of a library.
+One page, filled paths and Helvetica, which every reader has. matplotlib's writer draws as well, but
+cannot tell the printer not to scale, which is what spoils a printed board most often.
 Structure and operators: ISO 32000-1, 7.5 and 8.5.
 """
 
@@ -14,7 +15,6 @@ def to_pdf(page: Page) -> bytes:
     content = _content(page).encode("latin-1", "replace")
     size = f"{page.width_mm * POINTS_A_MM:.4f} {page.height_mm * POINTS_A_MM:.4f}"
     objects = [
-        # No scaling by default: "fit to page" is what spoils a printed board most often.
         b"<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>",
         b"<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
         f"<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {size}] /Contents 5 0 R "
