@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
@@ -17,21 +16,13 @@ from mbot_workstation.link.robot_link import RobotLink
 from mbot_workstation.models.signing_key import SigningKey
 
 from ..free_port import free_port
+from ..until import until
 
 HERE = Path(__file__).parent
 LONGER_THAN_FORGIVEN_S = 2.5
 """A gap of camera, board or link that takes `run` to drive on (control.longest_hold_s)."""
 ROBOT_ID = "mbot-test"
 PROGRAMS = str(Path(sys.executable).with_name("{}"))
-
-
-def until(condition: Callable[[], bool], timeout_s: float = 15.0) -> bool:
-    deadline = time.monotonic() + timeout_s
-    while time.monotonic() < deadline:
-        if condition():
-            return True
-        time.sleep(0.005)
-    return False
 
 
 def beats_on(status: Callable[[], Status], times: int = 2) -> bool:

@@ -2,13 +2,13 @@
 
 import bisect
 import subprocess
-import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from mbot_workstation.virtual.emulated.board_process import BoardProcess
 from mbot_workstation.virtual.emulated.motor_pins import MotorPins
+
+from ..until import until
 
 BYTE_US = 94
 """How far apart the simulator puts the bytes of one `send`; a real line takes 87 us each."""
@@ -103,15 +103,6 @@ class LiveBoard(BoardProcess):
 
     def wait_for(self, *speeds: int, timeout_s: float = 15.0) -> bool:
         return until(lambda: self.speeds == speeds, timeout_s)
-
-
-def until(condition: Callable[[], bool], timeout_s: float = 15.0) -> bool:
-    deadline = time.monotonic() + timeout_s
-    while time.monotonic() < deadline:
-        if condition():
-            return True
-        time.sleep(0.002)
-    return False
 
 
 def emulators_of(pid: int) -> set[int]:

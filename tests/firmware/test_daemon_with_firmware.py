@@ -16,8 +16,9 @@ from mbot_agent.configuration import Board
 from mbot_agent.hardware import DriveCommand
 from mbot_protocol.mcore import ARM_REQUEST, Joystick, stop_burst
 
+from ..until import until
 from .frames import DRIVE, DRIVING, OFF
-from .simulated_board import BYTE_US, LiveBoard, Simulator, until
+from .simulated_board import BYTE_US, LiveBoard, Simulator
 
 TIMEOUT_MS = 300
 BAR_MS = 50

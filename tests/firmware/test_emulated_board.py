@@ -12,8 +12,9 @@ from mbot_protocol.errors import ConfigurationError, MbotError
 from mbot_protocol.mcore import ARM_REQUEST, BAUD_RATE, STOP, VERSION_REQUEST, Joystick
 from mbot_workstation.virtual.emulated.emulated_board import EmulatedBoard
 
+from ..until import until
 from .frames import ACKNOWLEDGED, VERSION_REPLY
-from .simulated_board import emulators_of, until
+from .simulated_board import emulators_of
 
 DRIVE = Joystick(-200, 100)
 STOCK_VERSION_REPLY = b"\xff\x55\x00\x04\x0906.01.107\r\n"

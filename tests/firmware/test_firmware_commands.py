@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from ..end_to_end.processes import PROGRAMS
-from .simulated_board import emulators_of, is_emulator, until
+from ..until import until
+from .simulated_board import emulators_of, is_emulator
 
 WORKSTATION = PROGRAMS.format("workstation")
 

@@ -18,7 +18,7 @@ from mbot_workstation.virtual.stand_in import VirtualRobot, VirtualRobotSettings
 
 from ..end_to_end.processes import Daemon, Process
 from ..robot.tiny_models import constant_model
-from .simulated_board import until
+from ..until import until
 
 TIMEOUT_US, BAR_US = 300_000, 50_000
 FORWARD = constant_model(1.0, 1.0)

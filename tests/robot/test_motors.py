@@ -15,20 +15,12 @@ from mbot_agent.hardware import DriveCommand
 from mbot_protocol.errors import UnreachableError
 from mbot_protocol.mcore import FLUSH_PADDING, STOP, Joystick
 
+from ..until import until
 from .fake_board import FakeBoard
 
 FORWARD = Joystick(-100, 100)
 LONG_NS = 10_000_000_000
 ASK_VERSION = b"\xff\x55\x03\x00\x01\x00"
-
-
-def until(condition: object, timeout_s: float = 8.0) -> bool:
-    deadline = time.monotonic() + timeout_s
-    while time.monotonic() < deadline:
-        if condition():  # pyright: ignore[reportCallIssue]
-            return True
-        time.sleep(0.002)
-    return False
 
 
 def for_ms(milliseconds: float) -> int:

@@ -1,7 +1,6 @@
 import os
 import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +12,8 @@ from mbot_agent.recording.recorder import BACKLOG, Recorder
 from mbot_agent.recording.segment import Segment
 from mbot_protocol.mcore import Joystick
 
+from ..until import until
 from .recording_bench import FACTS, Drive, directory, to_message, written
-
-
-def until(condition: Callable[[], object], timeout_s: float = 10.0) -> bool:
-    end_s = time.monotonic() + timeout_s
-    while not condition():
-        if time.monotonic() > end_s:
-            return False
-        time.sleep(0.01)
-    return True
 
 
 def recorder_in(path: Path, **settings: Any) -> Recorder:

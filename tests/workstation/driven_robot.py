@@ -4,10 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mbot_workstation.recordings.maneuver import MANEUVERS, Maneuver
 from mbot_workstation.recordings.run import CommandSeries, Run
-from mbot_workstation.recordings.track import Array, Track, multiply
+from mbot_workstation.recordings.track import Array, Track
 
 STEP_S = 0.002
 
@@ -88,14 +89,10 @@ def track_of(
     y = y + tracker.ahead_m * np.sin(yaw) + tracker.left_m * np.cos(yaw)
     position = np.stack([x + 1.5, y - 0.7, np.full_like(x, tracker.height_m)], axis=1)
     position += random.normal(0, tracker.position_noise_m, position.shape)
-    zero = np.zeros_like(yaw)
-    mount = np.array(tracker.mount_wxyz) / np.linalg.norm(tracker.mount_wxyz)
-    turned = multiply(np.stack([np.cos(yaw / 2), zero, zero, np.sin(yaw / 2)], axis=1), mount)
-    small = random.normal(0, tracker.angle_noise_rad / 2, (len(yaw), 3))
-    noise = np.concatenate([np.ones((len(yaw), 1)), small], axis=1)
-    attitude = multiply(turned, noise)
-    attitude /= np.linalg.norm(attitude, axis=1, keepdims=True)
-    return Track(true_s + tracker.clock_ahead_s, position, attitude)
+    mount = Rotation.from_quat(tracker.mount_wxyz, scalar_first=True)
+    noise = Rotation.from_rotvec(random.normal(0, tracker.angle_noise_rad, (len(yaw), 3)))
+    attitude = Rotation.from_euler("z", yaw[:, None]) * mount * noise
+    return Track(true_s + tracker.clock_ahead_s, position, attitude.as_quat(scalar_first=True))
 
 
 def session(

@@ -5,7 +5,7 @@ import pty
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
@@ -40,6 +40,7 @@ from mbot_workstation.by_hand.wish import HandInput, Wish, mixed
 from mbot_workstation.commands.subcommands import app as workstation
 from mbot_workstation.link.robot_link import RobotLink
 
+from ..until import until
 from .fake_robot import FakeRobot
 
 RANGES = {ABS_X: (-32768, 32767), ABS_Y: (-32768, 32767)}
@@ -162,13 +163,6 @@ class Bench:
     def ended(self) -> bool:
         self._thread.join(10)
         return not self._thread.is_alive()
-
-
-def until(condition: Callable[[], bool]) -> bool:
-    until_s = time.monotonic() + 10
-    while not condition() and time.monotonic() < until_s:
-        time.sleep(SHORTEST_S)
-    return condition()
 
 
 def kinds(robot: FakeRobot) -> list[str]:

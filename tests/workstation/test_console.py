@@ -34,10 +34,10 @@ from mbot_workstation.link.robot_link import RobotLink
 from mbot_workstation.telemetry.window import TelemetryWindow
 
 from ..robot.tiny_models import constant_model
+from ..until import until
 from .fake_robot import FakeRobot
 
 TOKEN = "a-token-for-tests"
-SHORTEST_S = 0.001
 
 
 @dataclass
@@ -156,9 +156,7 @@ def test_a_hand_drives_while_it_repeats_and_a_closed_page_lets_go(
             message = {"left": 0.4, "right": -0.4, "seen_stops": robot.stops, "sent_s": beat / 10}
             say(socket, do="hand", press=1, **message)
             time.sleep(0.1)
-    until_s = time.monotonic() + 5
-    while robot.commands()[-1].drive.hold_ms != 1 and time.monotonic() < until_s:
-        time.sleep(SHORTEST_S)
+    assert until(lambda: robot.commands()[-1].drive.hold_ms == 1)
     drives = [command.drive for command in robot.commands()]
     assert len(drives) == 6
     assert drives[0].wheels.left == pytest.approx(0.4)
@@ -169,8 +167,7 @@ def test_a_stop_by_somebody_else_ends_the_hands_drive(served: Served, robot: Fak
     message = {"press": 1, "left": 0.4, "right": 0.4, "seen_stops": robot.stops}
     with served.live() as socket:
         say(socket, do="hand", sent_s=0, **message)
-        while not robot.commands():
-            time.sleep(SHORTEST_S)
+        assert until(robot.commands)
         robot.stops += 1
         say(socket, do="hand", sent_s=0.1, **message)
         assert "stopped by max" in hear(socket, "hand-ended")["words"]
@@ -309,14 +306,9 @@ def test_what_is_old_is_called_old() -> None:
 
 def test_a_robot_that_is_gone_is_said_to_be(robot: FakeRobot) -> None:
     with RobotLink(robot.address) as link, RobotWatch(link) as watch:
-        until_s = time.monotonic() + 10
-        while watch.view().state["lost"] and time.monotonic() < until_s:
-            time.sleep(SHORTEST_S)
-        assert watch.view().state["lost"] == ""
+        assert until(lambda: watch.view().state["lost"] == "")
         robot.__exit__()
-        while not watch.view().state["lost"] and time.monotonic() < until_s + 5:
-            time.sleep(SHORTEST_S)
-        assert watch.view().state["lost"]
+        assert until(lambda: watch.view().state["lost"])
         robot.__enter__()
 
 

@@ -10,6 +10,7 @@ from mbot_workstation.simulation.simulation import Simulation
 from mbot_workstation.virtual.live_world import SLICE_S, LiveWorld
 from mbot_workstation.virtual.mcore_board import BoardState
 
+from ..until import until
 from .small_world import ROOMS
 
 FORWARD = Joystick(-255, 255)
@@ -50,12 +51,10 @@ def test_a_stall_of_the_machine_leaves_no_trace_in_the_history() -> None:
     stop = threading.Event()
     thread = threading.Thread(target=world.run, args=(stop,))
     thread.start()
-    deadline_s = time.monotonic() + 30
-    while len(kept) < 150 and time.monotonic() < deadline_s:
-        time.sleep(0.01)
+    enough = until(lambda: len(kept) >= 150)
     stop.set()
     thread.join()
-    assert len(kept) >= 150
+    assert enough
     assert np.diff(kept) == pytest.approx(SLICE_S, abs=1e-6)
     assert kept[-1] <= time.monotonic()
 

@@ -35,6 +35,7 @@ from mbot_protocol.v1.messages_pb2 import (
 from mbot_workstation.recordings.drive_mcap import read_recording
 
 from ..free_port import free_port
+from ..until import until
 from .fake_robot import OLD_MODEL, FakeRobot
 from .samples import decision, picture, small_policy
 
@@ -71,19 +72,12 @@ def interrupted_after(
         command, env=environment(robot), stdout=pipe, stderr=pipe, text=True
     ) as process:
         try:
-            wait_until(lambda: robot.names().count(name) >= count)
+            assert until(lambda: robot.names().count(name) >= count)
             process.send_signal(signal.SIGINT)
             process.wait(LIMIT_S)
             yield process
         finally:
             process.kill()
-
-
-def wait_until(condition) -> None:
-    until_s = time.monotonic() + LIMIT_S
-    while not condition():
-        assert time.monotonic() < until_s, "the robot was not asked"
-        time.sleep(0.01)
 
 
 @pytest.fixture
@@ -368,7 +362,7 @@ def test_telemetry_writes_json_lines(robot: FakeRobot) -> None:
 def test_telemetry_records_until_ctrl_c(robot: FakeRobot, tmp_path: Path) -> None:
     path = tmp_path / "drive.mcap"
     with telemetry(robot, "--record", str(path)) as process:
-        wait_until(path.exists)
+        assert until(path.exists)
         publishing(robot, process, 3.0)
         process.send_signal(signal.SIGINT)
         out, errors = process.communicate(timeout=LIMIT_S)

@@ -39,6 +39,7 @@ from mbot_workstation.recordings.commands_csv import read_commands
 from mbot_workstation.recordings.maneuver import MANEUVERS, maneuver_named
 from mbot_workstation.recordings.recording_toml import read_info
 
+from ..until import until
 from .fake_robot import CLOCK_AHEAD_NS, FakeRobot
 
 WORKSTATION = (sys.executable, "-c", "from mbot_workstation.main import main; main()")
@@ -439,15 +440,6 @@ def test_a_real_terminal_gives_single_keys() -> None:
 def environment(robot: FakeRobot) -> dict[str, str]:
     clean = {name: value for name, value in os.environ.items() if not name.startswith("MBOT_")}
     return clean | {"TERM": "xterm", "COLUMNS": "200", "MBOT_ROBOT": robot.address}
-
-
-def until(condition: Callable[[], bool]) -> bool:
-    deadline_s = time.monotonic() + LIMIT_S
-    while not condition():
-        if time.monotonic() > deadline_s:
-            return False
-        time.sleep(0.01)
-    return True
 
 
 def maneuvers(robot: FakeRobot, *arguments: str) -> subprocess.CompletedProcess[str]:

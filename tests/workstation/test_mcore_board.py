@@ -1,6 +1,4 @@
 import os
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -10,19 +8,14 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.mcore import BAUD_RATE, STOP, VERSION_REQUEST, Joystick, stop_burst
 from mbot_workstation.virtual.mcore_board import McoreBoard
 
+from ..until import until
+
 DRIVE = Joystick(-200, 200)
 LIMIT_S = 10
 
 
 def opened(path: Path) -> serial.Serial:
     return serial.Serial(str(path), BAUD_RATE, timeout=LIMIT_S)
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    until_s = time.monotonic() + LIMIT_S
-    while not condition():
-        assert time.monotonic() < until_s
-        time.sleep(0.002)
 
 
 def test_a_serial_port_drives_and_asks() -> None:
@@ -78,9 +71,9 @@ def test_a_host_that_never_reads_does_not_block_it() -> None:
     with McoreBoard() as board, opened(board.path) as port:
         for number in range(3000):
             port.write(Joystick(-(number % 250), 1).to_bytes())
-        wait_until(lambda: board.state.commands == 3000)
+        assert until(lambda: board.state.commands == 3000)
         port.write(STOP.to_bytes())
-        wait_until(lambda: board.state.motors == STOP)
+        assert until(lambda: board.state.motors == STOP)
 
 
 def test_a_reset_stops_the_motors_and_says_so() -> None:
@@ -96,11 +89,11 @@ def test_opening_resets_it_and_leaves_it_deaf_while_it_boots() -> None:
     with McoreBoard(boot_s=0.3) as board:
         for _ in range(2):
             with opened(board.path) as port:
-                wait_until(lambda: board.state.motors == STOP)
+                assert until(lambda: board.state.motors == STOP)
                 port.write(DRIVE.to_bytes())
                 assert port.read(20) == b"Version: 06.01.107\r\n"
                 assert board.state.motors == STOP, "what came while it was deaf is lost"
                 port.write(DRIVE.to_bytes())
                 assert port.read(4) == b"\xff\x55\r\n"
             assert board.state.motors == DRIVE, "closing the port stops nothing"
-            wait_until(lambda: not board.connected)
+            assert until(lambda: not board.connected)

@@ -4,7 +4,6 @@ import json
 import subprocess
 import sys
 import threading
-import time
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -27,6 +26,8 @@ from mbot_workstation.recordings.recorded_drive import RecordedDrive, read_drive
 from mbot_workstation.virtual.live_report import LiveReport
 from mbot_workstation.virtual.replay_session import ReplaySettings, play
 from mbot_workstation.virtual.replayed_camera import BackProjection, Frame, ReplayedCamera, frames
+
+from ..until import until
 
 RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"
 CAMERA = nominal_pi_camera(640, 480)
@@ -137,9 +138,7 @@ def test_the_command_shows_the_recording(tmp_path: Path) -> None:
     where = ["--board", str(tmp_path / "board"), "--camera-port", "0", "--ready-file", str(ready)]
     with subprocess.Popen([*program, *where, "--replay", str(RECORDED)]) as running:
         try:
-            end_s = time.monotonic() + 30
-            while not ready.exists() and time.monotonic() < end_s:
-                time.sleep(0.02)
+            assert until(ready.exists)
             found: dict[str, Any] = json.loads(ready.read_text())
             capture = cv2.VideoCapture(found["camera"])
             seen = [capture.read()[1] for _ in range(30)]

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from mbot_workstation.recordings.maneuver import MANEUVERS
 from mbot_workstation.recordings.motion import motion
-from mbot_workstation.recordings.track import Array, Track, multiply
+from mbot_workstation.recordings.track import Array, Track
 from mbot_workstation.recordings.track_cleaning import (
     clean,
     frozen_poses,
@@ -85,7 +86,8 @@ def test_a_reflection_of_a_fifth_of_a_second_is_found() -> None:
 def test_a_flipped_attitude_is_found() -> None:
     track = driven(Tracker(), 1)
     quaternion = track.quaternion_wxyz.copy()
-    quaternion[100] = multiply(quaternion[100], np.array([0.0, 1.0, 0.0, 0.0]))
+    flipped = track.attitudes[100] * Rotation.from_euler("x", np.pi)
+    quaternion[100] = flipped.as_quat(scalar_first=True)
     found = outlying_poses(Track(track.time_s, track.position_m, quaternion))
     assert found[100]
     assert np.count_nonzero(found) <= 2

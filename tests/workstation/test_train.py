@@ -39,6 +39,8 @@ from mbot_workstation.training.learning.training_config import TrainingConfig, r
 from mbot_workstation.training.learning.training_run import TrainingResult, begin_run, train
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 
+from ..until import until
+
 TINY = TrainingConfig(
     steps=128,
     robots=2,
@@ -148,7 +150,7 @@ def test_ctrl_c_saves_and_resume_goes_on(tmp_path: Path) -> None:
     events = tmp_path / "run" / "tensorboard"
     with subprocess.Popen(command + options, stdout=pipe, stderr=pipe, text=True) as process:
         try:
-            wait_until(lambda: events.is_dir() and process.poll() is None)
+            assert until(lambda: events.is_dir() and process.poll() is None)
             time.sleep(1.0)
             process.send_signal(signal.SIGINT)
             out, errors = process.communicate(timeout=LIMIT_S)
@@ -171,13 +173,6 @@ def test_ctrl_c_saves_and_resume_goes_on(tmp_path: Path) -> None:
 
 
 COMMAND = "from mbot_workstation.main import main; main()"
-
-
-def wait_until(condition: Any) -> None:
-    until_s = time.monotonic() + LIMIT_S
-    while not condition():
-        assert time.monotonic() < until_s
-        time.sleep(0.02)
 
 
 def test_a_crash_while_saving_leaves_the_checkpoint_before(tmp_path: Path) -> None:

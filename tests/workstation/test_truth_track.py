@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.recordings.track_cleaning import noise
@@ -12,7 +13,7 @@ from mbot_workstation.recordings.track_files import read_track
 from mbot_workstation.recordings.track_format import PRESETS
 from mbot_workstation.simulation.simulation import SceneState
 from mbot_workstation.virtual.scene_history import SceneHistory
-from mbot_workstation.virtual.truth_track import TrackerSettings, TruthTrack
+from mbot_workstation.virtual.truth_track import FRAME, TrackerSettings, TruthTrack
 
 NO_NOISE = TrackerSettings(position_noise_m=0, angle_noise_rad=0)
 
@@ -47,6 +48,24 @@ def test_the_tracker_sits_where_it_is_said_to_sit(tmp_path: Path) -> None:
         track.position_m[:, :2] - track.position_m[:-1, :2].mean(axis=0), axis=1
     )
     assert np.allclose(radius, np.hypot(0.5 - 0.1, 0.03), atol=0.002)
+
+
+@pytest.mark.parametrize(
+    ("axis", "column"), [((0, 0, 1), "yaw"), ((1, 0, 0), "pitch"), ((0, -1, 0), "roll")]
+)
+def test_the_angles_for_people_are_those_of_openvr(
+    tmp_path: Path, axis: tuple[int, int, int], column: str
+) -> None:
+    """About y, which is up there, x to the right, and z backwards."""
+    path = tmp_path / "a.csv"
+    with TruthTrack(path, NO_NOISE) as track:
+        # Turned back by what the tracker turns the arena.
+        wanted = FRAME.inv() * Rotation.from_rotvec(np.radians(20) * np.array(axis))
+        track.add(0.0, np.zeros(3), wanted.as_quat(scalar_first=True))
+    header, row = path.read_text().splitlines()
+    seen = dict(zip(header.split(","), map(float, row.split(",")), strict=True))
+    expected = dict.fromkeys(("yaw", "pitch", "roll"), 0.0) | {column: 20.0}
+    assert {name: seen[name] for name in expected} == pytest.approx(expected, abs=1e-4)
 
 
 def test_its_noise_is_as_large_as_it_is_said_to_be(tmp_path: Path) -> None:

@@ -7,8 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -28,6 +27,8 @@ from mbot_workstation.virtual.camera_stream import CameraSettings
 from mbot_workstation.virtual.live_report import LiveReport
 from mbot_workstation.virtual.stand_in import VirtualRobot, VirtualRobotSettings
 from mbot_workstation.virtual.virtual_session import Outputs, run_session
+
+from ..until import until
 
 ROOM = generate_room(0, 64)
 CAMERA = CameraSettings(width_px=64, height_px=48, latency_s=0.01, quality=TRAINING)
@@ -52,13 +53,6 @@ def settings(**changes: object) -> VirtualRobotSettings:
     return VirtualRobotSettings(**values)  # pyright: ignore
 
 
-def wait_until(condition: Callable[[], bool]) -> None:
-    until_s = time.monotonic() + LIMIT_S
-    while not condition():
-        assert time.monotonic() < until_s
-        time.sleep(0.01)
-
-
 @contextmanager
 def running(**changes: object) -> Iterator[VirtualRobot]:
     with VirtualRobot(settings(**changes)) as robot:
@@ -74,10 +68,10 @@ def test_a_command_on_the_port_moves_what_the_camera_sees() -> None:
         assert still.shape == (48, 64, 3)
         port.write(LEFT_TURN.to_bytes())
         assert port.read(4)
-        wait_until(lambda: abs(robot.world.status().robot.yaw_rad) > 0.5)
+        assert until(lambda: abs(robot.world.status().robot.yaw_rad) > 0.5)
         assert robot.world.status().motors == LEFT_TURN
         assert robot.world.status().robot.yaw_rad > 0
-        wait_until(lambda: cv2.absdiff(capture.read()[1], still).mean() > 5)
+        assert until(lambda: cv2.absdiff(capture.read()[1], still).mean() > 5)
         capture.release()
 
 
@@ -102,7 +96,7 @@ def test_its_object_is_the_one_it_was_told() -> None:
 def test_the_task_waits_until_somebody_drives() -> None:
     rules = FetchRules(time_limit_s=0.05, ends_on_failure=False)
     with running(rules=rules) as robot:
-        wait_until(lambda: robot.world.status().time_s > 0.3)
+        assert until(lambda: robot.world.status().time_s > 0.3)
         assert robot.world.status().result.duration_s == 0
         with serial.Serial(str(robot.board.path), BAUD_RATE) as port:
             port.write(FORWARD.to_bytes())
@@ -118,7 +112,7 @@ def test_the_border_puts_it_back_and_it_drives_on() -> None:
             pass
         assert robot.world.status().robot.x_m < 0.3
         assert robot.world.status().motors == FORWARD
-        wait_until(lambda: robot.world.status().robot.x_m > 0.1)
+        assert until(lambda: robot.world.status().robot.x_m > 0.1)
 
 
 def test_a_failing_part_stops_the_whole_and_is_told() -> None:
@@ -127,7 +121,7 @@ def test_a_failing_part_stops_the_whole_and_is_told() -> None:
 
     with running() as robot:
         robot.run_beside("failing", fail)
-        wait_until(robot.stopped.is_set)
+        assert until(robot.stopped.is_set)
         with pytest.raises(ConfigurationError, match="broken"):
             robot.raise_failure()
 
@@ -140,7 +134,7 @@ def test_a_session_leaves_result_trajectory_and_film(tmp_path: Path) -> None:
     stop = threading.Event()
 
     def drive() -> None:
-        wait_until(board.is_symlink)
+        assert until(board.is_symlink)
         with serial.Serial(str(board), BAUD_RATE) as port:
             port.write(LEFT_TURN.to_bytes())
             stop.wait(LIMIT_S)
@@ -175,7 +169,7 @@ def test_the_command_is_ready_runs_and_ends_on_sigterm(tmp_path: Path) -> None:
         text=True,
     ) as process:
         try:
-            wait_until(lambda: ready.exists() or process.poll() is not None)
+            assert until(lambda: ready.exists() or process.poll() is not None)
             told = json.loads(ready.read_text())
             assert told["board"] == str(board)
             assert cv2.VideoCapture(told["camera"]).read()[0]

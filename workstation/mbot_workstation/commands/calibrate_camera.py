@@ -338,12 +338,12 @@ def _all_notes(seen: "SeenBoards", quality: "CameraQuality") -> list[str]:
 def _fields(
     seen: "SeenBoards", fit: "CameraFit", quality: "CameraQuality", written: Path | None
 ) -> dict[str, Any]:
-    from dataclasses import asdict
+    from msgspec import structs
 
     from mbot_workstation.calibration.camera.camera_fit import INTRINSICS
 
     return {
-        "camera": asdict(fit.camera),
+        "camera": structs.asdict(fit.camera),
         # strict=False: only wide lenses have all.
         "standard_deviations": dict(zip(INTRINSICS, fit.deviations.tolist(), strict=False)),
         "reprojection_error_px": fit.error_px,

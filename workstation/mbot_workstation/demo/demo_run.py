@@ -5,6 +5,7 @@ import shutil
 import socket
 import tempfile
 import time
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -130,22 +131,14 @@ def run_demo(settings: DemoSettings, output: Output) -> DemoResult:
         configuration = folder / "robot.toml"
         key = SigningKey.ephemeral("demo")
         configuration.write_text(
-            CONFIGURATION.format(
-                robot_id=ROBOT_ID,
-                accept_no_deadman=str(settings.accept_no_deadman).lower(),
-                calibration=_daemons_part(settings.calibration),
-                models=state / "models",
-                key=key.public.line,
-                address=address,
-                **places,
-            )
+            daemon_configuration(settings, places, state / "models", key.public.line, address)
         )
         agent = stack.enter_context(
             Child("mbot-agent", ["run", "--config", str(configuration)], folder / "agent.log")
         )
         link = stack.enter_context(_connect(agent, address))
         agent.wait_until(
-            lambda: not _blocking_faults(link), READY_TIMEOUT_S, "the daemon is not ready to drive"
+            lambda: not blocking_faults(link), READY_TIMEOUT_S, "the daemon is not ready to drive"
         )
         started_s = time.monotonic()
         push(link, settings.model, lambda _: key)
@@ -155,15 +148,39 @@ def run_demo(settings: DemoSettings, output: Output) -> DemoResult:
         stream = stack.enter_context(TelemetryStream(link))
         stack.enter_context(output)
         cpu_before_s, began_s = agent.cpu_s, time.monotonic()
-        decisions = _drive(link, stream, recording, output, settings, folder)
+        decisions = drive(link, stream, recording, output, settings, folder)
         driven_s = time.monotonic() - began_s
         cpu_share = (agent.cpu_s - cpu_before_s) / driven_s
         if agent.end() != 0:
             raise MbotError(f"the daemon did not end well, see {folder / 'agent.log'}")
         robot.end()
-    result = _summarise(folder, decisions, driven_s, cpu_share, push_s, board)
+    result = summarise(folder, decisions, driven_s, cpu_share, push_s, board)
     _draw(folder, result)
     return result
+
+
+def daemon_configuration(
+    settings: DemoSettings, places: Mapping[str, str], models: Path, key: str, address: str
+) -> str:
+    """The daemon's robot.toml.
+
+    Args:
+        settings: of the demonstration.
+        places: of the virtual robot's `board` and `camera`, as its ready file names them.
+        models: folder for what is pushed.
+        key: the line of the one that is trusted.
+        address: where to listen, as HOST:PORT.
+
+    """
+    return CONFIGURATION.format(
+        robot_id=ROBOT_ID,
+        accept_no_deadman=str(settings.accept_no_deadman).lower(),
+        calibration=_daemons_part(settings.calibration),
+        models=models,
+        key=key,
+        address=address,
+        **places,
+    )
 
 
 def _daemons_part(calibration: Path | None) -> str:
@@ -174,7 +191,7 @@ def _daemons_part(calibration: Path | None) -> str:
     return str(folder) if read_camera(folder) or read_motion(folder) else ""
 
 
-def _drive(
+def drive(
     link: RobotLink,
     stream: TelemetryStream,
     recording: Recording,
@@ -182,7 +199,12 @@ def _drive(
     settings: DemoSettings,
     folder: Path,
 ) -> list[Decision]:
-    """Let the policy drive until time or objects are up; the decisions it took."""
+    """Let the policy drive until time or objects are up, and stop it whatever happens.
+
+    Returns:
+        The decisions it took. All telemetry has gone to `recording` and `output` as well.
+
+    """
     control = RemoteControl(link)
     decisions: list[Decision] = []
 
@@ -230,7 +252,13 @@ def _connect(agent: Child, address: str) -> RobotLink:
     return found[0]
 
 
-def _blocking_faults(link: RobotLink) -> list[str]:
+def blocking_faults(link: RobotLink) -> list[str]:
+    """What keeps it from driving once it has a model, by kind.
+
+    Raises:
+        RefusedError: the board has no dead man's switch: waiting would not mend that.
+
+    """
     status = link.status()
     faults = [fault.kind for fault in status.faults if fault.kind != "no-model"]
     if "board-no-deadman" in faults:
@@ -241,7 +269,7 @@ def _blocking_faults(link: RobotLink) -> list[str]:
     return faults
 
 
-def _summarise(
+def summarise(
     folder: Path,
     decisions: list[Decision],
     driven_s: float,
@@ -249,6 +277,20 @@ def _summarise(
     push_s: float,
     board: Status,
 ) -> DemoResult:
+    """What came of it, from the virtual robot's own result and what was recorded.
+
+    Args:
+        folder: of the demonstration.
+        decisions: while driving, in their order.
+        driven_s: how long that was.
+        cpu_share: of one core, the daemon's meanwhile.
+        push_s: push to active.
+        board: the status that names its firmware.
+
+    Raises:
+        MbotError: no decision reached the board.
+
+    """
     run = json.loads((folder / "result.json").read_text())
     answered = [d for d in decisions if d.acknowledged_monotonic_ns]
     if not answered:

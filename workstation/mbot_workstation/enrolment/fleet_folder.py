@@ -55,6 +55,7 @@ class FleetFolder:
 
         Raises:
             RefusedError: it is on another workstation.
+            ConfigurationError: its certificate or key can't be read.
 
         """
         if not self.has_authority:
@@ -70,7 +71,12 @@ class FleetFolder:
         return (self.path / f"{AUTHORITY}.pem").read_bytes()
 
     def identity(self, kind: Kind, name: str) -> Identity:
-        """The certificate and key of one of the fleet."""
+        """The certificate and key of one of the fleet.
+
+        Raises:
+            ConfigurationError: one of them is missing, or can't be read.
+
+        """
         return self._identity(f"{kind.value}s/{name}")
 
     def has_identity(self, kind: Kind, name: str) -> bool:

@@ -145,7 +145,10 @@ def _is_held(plan: Plan) -> bool:
 
 
 def steady_rate(path: Array, plan: Plan) -> tuple[float, float]:
-    """Speed ahead [m/s] and turn rate [rad/s] before the last command."""
+    """Speed ahead [m/s] and turn rate [rad/s] before the last command.
+
+    `path` is simulated: x, y [m], heading [rad], shape (steps + 1, 3).
+    """
     end = round((plan.commands.end_s - plan.commands.start_s) / TIMESTEP_S)
     last = path[end - round(STEADY_S / TIMESTEP_S) : end + 1]
     step = np.diff(last[:, 0] + 1j * last[:, 1])

@@ -61,23 +61,19 @@ def flatten(recording: Recording, index: int = 0) -> tuple[FlatRun, ...]:
     """
     cleaned = [clean(run.track) for run in recording.runs]
     level = _levelling([track for track, _ in cleaned])
-    reference = level * _attitudes(cleaned[0][0])[0]
+    reference = level * cleaned[0][0].attitudes[0]
     runs: list[FlatRun] = []
     for run, (track, quality) in zip(recording.runs, cleaned, strict=True):
         place = level.apply(track.position_m)
         # The robot only turns about the vertical, so the change since any moment is such a turn,
         # however the tracker is mounted.
-        change = (level * _attitudes(track) * reference.inv()).as_quat()
+        change = (level * track.attitudes * reference.inv()).as_quat()
         heading = np.unwrap(2 * np.arctan2(change[:, 2], change[:, 3]))
         noise = quality.position_noise_m, quality.angle_noise_rad
         runs.append(
             FlatRun(run, index, track.time_s, place[:, 0] + 1j * place[:, 1], heading, *noise)
         )
     return tuple(runs)
-
-
-def _attitudes(track: Track) -> Rotation:
-    return Rotation.from_quat(track.quaternion_wxyz, scalar_first=True)
 
 
 def _levelling(tracks: Sequence[Track]) -> Rotation:

@@ -46,7 +46,7 @@ def driven(run: Observed, setting: Array, later_s: float) -> tuple[Plane, Array,
 
     Args:
         run: measured.
-        setting: of its recording.
+        setting: of its recording, shape (6,).
         later_s: than the other runs.
 
     Returns:
@@ -76,8 +76,8 @@ def errors(
     Args:
         runs: held out.
         plans: all plans; which: each run's.
-        settings: of the recordings.
-        later_s: of each run, than the others of its clock.
+        settings: of the recordings, shape (recordings, 6).
+        later_s: of each run, than the others of its clock, shape (runs,).
         before, after: the robots.
 
     """
@@ -102,7 +102,10 @@ def errors(
 def repeatability(
     runs: Sequence[Observed], settings: Array, later_s: Array
 ) -> tuple[Repeatability, ...]:
-    """How far repetitions are apart, for each manoeuvre that has at least two."""
+    """How far repetitions are apart, for each manoeuvre that has at least two.
+
+    Settings and `later_s` are as in `errors`.
+    """
     result: list[Repeatability] = []
     for name, members in maneuvers(runs).items():
         if len(members) < 2:

@@ -60,7 +60,7 @@ class Bins:
 
 
 def bins_of(time_s: Array) -> Bins:
-    """Sort rising times into bins."""
+    """Sort rising times, shape (n,), into bins."""
     _, first = np.unique(np.floor(time_s / BIN_S), return_index=True)
     count = np.diff(first, append=time_s.size)
     return Bins(first, count, np.add.reduceat(time_s, first) / count)

@@ -54,7 +54,14 @@ def simulated_at(path: Array, moments_s: Array) -> tuple[Plane, Array]:
 
 
 def moments_s(run: Observed, setting: Array, later_s: float) -> Array:
-    """When the samples were taken, since the first command took effect."""
+    """When the samples were taken, since the first command took effect. Shape (n,).
+
+    Args:
+        run: whose samples they are.
+        setting: of the recording, shape (6,), see `SETTING`.
+        later_s: than the other runs.
+
+    """
     return run.sample_s - setting[0] - setting[1] * run.since_middle_s - later_s
 
 
@@ -64,7 +71,7 @@ def predicted(run: Observed, path: Array, setting: Array, later_s: float) -> Arr
     Args:
         run: whose samples are used.
         path: simulated, shape (..., steps + 1, 3).
-        setting: of the recording.
+        setting: of the recording, shape (6,).
         later_s: than the other runs.
 
     Returns:
@@ -94,7 +101,10 @@ class Slopes:
 
 
 def slopes(run: Observed, path: Array, setting: Array, later_s: float, track_m: float) -> Slopes:
-    """Analytic but for the moment, in which a path is only piecewise smooth."""
+    """Analytic but for the moment, in which a path is only piecewise smooth.
+
+    The arguments are those of `predicted`, for one path: shape (steps + 1, 3).
+    """
     here = predicted(run, path, setting, later_s)
     late = predicted(run, path, setting, later_s + MOMENT_STEP_S)
     early = predicted(run, path, setting, later_s - MOMENT_STEP_S)

@@ -90,7 +90,12 @@ class KeyFolder:
             raise ConfigurationError(f"{path}: {error}") from None
 
     def is_protected(self, name: str) -> bool:
-        """Whether a key has a passphrase."""
+        """Whether a key has a passphrase.
+
+        Raises:
+            ConfigurationError: there is no such key, others may read it, or it can't be read.
+
+        """
         return _PROTECTED in self._read_private(name)
 
     def load(self, name: str, ask_passphrase: Callable[[str], str]) -> SigningKey:

@@ -93,6 +93,11 @@ def push_checked(
     """As `push`, with a model that was checked before.
 
     With `allow_downgrade` the robot takes it though this key has signed higher numbers already.
+
+    Raises:
+        RefusedError, UnreachableError: as `push`.
+        MalformedMessageError: the robot's replies contradict what was sent.
+
     """
     status = link.status()
     active = status.active_model
@@ -130,7 +135,13 @@ def sign_for_once(
     *,
     allow_downgrade: bool = False,
 ) -> None:
-    """Put the signed manifest of a model into the request, good for this one alone."""
+    """Put the signed manifest of a model into the request, good for this one alone.
+
+    Raises:
+        RefusedError: the robot gives no nonce, and says why.
+        UnreachableError: it does not answer.
+
+    """
     ask = PushNonce(schema_version=SCHEMA_VERSION, robot_id=link.robot_id)
     reply = _accepted(link, link.query(PUSH_NONCE, ask, PushNonceReply))
     manifest = ModelManifest(

@@ -27,6 +27,12 @@ class VideoSource:
         self._capture: cv2.VideoCapture | None = None
 
     def __enter__(self) -> Self:
+        """Open it.
+
+        Raises:
+            UnreachableError: there is no such camera, stream or file.
+
+        """
         # What went wrong is said once, by us: OpenCV and FFmpeg would each write lines of theirs.
         os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
         cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)

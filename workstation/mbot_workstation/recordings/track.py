@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 
@@ -55,22 +56,26 @@ class Track:
         return float(self.time_s[-1] - self.time_s[0])
 
     @property
+    def attitudes(self) -> Rotation:
+        """The n rotations from tracker to world."""
+        return Rotation.from_quat(self.quaternion_wxyz, scalar_first=True)
+
+    @property
     def yaw_rad(self) -> Array:
         """How far it has turned to the left about the vertical since the first pose. Shape (n,).
 
         Continuous beyond a whole turn as long as it turns less than half a turn between two
         poses. Holds for a tracker mounted at any tilt, since only the change is taken.
         """
-        first = self.quaternion_wxyz[0] * np.array([1, -1, -1, -1])
-        change = multiply(self.quaternion_wxyz, first)
+        attitudes = self.attitudes
+        change = (attitudes * attitudes[0].inv()).as_quat(scalar_first=True)
         # Twist about z: the rest of the change, a tilt, leaves the ratio of w and z alone.
         return np.unwrap(2 * np.arctan2(change[:, 3], change[:, 0]))
 
     @property
     def up_in_tracker(self) -> Array:
         """The world's up, seen from the tracker: constant while it stays level. Shape (n, 3)."""
-        w, x, y, z = self.quaternion_wxyz.T
-        return np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1)
+        return self.attitudes.inv().apply([0.0, 0.0, 1.0])
 
     def between(self, first_s: float, last_s: float) -> "Track | None":
         """The poses from `first_s` to `last_s`, both included; None if fewer than 2."""
@@ -80,21 +85,6 @@ class Track:
     def where(self, chosen: NDArray[np.bool_]) -> "Track":
         """The chosen poses only. `chosen` has shape (n,)."""
         return Track(self.time_s[chosen], self.position_m[chosen], self.quaternion_wxyz[chosen])
-
-
-def multiply(first: Array, second: Array) -> Array:
-    """Product of quaternions, w first. Shapes (..., 4) that broadcast."""
-    w1, x1, y1, z1 = np.moveaxis(first, -1, 0)
-    w2, x2, y2, z2 = np.moveaxis(second, -1, 0)
-    return np.stack(
-        [
-            w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
-            w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
-            w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
-            w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
-        ],
-        axis=-1,
-    )
 
 
 def without_sign_flips(quaternions: Array) -> Array:

@@ -1,8 +1,9 @@
 """From a tracker's own frame and units to ours: right-handed, z up, metres."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from mbot_workstation.recordings.track import Array, multiply
+from mbot_workstation.recordings.track import Array
 
 # Each matrix takes the tracker's axes to ours by a proper rotation.
 _TO_Z_UP: dict[str, Array] = {
@@ -55,11 +56,8 @@ def _mirrored(position_m: Array, quaternion_wxyz: Array, up: str) -> tuple[Array
 
 def from_euler(angles_rad: Array, axes: str) -> Array:
     """Quaternions (n, 4), w first, from intrinsic rotations about `axes`. Angles (n, len(axes))."""
-    result = np.zeros((len(angles_rad), 4))
-    result[:, 0] = 1
+    result = Rotation.identity(len(angles_rad))
+    # One by one: SciPy's own takes no axis twice in a row.
     for column, axis in enumerate(axes):
-        turn = np.zeros_like(result)
-        turn[:, 0] = np.cos(angles_rad[:, column] / 2)
-        turn[:, "xyz".index(axis) + 1] = np.sin(angles_rad[:, column] / 2)
-        result = multiply(result, turn)
-    return result
+        result *= Rotation.from_euler(axis, angles_rad[:, [column]])
+    return result.as_quat(scalar_first=True)

@@ -4,6 +4,7 @@ import importlib
 from typing import Any, Self
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mbot_protocol.errors import ConfigurationError, UnreachableError
 from mbot_workstation.recordings.track import Array
@@ -134,35 +135,4 @@ def quaternion_of(matrix: Array) -> Array | None:
         return None
     if np.linalg.det(matrix) < 0:
         return None
-    # Of the four ways to write it, the one whose divisor is largest (Shepperd 1978).
-    m = matrix
-    products = np.array(
-        [
-            [
-                1 + m[0, 0] + m[1, 1] + m[2, 2],
-                m[2, 1] - m[1, 2],
-                m[0, 2] - m[2, 0],
-                m[1, 0] - m[0, 1],
-            ],
-            [
-                m[2, 1] - m[1, 2],
-                1 + m[0, 0] - m[1, 1] - m[2, 2],
-                m[0, 1] + m[1, 0],
-                m[0, 2] + m[2, 0],
-            ],
-            [
-                m[0, 2] - m[2, 0],
-                m[0, 1] + m[1, 0],
-                1 - m[0, 0] + m[1, 1] - m[2, 2],
-                m[1, 2] + m[2, 1],
-            ],
-            [
-                m[1, 0] - m[0, 1],
-                m[0, 2] + m[2, 0],
-                m[1, 2] + m[2, 1],
-                1 - m[0, 0] - m[1, 1] + m[2, 2],
-            ],
-        ]
-    )
-    row = products[int(np.argmax(np.diag(products)))]
-    return row / np.linalg.norm(row)
+    return Rotation.from_matrix(matrix).as_quat(scalar_first=True)

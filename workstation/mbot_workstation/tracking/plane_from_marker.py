@@ -5,10 +5,12 @@ away the plane is and, as far as they matter, focal length and distortion. Nothi
 on the floor or measured but the marker's edge.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from mbot_protocol.camera_model import CameraModel
 from mbot_workstation.recordings.track import Array
@@ -27,7 +29,6 @@ PIXEL_NOISE = 0.3
 GOOD_PX = 0.3
 """A fit this good is the right one; from a wrong tilt it ends in something of a pixel."""
 
-STEPS = 40
 STARTS = ((0.0, 0.0), (0.3, 0.0), (-0.3, 0.0), (0.0, 0.3), (0.0, -0.3), (0.7, 0.0))
 """Tilts to begin with [rad], about the picture's horizontal and vertical axis: a camera on a shelf
 looks down aslant."""
@@ -100,49 +101,29 @@ def _fit(
     start: tuple[float, float],
     camera_is_known: bool,
 ) -> MarkerPlane:
-    """Levenberg-Marquardt over tilt (2), log distance, log focal length, k1."""
+    """Least squares over tilt (2), log distance, log focal length, k1."""
     sizes_px = np.linalg.norm(quads_px - np.roll(quads_px, 1, axis=1), axis=2).mean(axis=1)
     distance_m = camera.focal_x_px * edge_m / float(np.median(sizes_px))
-    values = np.array([*start, np.log(distance_m), 0.0, 0.0])
-    free = 3 if camera_is_known else 5
+    # A known camera's focal length and k1 stay as they are: 0.
+    fixed = 2 if camera_is_known else 0
 
-    def residuals(at: Array) -> Array:
-        changed, plane = _setting(camera, at)
+    def off_px(values: Array) -> Array:
+        changed, plane = _setting(camera, values)
         off_m = _off_square_m(plane.places_m(pixel_rays(changed, quads_px)), edge_m)
-        off_px = off_m * (sizes_px / edge_m)[:, None, None]
+        scaled = off_m * (sizes_px / edge_m)[:, None, None]
         # A tilt with which the marker would be above the horizon is merely very wrong.
-        off_px = np.nan_to_num(off_px, nan=1e3, posinf=1e3, neginf=-1e3)
-        held = [at[3] / FOCAL_SPREAD, at[4] / K1_SPREAD]
-        return np.concatenate([_softened(off_px.ravel() / PIXEL_NOISE), held])
+        return np.nan_to_num(scaled, nan=1e3, posinf=1e3, neginf=-1e3)
 
-    damping = 1e-3
-    current = residuals(values)
-    for _ in range(STEPS):
-        jacobian = np.stack(
-            [(residuals(values + step) - current) / 1e-6 for step in 1e-6 * np.eye(5)[:free]],
-            axis=1,
-        )
-        normal = jacobian.T @ jacobian
-        step = np.linalg.solve(
-            normal + damping * np.diag(np.diag(normal) + 1e-12), -jacobian.T @ current
-        )
-        trial = values.copy()
-        trial[:free] += np.clip(step, -0.5, 0.5)
-        new = residuals(trial)
-        if new @ new < current @ current:
-            converged = current @ current - new @ new < 1e-9 * (current @ current)
-            values, current, damping = trial, new, damping / 5
-            if converged:
-                break
-        else:
-            damping *= 5
-            if damping > 1e9:
-                break
-    changed, plane = _setting(camera, values)
-    off_m = _off_square_m(plane.places_m(pixel_rays(changed, quads_px)), edge_m)
-    off_px = np.nan_to_num(off_m * (sizes_px / edge_m)[:, None, None], nan=1e3)
-    error_px = np.median(np.sqrt((off_px**2).sum(axis=2).mean(axis=1)))
-    return MarkerPlane(changed, plane, float(error_px))
+    def residuals(free: Array) -> Array:
+        values = np.pad(free, (0, fixed))
+        held = values[3:] / [FOCAL_SPREAD, K1_SPREAD]
+        return np.concatenate([_softened(off_px(values).ravel() / PIXEL_NOISE), held])
+
+    first = np.array([*start, np.log(distance_m), 0.0, 0.0])
+    found = least_squares(residuals, first[: 5 - fixed]).x
+    values = np.pad(found, (0, fixed))
+    error_px = np.median(np.sqrt((off_px(values) ** 2).sum(axis=2).mean(axis=1)))
+    return MarkerPlane(*_setting(camera, values), float(error_px))
 
 
 def _setting(camera: CameraModel, values: Array) -> tuple[CameraModel, FloorPlane]:

@@ -73,6 +73,12 @@ class MjpegServer:
     """
 
     def __init__(self, port: int = 0) -> None:
+        """Listen on loopback.
+
+        Raises:
+            ConfigurationError: the port is taken.
+
+        """
         self._newest = NewestPicture()
         try:
             self._server = _Server((HOST, port), _Handler, self._newest)

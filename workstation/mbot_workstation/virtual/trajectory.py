@@ -19,6 +19,12 @@ class TrajectoryWriter:
     """
 
     def __init__(self, path: Path) -> None:
+        """Begin the file.
+
+        Raises:
+            ConfigurationError: it can't be written.
+
+        """
         try:
             self._file = path.open("w", encoding="utf-8", buffering=1)
         except OSError as error:

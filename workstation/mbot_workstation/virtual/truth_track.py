@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.pacer import Pacer
-from mbot_workstation.recordings.track import Array, multiply
+from mbot_workstation.recordings.track import Array
 from mbot_workstation.virtual.scene_history import SceneHistory
 
 RATE_HZ = 90.0
@@ -21,7 +22,7 @@ HEIGHT_M = 0.12
 """Of the tracker: on top of the robot."""
 
 ORIGIN_M = np.array([1.3, -0.4, 0.0])
-YAW_RAD = 0.6
+FRAME = Rotation.from_euler("z", 0.6)
 """Of the arena in the tracker's own frame: any, but not none, so that nobody relies on it."""
 
 LOOK_BACK_S = 0.03
@@ -111,8 +112,8 @@ class TruthTrack:
         position, quaternion = self._seen(position_m, quaternion_wxyz)
         if self._csv:  # OpenVR: x right, y up, -z forward
             x, y, z = position[0], position[2], -position[1]
-            w, i, j, k = quaternion[0], quaternion[1], quaternion[3], -quaternion[2]
-            numbers = [time_s, x, y, z, *_angles_deg(w, i, j, k), w, i, j, k]
+            turn = quaternion[[0, 1, 3, 2]] * [1, 1, 1, -1]
+            numbers = [time_s, x, y, z, *_angles_deg(turn), *turn]
             self._file.write(",".join(f"{number:.6f}" for number in numbers) + "\n")
         else:
             numbers = [time_s, *position, *np.roll(quaternion, -1)]
@@ -125,24 +126,13 @@ class TruthTrack:
         """As the tracker reports it, z up."""
         settings = self._settings
         arm = np.array([settings.ahead_m, settings.left_m, HEIGHT_M])
-        place = position_m + _rotate(quaternion_wxyz, arm)
-        frame = np.array([np.cos(YAW_RAD / 2), 0, 0, np.sin(YAW_RAD / 2)])
-        place = _rotate(frame, place) + ORIGIN_M
+        attitude = Rotation.from_quat(quaternion_wxyz, scalar_first=True)
+        place = FRAME.apply(position_m + attitude.apply(arm)) + ORIGIN_M
         place = place + self._random.normal(0, settings.position_noise_m, 3)
-        wobble = self._random.normal(0, settings.angle_noise_rad / 2, 3)
-        turn = multiply(multiply(frame, quaternion_wxyz), np.array([1.0, *wobble]))
-        return place, turn / np.linalg.norm(turn)
+        wobble = Rotation.from_rotvec(self._random.normal(0, settings.angle_noise_rad, 3))
+        return place, (FRAME * attitude * wobble).as_quat(scalar_first=True)
 
 
-def _rotate(quaternion_wxyz: Array, vector: Array) -> Array:
-    pure = np.array([0.0, *vector])
-    back = quaternion_wxyz * np.array([1, -1, -1, -1])
-    return multiply(multiply(quaternion_wxyz, pure), back)[1:]
-
-
-def _angles_deg(w: float, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Yaw, pitch, roll with y up. For people: readers take the quaternion."""
-    yaw = np.arctan2(2 * (w * y + x * z), 1 - 2 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2 * (w * x - y * z), -1, 1))
-    roll = np.arctan2(2 * (w * z + x * y), 1 - 2 * (x * x + z * z))
-    return float(np.degrees(yaw)), float(np.degrees(pitch)), float(np.degrees(roll))
+def _angles_deg(quaternion_wxyz: Array) -> Array:
+    """Yaw, pitch, roll with y up, shape (3,). For people: readers take the quaternion."""
+    return Rotation.from_quat(quaternion_wxyz, scalar_first=True).as_euler("YXZ", degrees=True)

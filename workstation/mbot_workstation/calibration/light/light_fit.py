@@ -106,9 +106,10 @@ def fit_light(
 
 
 def shade(normal: Values | None, light: Light) -> float:
-    """The share of its own brightness the simulation gives a matte surface.
+    """The share of its own brightness the simulation gives a matte surface, in [0, 1].
 
-    A card whose facing is not known is taken to face the robot at its start, along -x.
+    `normal` is its unit vector outwards, shape (3,). A card whose facing is not known is taken to
+    face the robot at its start, along -x.
     """
     facing = np.array([-1.0, 0, 0]) if normal is None else normal
     towards = -np.array(light.direction) / np.linalg.norm(light.direction)

@@ -39,7 +39,10 @@ def full_speed_nodes(wheels: str, output: str) -> list[onnx.NodeProto]:
 
 
 def full_speed_constants() -> dict[str, NDArray[np.float32]]:
-    """Of the nodes: excess of left and right beyond 1, then beyond -1."""
+    """Of the nodes, by name: excess of left and right beyond 1, then beyond -1.
+
+    Weights have shape (inputs, outputs), biases (outputs,).
+    """
     matrices = {
         "beyond": ([[1, 0, -1, 0], [0, 1, 0, -1]], [-1] * 4),
         "more": ([[1, -1, 0, 0], [0, 1, 0, 0], [0, 0, 1, -1], [0, 0, 0, 1]], [0] * 4),

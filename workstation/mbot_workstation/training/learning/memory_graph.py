@@ -33,7 +33,7 @@ class MemoryGraph:
 
 
 def gru(parts: Mapping[str, Array]) -> MemoryGraph:
-    """By ONNX's own operator, for any batch."""
+    """By ONNX's own operator, for any batch. `parts` are weights as above, by name."""
     ordered = {name: _update_first(parts[name])[None] for name in PARTS}
     inputs = ["moment", "memory.input", "memory.recurrent", "memory.bias", "", STATE_IN_NAME]
     nodes = [
@@ -64,7 +64,7 @@ def gru(parts: Mapping[str, Array]) -> MemoryGraph:
 def spelt_out_gru(parts: Mapping[str, Array]) -> MemoryGraph:
     """By operators that OpenCV 4.6 knows, of operator set 10 and for one picture a batch.
 
-    OpenCV's GRU takes no first state.
+    OpenCV's GRU takes no first state. `parts` are as for `gru`.
     """
     thirds = [_units(parts)] * 3
     gates = ("reset", "update", "new")

@@ -132,5 +132,5 @@ class SequenceBuffer(RolloutBuffer):
 
 
 def tensor(values: NDArray[np.generic], device: torch.device) -> torch.Tensor:
-    """An array where the network is."""
+    """An array where the network is, of the same shape and type."""
     return torch.from_numpy(np.ascontiguousarray(values)).to(device)

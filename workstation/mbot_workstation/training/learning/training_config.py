@@ -48,6 +48,9 @@ class TrainingConfig:
         checkpoint_every: decisions that a crash may cost.
         row_every: decisions a row of progress.csv.
 
+    Raises:
+        ConfigurationError: a number is too small, or there is no such preset, lesson or object.
+
     """
 
     steps: int = 1_500_000

@@ -94,7 +94,15 @@ class FetchEnv(gymnasium.Env[Any, Any]):
         return self._observe(), fetch_info(self.world)
 
     def step(self, action: Action) -> tuple[Picture, float, bool, bool, dict[str, Any]]:
-        """Drive for 0.4 s."""
+        """Drive for 0.4 s.
+
+        Args:
+            action: left and right wheel in [-1, 1], shape (2,).
+
+        Returns:
+            Picture, reward, whether the episode has ended, False (none is cut off), facts.
+
+        """
         left, right = (float(wheel) for wheel in action)
         outcome = self.world.decide(left, right)
         info = fetch_info(self.world, outcome.happening)

@@ -111,7 +111,7 @@ class FetchVecEnv(VecEnv):
         self.seed(seed)
 
     def sight(self, rows: NDArray[np.intp]) -> Sight:
-        """What these robots see now, copied; they must not be driving."""
+        """What these robots, by row, see now: copied; they must not be driving."""
         arrays = self._arrays
         fresh = self._fresh[rows]
         situations = np.where(fresh, arrays.first_records[rows], arrays.records[rows])

@@ -52,6 +52,12 @@ class BoardProcess:
         self.port = ""
 
     def __enter__(self) -> Self:
+        """Start it and wait for its port.
+
+        Raises:
+            MbotError: the emulator does not start, or does not take the firmware.
+
+        """
         try:
             self._child = subprocess.Popen(
                 self._command,
