@@ -2,12 +2,12 @@
 undone by the other, and what is left is the ideal view the policy was trained on.
 """
 
-from dataclasses import replace
 from typing import cast
 
 import cv2
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from mbot_protocol.camera_model import CameraModel, nominal_pi_camera
 from mbot_protocol.picture import Observer, Picture
