@@ -36,7 +36,7 @@ from tests.workstation.mujoco_truth import record_simulated
 from tests.workstation.planar_robot import PlanarRobot, Session, record
 
 ABOUT = """\
-Eight manoeuvres of 10 s. *aspen*, *birch* and *cedar* are recordings of six repetitions from a
+Eight maneuvers of 10 s. *aspen*, *birch* and *cedar* are recordings of six repetitions from a
 simulator that is not MuJoCo and shares no code with the project: motors with sag and dry
 friction, tyres that slip, a caster, a battery that fades, runs that begin 0.15 to 0.45 s before
 the robot moves. The other robots are made by the planar simulator of the tests (planar_robot.py),
@@ -137,7 +137,7 @@ def recorded_rates(folder: Path) -> Rates:
 
 
 def compare(truth: Rates, found: Identification) -> dict[str, float]:
-    """Largest errors over all eight manoeuvres, in percent of the fastest; what is told inside."""
+    """Largest errors over all eight maneuvers, in percent of the fastest; what is told inside."""
     mine = simulated_rates(found.robot)
     full = max(abs(rates[0]) for rates in truth.values())
     fastest = max(abs(rates[1]) for rates in truth.values())

@@ -40,7 +40,7 @@ def page(results: Results, about: str) -> str:
                 provenance([]),
                 about.strip(),
                 "Speeds and turn rates are off by so many percent of the robot's largest, in the "
-                "worst of all eight manoeuvres, with a fresh battery; of the time constants it is "
+                "worst of all eight maneuvers, with a fresh battery; of the time constants it is "
                 "the middle one. *Inside* is how many of the sixteen rates lie within the told "
                 "95 %. The last columns are of runs that were held out of the fit: how far "
                 "the simulated robot ends from the real one after 10 s, root mean square, before "

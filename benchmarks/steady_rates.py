@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 Rates = dict[str, tuple[float, float, float | None, float]]
-"""Of each manoeuvre: forward speed [m/s], turn rate [rad/s], and the times [s] in which both come
+"""Of each maneuver: forward speed [m/s], turn rate [rad/s], and the times [s] in which both come
 to 63 % of that; None where they hardly move."""
 
 SLOWEST_M_S = 0.05

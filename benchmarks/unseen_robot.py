@@ -32,13 +32,13 @@ GRAVITY = 9.81
 TOLD_S = 0.0005
 """Between poses that are handed out; a robot's own step divides it."""
 CALM_S = 4.0
-"""A manoeuvre of the truth; its second half is steady."""
+"""A maneuver of the truth; its second half is steady."""
 HEADINGS = 8
 
 
 @dataclass(frozen=True)
 class Drive:
-    """One run as it was told: manoeuvre, repetition, start and length [s], both actions."""
+    """One run as it was told: maneuver, repetition, start and length [s], both actions."""
 
     name: str
     repetition: int
@@ -143,7 +143,7 @@ class UnseenRobot(ABC):
         return np.maximum(wheels, 0.05 * weight), caster
 
     def rates(self) -> Rates:
-        """Truth of each manoeuvre with a fresh battery and cold motors, over all headings.
+        """Truth of each maneuver with a fresh battery and cold motors, over all headings.
 
         Returns:
             Forward speed [m/s], turn rate [rad/s] (positive turns left) and the times [s] in which

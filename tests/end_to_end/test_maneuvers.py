@@ -19,7 +19,7 @@ TOLD = ("forward-forward", "forward-backward", "neutral-forward", "backward-back
 
 
 @pytest.mark.timeout(150)
-def test_manoeuvres_are_driven_recorded_and_found_in_the_track(tmp_path: Path) -> None:
+def test_maneuvers_are_driven_recorded_and_found_in_the_track(tmp_path: Path) -> None:
     board, ready = tmp_path / "board", tmp_path / "ready.json"
     folder = tmp_path / "recording"
     daemon = Daemon(tmp_path, str(board))

@@ -184,7 +184,7 @@ class Session:
     maps: WheelMaps = field(default_factory=WheelMaps)
 
     def shortened(self, seconds: float, repetitions: int) -> "Session":
-        """The same manoeuvres, each with one piece of this length."""
+        """The same maneuvers, each with one piece of this length."""
         cut = {n: tuple((seconds, a, b) for _, a, b in s) for n, s in self.schedules.items()}
         return replace(self, schedules=cut, repetitions=repetitions)
 

@@ -9,20 +9,20 @@ from hypothesis import strategies as st
 
 from mbot_workstation.simulation.target_object import RED_CUBE, Shape, TargetObject
 from mbot_workstation.training.learning.colour_turn import hue_turn_deg, turned
-from mbot_workstation.training.learning.network import PaperNetwork
+from mbot_workstation.training.learning.network import PictureNetwork
 
 GREEN = TargetObject("ball", Shape.BALL, 0.1, 0.1, (30, 200, 35))
 BLUE = TargetObject("ball", Shape.BALL, 0.1, 0.1, (35, 30, 200))
 
 
-def through(network: PaperNetwork, picture: np.ndarray) -> np.ndarray:
+def through(network: PictureNetwork, picture: np.ndarray) -> np.ndarray:
     with torch.no_grad():
         return network(torch.tensor(picture[None], dtype=torch.float32)).numpy()
 
 
-def turned_network(network: PaperNetwork, turn_deg: float) -> PaperNetwork:
+def turned_network(network: PictureNetwork, turn_deg: float) -> PictureNetwork:
     weights = {f"features_extractor.{k}": v for k, v in network.state_dict().items()}
-    made = PaperNetwork(Box(0, 255, (64, 64, 3), np.uint8))
+    made = PictureNetwork(Box(0, 255, (64, 64, 3), np.uint8))
     made.load_state_dict(
         {
             name.removeprefix("features_extractor."): value
@@ -33,9 +33,9 @@ def turned_network(network: PaperNetwork, turn_deg: float) -> PaperNetwork:
 
 
 @pytest.fixture(scope="module")
-def network() -> PaperNetwork:
+def network() -> PictureNetwork:
     torch.manual_seed(0)
-    return PaperNetwork(Box(0, 255, (64, 64, 3), np.uint8))
+    return PictureNetwork(Box(0, 255, (64, 64, 3), np.uint8))
 
 
 def test_hues_are_apart_the_short_way() -> None:
@@ -45,7 +45,7 @@ def test_hues_are_apart_the_short_way() -> None:
     assert hue_turn_deg(GREEN, RED_CUBE) == -hue_turn_deg(RED_CUBE, GREEN)
 
 
-def test_a_third_of_a_turn_takes_green_for_red(network: PaperNetwork) -> None:
+def test_a_third_of_a_turn_takes_green_for_red(network: PictureNetwork) -> None:
     picture = np.random.default_rng(0).integers(0, 256, (64, 64, 3))
     green = picture[..., (2, 0, 1)]  # what was red is green now
     seen, before = through(turned_network(network, 120), green), through(network, picture)
@@ -56,7 +56,7 @@ def test_a_third_of_a_turn_takes_green_for_red(network: PaperNetwork) -> None:
 @given(st.integers(0, 255), st.floats(-180, 180))
 def test_greys_do_not_notice(level: int, turn_deg: float) -> None:
     torch.manual_seed(0)
-    network = PaperNetwork(Box(0, 255, (64, 64, 3), np.uint8))
+    network = PictureNetwork(Box(0, 255, (64, 64, 3), np.uint8))
     grey = np.full((64, 64, 3), level)
     assert np.allclose(
         through(turned_network(network, turn_deg), grey), through(network, grey), atol=1e-4

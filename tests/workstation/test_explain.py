@@ -20,7 +20,7 @@ from mbot_workstation.commands.training_curve import training_curve
 from mbot_workstation.models.servo_policy import ServoGains, servo_model
 from mbot_workstation.recordings.drive_mcap import Recording
 from mbot_workstation.recordings.recorded_drive import read_drive
-from mbot_workstation.training.evaluation.activations import Glance, Microscope
+from mbot_workstation.training.evaluation.activations import ActivationReader, Glance
 from mbot_workstation.training.evaluation.explanation import (
     as_observation,
     mosaic,
@@ -76,7 +76,7 @@ def invoke(command: Any, *arguments: str) -> str:
 
 def test_the_microscope_shows_what_torch_computes(model: bytes) -> None:
     frame = np.random.default_rng(1).integers(0, 256, (64, 64, 3)).astype(np.uint8)
-    seen = Microscope(model).look(frame)
+    seen = ActivationReader(model).look(frame)
     scaled = torch.from_numpy(frame).permute(2, 0, 1)[None] / 255 - 0.5
     first = weights()["features_extractor.first.weight"], weights()["features_extractor.first.bias"]
     expected = torch.nn.functional.conv2d(scaled, *first, stride=4)[0].numpy()
@@ -91,11 +91,11 @@ def test_the_microscope_shows_what_torch_computes(model: bytes) -> None:
 
 def test_any_policy_shows_where_it_looks(tmp_path: Path) -> None:
     servo = servo_model(ServoGains(), PolicyMetadata("servo")).SerializeToString()
-    microscope = Microscope(servo)
+    reader = ActivationReader(servo)
     frame = np.full((64, 64, 3), 120, np.uint8)
-    nothing = microscope.look(frame)
+    nothing = reader.look(frame)
     frame[36:44, 8:16] = (200, 20, 20)
-    seen = microscope.look(frame)
+    seen = reader.look(frame)
     assert seen.convolution is None
     assert nothing.saliency.max() < 1e-3
     row, column = np.unravel_index(int(seen.saliency.argmax()), seen.saliency.shape)
@@ -110,13 +110,13 @@ def test_any_policy_shows_where_it_looks(tmp_path: Path) -> None:
 
 
 def test_what_a_policy_remembers_is_told_from_what_it_sees() -> None:
-    microscope = Microscope(SHIPPED.read_bytes())
+    reader = ActivationReader(SHIPPED.read_bytes())
     frames = list(example_frames().values())
     straight = (0.2, 0.2)
     drive = [Glance(frames[1]), *[Glance(frames[1], straight)] * 11, Glance(frames[0], straight)]
-    (first, last) = microscope.look_back(drive, [0, 12])
+    (first, last) = reader.look_back(drive, [0, 12])
     assert first.first_action == pytest.approx(first.action)
-    assert last.first_action == pytest.approx(microscope.look(frames[0]).action)
+    assert last.first_action == pytest.approx(reader.look(frames[0]).action)
     assert last.first_action is not None
     assert np.abs(np.subtract(last.action, last.first_action)).max() > 0.05
 
@@ -127,13 +127,13 @@ def test_a_recorded_policy_does_what_it_did_on_the_robot() -> None:
     decided = [beat for beat in read_drive(RECORDED).beats if beat.decided]
     _, glances = recorded_glances(RECORDED, FULL_VIEW)
     assert len(glances) == len(decided) + 1  # in one beat it was not asked
-    looks = Microscope(model).look_back(glances, range(len(glances)))
+    looks = ActivationReader(model).look_back(glances, range(len(glances)))
     actions = [one.action for one in looks]
     del actions[8]
     then = [(beat.decision.action.left, beat.decision.action.right) for beat in decided]
     np.testing.assert_allclose(actions, then, atol=1e-5)
     never_anew = [Glance(one.frame, one.told or (0.0, 0.0)) for one in glances]
-    other = Microscope(model).look_back(never_anew, [9])[0].action
+    other = ActivationReader(model).look_back(never_anew, [9])[0].action
     assert np.abs(np.subtract(other, then[8])).max() > 1e-3
 
 

@@ -69,7 +69,7 @@ class Page(HTMLParser):
 
 
 @pytest.mark.slow
-def test_the_page_shows_every_manoeuvre_and_needs_no_other_file() -> None:
+def test_the_page_shows_every_maneuver_and_needs_no_other_file() -> None:
     text = page(report(compared_runs(), ALL, tolerances()))
     shown = Page(text)
     for maneuver in MANEUVERS:

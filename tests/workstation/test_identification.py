@@ -303,7 +303,7 @@ def test_spoilt_runs_are_named_and_left_out(recording: Recording) -> None:
 
 def test_too_few_runs_are_refused(recording: Recording) -> None:
     once = replace(recording, runs=recording.runs[::2])
-    with pytest.raises(ConfigurationError, match="8 runs, and no manoeuvre twice"):
+    with pytest.raises(ConfigurationError, match="8 runs, and no maneuver twice"):
         identify([once], RobotParameters(), robot_id="once")
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from mbot_protocol.actions import WheelMaps
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.identification.arrow import Arrow
+from mbot_workstation.identification.arrowhead import Arrowhead
 from mbot_workstation.identification.conclusions import steady_rate
 from mbot_workstation.identification.data import prepare
 from mbot_workstation.identification.floor import flatten
@@ -522,7 +522,7 @@ def test_an_arrow_explains_what_all_its_columns_would() -> None:
     rng = np.random.default_rng(2)
     runs = [(rng.normal(size=(n, 3)), rng.normal(size=(n, 2))) for n in (12, 9, 20)]
     prior = np.diag([3.0, 5.0])
-    arrow = Arrow.of(runs, prior)
+    arrow = Arrowhead.of(runs, prior)
     rows = sum(len(own) for own, _ in runs)
     columns = np.zeros((rows + 2, 2 + 3 * len(runs)))
     columns[:, :2] = np.vstack([*[shared for _, shared in runs], prior])

@@ -1,4 +1,4 @@
-"""Driving manoeuvres: planned in rounds, told without a gap, kept whole, stopped at a touch."""
+"""Driving maneuvers: planned in rounds, told without a gap, kept whole, stopped at a touch."""
 
 import json
 import os
@@ -106,7 +106,7 @@ def drives(robot: FakeRobot) -> list[Command]:
     return [command for command in robot.commands() if command.WhichOneof("action") == "drive"]
 
 
-def test_a_manoeuvre_is_held_and_then_stopped(robot: FakeRobot, link: RobotLink) -> None:
+def test_a_maneuver_is_held_and_then_stopped(robot: FakeRobot, link: RobotLink) -> None:
     before_s = robot.now_ns() / 1e9
     result = driven(link, "forward-backward", 1.2)
     told = result.series
@@ -581,7 +581,7 @@ def test_no_is_an_answer(robot: FakeRobot, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--maneuver", "sideways"), "no manoeuvre 'sideways'"),
+        (("--maneuver", "sideways"), "no maneuver 'sideways'"),
         (("--output", "a", "--resume", "b"), "exclude each other"),
         (("--resume", "nowhere"), "is no recording"),
         (("--calibration", "nowhere"), "no calibration folder"),

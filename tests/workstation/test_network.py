@@ -4,22 +4,22 @@ import pytest
 import torch
 from torch import nn
 
-from mbot_workstation.training.learning.network import PIXEL_SCALE, PIXEL_SHIFT, PaperNetwork
+from mbot_workstation.training.learning.network import PIXEL_SCALE, PIXEL_SHIFT, PictureNetwork
 
 SPACE = gymnasium.spaces.Box(0, 255, (64, 64, 3), np.uint8)
 
 
 @pytest.fixture
-def network() -> PaperNetwork:
+def network() -> PictureNetwork:
     torch.manual_seed(1)
-    return PaperNetwork(SPACE)
+    return PictureNetwork(SPACE)
 
 
 def pictures(count: int) -> torch.Tensor:
     return torch.from_numpy(np.random.default_rng(2).integers(0, 256, (count, 64, 64, 3))).float()
 
 
-def test_it_is_the_papers_network(network: PaperNetwork) -> None:
+def test_it_is_the_papers_network(network: PictureNetwork) -> None:
     textbook = nn.Sequential(
         network.first,
         nn.LeakyReLU(),
@@ -43,7 +43,7 @@ def test_it_is_the_papers_network(network: PaperNetwork) -> None:
 
 
 def test_finer_filters_lie_closer() -> None:
-    finer = PaperNetwork(SPACE, deeper=True, first_filter_px=6)
+    finer = PictureNetwork(SPACE, deeper=True, first_filter_px=6)
     assert finer.first.weight.shape == (16, 3, 6, 6)
     assert finer.first.stride == (3, 3)
     assert finer.dense.in_features == 32 * 9 * 9
@@ -55,7 +55,7 @@ def test_finer_filters_lie_closer() -> None:
     assert finer(batch).shape == (3, 256)
 
 
-def test_pictures_are_not_copied_on_the_way(network: PaperNetwork) -> None:
+def test_pictures_are_not_copied_on_the_way(network: PictureNetwork) -> None:
     seen: list[torch.Tensor] = []
     convolution = nn.functional.conv2d
 
@@ -71,7 +71,7 @@ def test_pictures_are_not_copied_on_the_way(network: PaperNetwork) -> None:
     assert seen[0].is_contiguous(memory_format=torch.channels_last)
 
 
-def test_every_weight_learns(network: PaperNetwork) -> None:
+def test_every_weight_learns(network: PictureNetwork) -> None:
     network(pictures(4)).square().sum().backward()
     for name, parameter in network.named_parameters():
         assert parameter.grad is not None, name

@@ -1,4 +1,4 @@
-"""Where telemetry and sessions of manoeuvres are shown: lines, JSON, a terminal."""
+"""Where telemetry and sessions of maneuvers are shown: lines, JSON, a terminal."""
 
 import io
 import json
@@ -53,7 +53,7 @@ def test_a_terminal_keeps_the_view_within_80_columns() -> None:
     assert "mbot-1" in console.file.getvalue()
 
 
-def test_a_session_of_manoeuvres_is_told_in_lines_or_as_a_bar() -> None:
+def test_a_session_of_maneuvers_is_told_in_lines_or_as_a_bar() -> None:
     first = plan(MANEUVERS, 1, Order.LISTED, seed=0)[0]
     out = io.StringIO()
     plain = PlainDisplay(out)

@@ -351,7 +351,7 @@ def test_what_is_missing_is_named(tmp_path: Path, runs: tuple[Run, ...]) -> None
         ("", "holds no run"),
         ("1,forward-forward,1,0,0", "line 2: 5 fields, expected 6"),
         ("1,forward-forward,1,0,0,zero", "should be whole numbers"),
-        ("1,sideways,1,0,0,0", "no manoeuvre 'sideways'"),
+        ("1,sideways,1,0,0,0", "no maneuver 'sideways'"),
         ("1,forward-forward,1,0,1,1\n1,forward-forward,1,9,1,1", "the last row is not 0, 0"),
         ("1,forward-forward,1,0,1,-1\n1,forward-forward,1,9,0,0", "expected 1, 1 or 0, 0"),
         ("1,forward-forward,1,5,1,1\n1,forward-forward,1,5,0,0", "time_s does not rise"),
@@ -407,7 +407,7 @@ def test_commands_hold_until_the_next_row() -> None:
     assert (series.start_s, series.end_s) == (2.0, 5.0)
 
 
-def test_the_eight_manoeuvres_are_the_papers() -> None:
+def test_the_eight_maneuvers_are_the_papers() -> None:
     assert len(MANEUVERS) == len({maneuver.name for maneuver in MANEUVERS}) == 8
     assert {(m.left, m.right) for m in MANEUVERS} == {
         (left, right) for left in (-1, 0, 1) for right in (-1, 0, 1) if (left, right) != (0, 0)

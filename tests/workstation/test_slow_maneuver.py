@@ -1,4 +1,4 @@
-"""The ninth manoeuvre: ramps that tell where wheels begin to turn."""
+"""The ninth maneuver: ramps that tell where wheels begin to turn."""
 
 from dataclasses import replace
 from pathlib import Path

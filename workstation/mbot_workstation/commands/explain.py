@@ -56,20 +56,20 @@ def explain(options: ExplainOptions) -> None:
 
     from mbot_protocol.errors import ConfigurationError
     from mbot_workstation.models.check import check_model
-    from mbot_workstation.training.evaluation.activations import Microscope
+    from mbot_workstation.training.evaluation.activations import ActivationReader
     from mbot_workstation.training.evaluation.explanation import draw, load_frame, recorded_glances
 
     files = [*(options.frames or ()), *(options.more_frames or ())]
     if files and options.recording:
         raise ConfigurationError("--frames and --recording: give one of the two")
     checked = check_model(options.model)
-    microscope = Microscope(checked.data)
+    reader = ActivationReader(checked.data)
     view = checked.metadata.view
     if options.recording is not None:
         seconds, drive = recorded_glances(options.recording, view)
         spread = np.linspace(0, len(drive) - 1, options.count).round().astype(int)
         chosen = sorted(set(spread.tolist()))
-        looks = microscope.look_back(drive, chosen)
+        looks = reader.look_back(drive, chosen)
         seen = {f"{seconds[i]:.1f} s": one for i, one in zip(chosen, looks, strict=True)}
     else:
         if files:
@@ -78,7 +78,7 @@ def explain(options: ExplainOptions) -> None:
             from mbot_workstation.training.worlds.example_frames import example_frames
 
             pictures = example_frames()
-        seen = {title: microscope.look(picture) for title, picture in pictures.items()}
+        seen = {title: reader.look(picture) for title, picture in pictures.items()}
     draw(seen, options.output)
     if options.as_json:
         actions = {title: [round(v, 4) for v in one.action] for title, one in seen.items()}

@@ -1,4 +1,4 @@
-"""`workstation identify`: from recorded manoeuvres to the simulated robot's motion."""
+"""`workstation identify`: from recorded maneuvers to the simulated robot's motion."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""`workstation maneuvers`: drive the paper's eight manoeuvres and record what was told."""
+"""`workstation maneuvers`: drive the paper's eight maneuvers and record what was told."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from mbot_workstation.maneuvers.session_journal import Journal
 
 app = typer.Typer(
-    help="Drive the paper's eight manoeuvres, to learn how a robot moves.", no_args_is_help=True
+    help="Drive the paper's eight maneuvers, to learn how a robot moves.", no_args_is_help=True
 )
 
 
@@ -39,14 +39,14 @@ app = typer.Typer(
 class ListManeuversOptions:
     """What `list_maneuvers` takes."""
 
-    seconds: float = option(MANEUVER_S, "Of each manoeuvre; the paper has 10.", min=0.3, max=120)
+    seconds: float = option(MANEUVER_S, "Of each maneuver; the paper has 10.", min=0.3, max=120)
     as_json: bool = json_option()
 
 
 @app.command("list")
 @with_options
 def list_maneuvers(options: ListManeuversOptions) -> None:
-    """Show the manoeuvres and the free floor each needs.
+    """Show the maneuvers and the free floor each needs.
 
     Example: `workstation maneuvers list --seconds 5`
     """
@@ -64,7 +64,7 @@ def list_maneuvers(options: ListManeuversOptions) -> None:
             rows.append(told | room)
         print(json.dumps(rows))
         return
-    table = Table("manoeuvre", "left", "right", "free floor, m", box=None, padding=(0, 2, 0, 0))
+    table = Table("maneuver", "left", "right", "free floor, m", box=None, padding=(0, 2, 0, 0))
     for maneuver in (*MANEUVERS, SLOW):
         length_m, width_m = room_needed_m(maneuver, options.seconds)
         left, right = f"{maneuver.left:+g}", f"{maneuver.right:+g}"
@@ -82,8 +82,8 @@ class RunOptions(LinkOptions):
     resume: Path | None = option(
         None, "Go on with a recording: only what is missing.", metavar="FOLDER"
     )
-    seconds: float = option(MANEUVER_S, "Of each manoeuvre; the paper has 10.", min=0.3, max=120)
-    repetitions: int = option(REPETITIONS, "Of every manoeuvre; the paper has 10.", min=1, max=100)
+    seconds: float = option(MANEUVER_S, "Of each maneuver; the paper has 10.", min=0.3, max=120)
+    repetitions: int = option(REPETITIONS, "Of every maneuver; the paper has 10.", min=1, max=100)
     maneuver: list[str] | None = option(
         None, "Only this one; may be given several times.", metavar="NAME"
     )
@@ -107,7 +107,7 @@ class RunOptions(LinkOptions):
 @app.command("run")
 @with_options
 def run(options: RunOptions) -> None:
-    """Drive every manoeuvre, and record commands and telemetry on the robot's clock.
+    """Drive every maneuver, and record commands and telemetry on the robot's clock.
 
     Start the tracker first (`workstation track`, or any other), and keep it running to the end.
     The robot stands still for a second or more before and after each run. Keys: p or Enter
@@ -136,7 +136,7 @@ def run(options: RunOptions) -> None:
     if options.repetitions < 2:
         raise ConfigurationError(
             f"--repetitions is {options.repetitions}, expected 2 or more: `workstation identify` "
-            "holds half of every manoeuvre's runs out to judge its result"
+            "holds half of every maneuver's runs out to judge its result"
         )
     chosen = (
         [maneuver_named(name) for name in options.maneuver] if options.maneuver else list(MANEUVERS)

@@ -73,7 +73,7 @@ class VirtualRobotOptions:
     )
     free_floor: bool = option(
         False,
-        "No object, no border, no time limit: for driving manoeuvres. A robot that has "
+        "No object, no border, no time limit: for driving maneuvers. A robot that has "
         "stood for 1.5 s is carried back to the middle.",
         "--free-floor",
         panel=_TASK,
@@ -391,7 +391,7 @@ def _default_size(camera: "CameraModel", width_px: int = 320) -> tuple[int, int]
 
 
 def _free(scene: "SceneParameters") -> "SceneParameters":
-    """The scene with its walls beyond any manoeuvre's reach."""
+    """The scene with its walls beyond any maneuver's reach."""
     return replace(scene, arena=replace(scene.arena, wall_m=FREE_FLOOR_M, border_m=FREE_FLOOR_M))
 
 

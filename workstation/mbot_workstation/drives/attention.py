@@ -12,7 +12,7 @@ from mbot_protocol.picture import Picture
 from mbot_workstation.drives.replayed_drive import find_model
 from mbot_workstation.models.check import check_model
 from mbot_workstation.recordings.recorded_drive import Beat, BeatKey
-from mbot_workstation.training.evaluation.activations import Activations, Microscope
+from mbot_workstation.training.evaluation.activations import ActivationReader, Activations
 
 GLOW = (255, 150, 30)
 
@@ -55,7 +55,7 @@ def attention(beats: Sequence[Beat], models: Sequence[Path]) -> tuple[Looks, lis
         words.append("where it looked is not known of pictures that only telemetry has brought")
     for digest in dict.fromkeys(beat.decision.model_sha256 for beat in shown):
         try:
-            microscope = Microscope(check_model(find_model(digest, models)).data)
+            reader = ActivationReader(check_model(find_model(digest, models)).data)
         except ConfigurationError as error:
             words.append(f"where it looked is not shown: {error}")
             continue
@@ -63,7 +63,7 @@ def attention(beats: Sequence[Beat], models: Sequence[Path]) -> tuple[Looks, lis
             record, picture = beat.record, beat.observation
             if beat.decision.model_sha256 == digest and record is not None and picture is not None:
                 memory = b"" if record.began_anew else record.memory or b""
-                seen = microscope.look_on(picture, beat.told or (0.0, 0.0), memory)
+                seen = reader.look_on(picture, beat.told or (0.0, 0.0), memory)
                 found[beat.key] = seen
     looks = {key: Look(_glowing(one), one.first_action) for key, one in found.items()}
     return looks, words

@@ -123,7 +123,7 @@ def compare(recordings: Sequence[Recording], files: CalibrationFiles) -> Compari
     robot = with_values(data.robot, data.guessed) if files.motion is None else calibrated
     away = np.array(is_held_out(data.runs))
     problem, solution = aligned(data, robot, np.flatnonzero(~away).tolist())
-    chosen, words = away, "Every other repetition of each manoeuvre: those that were held out."
+    chosen, words = away, "Every other repetition of each maneuver: those that were held out."
     if files.motion is None or not away.any():
         chosen, words = np.ones_like(away), "All runs: nothing was fitted to them."
         if files.motion is not None:

@@ -22,7 +22,7 @@ NOISE = {"position": 0.005, "heading": 0.009}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathError:
-    """Simulated against measured, of one manoeuvre by one simulated robot.
+    """Simulated against measured, of one maneuver by one simulated robot.
 
     Attributes:
         time_s: shape (n,); as long as the shortest repetition.
@@ -45,7 +45,7 @@ class Headline:
         worst_position_m, worst_yaw_deg: and the largest.
         turned_share: the heading's error as a share of the angle turned, as `identify` tells it;
             None if no run turns once.
-        speed_share: largest error of a manoeuvre's mean steady speed, of the speed straight on;
+        speed_share: largest error of a maneuver's mean steady speed, of the speed straight on;
             None if no run is long enough.
         turn_share: likewise of the turn rate, of that on the spot.
 
@@ -106,7 +106,7 @@ def driving(runs: Sequence[ComparedRun]) -> Driving:
 
 
 def path_error(runs: Sequence[ComparedRun], simulated: str) -> PathError:
-    """Of all repetitions of one manoeuvre; at least one.
+    """Of all repetitions of one maneuver; at least one.
 
     Args:
         runs: the repetitions.
@@ -147,7 +147,7 @@ def _largest(
     pick: Callable[[Rate], float],
     full: Sequence[str],
 ) -> float | None:
-    """Largest error of any manoeuvre's mean, as a share of the full speed or turn rate."""
+    """Largest error of any maneuver's mean, as a share of the full speed or turn rate."""
     off: list[float] = []
     fulls: list[float] = []
     for name, runs in maneuvers.items():

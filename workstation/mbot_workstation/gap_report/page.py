@@ -137,7 +137,7 @@ def drawing(path: Path) -> str | None:
 
 
 def end_rows(driving: Driving) -> Iterator[tuple[str, ...]]:
-    """Errors at the end of each manoeuvre, the middle ones of all repetitions."""
+    """Errors at the end of each maneuver, the middle ones of all repetitions."""
     for name, runs in driving.maneuvers.items():
         errors = [path_error(runs, path) for path in (CALIBRATED, NOMINAL)]
         places_m, turns_rad = zip(*(at_end(error) for error in errors), strict=True)
@@ -146,7 +146,7 @@ def end_rows(driving: Driving) -> Iterator[tuple[str, ...]]:
 
 
 def rate_rows(driving: Driving) -> Iterator[tuple[str, ...]]:
-    """Mean steady speeds and turn rates of each manoeuvre."""
+    """Mean steady speeds and turn rates of each maneuver."""
     for name, runs in driving.maneuvers.items():
         if steady := [run for run in runs if run.is_steady]:
             rates = [[run.rate(path) for run in steady] for path in PATHS]

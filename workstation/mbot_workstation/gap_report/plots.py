@@ -66,7 +66,7 @@ def to_uri(figure: Figure) -> str:
 
 @mpl.rc_context(_STYLE)
 def path_plot(runs: Sequence[ComparedRun]) -> str:
-    """One manoeuvre's repetitions from above; the robot starts at the dot, facing up."""
+    """One maneuver's repetitions from above; the robot starts at the dot, facing up."""
     figure = Figure(figsize=(3.2, 3.2), layout="constrained")
     axes: Any = figure.subplots()
     for path, width in ((NOMINAL, 0.9), (MEASURED, 0.8), (CALIBRATED, 1.3)):
@@ -86,7 +86,7 @@ def path_plot(runs: Sequence[ComparedRun]) -> str:
 
 @mpl.rc_context(_STYLE)
 def error_plot(runs: Sequence[ComparedRun]) -> str:
-    """One manoeuvre's errors over time: lines are medians, bands reach over all repetitions."""
+    """One maneuver's errors over time: lines are medians, bands reach over all repetitions."""
     figure = Figure(figsize=(3.2, 3.5), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     for path in (NOMINAL, CALIBRATED):
@@ -125,7 +125,7 @@ def _metres(value: float) -> str:
 
 @mpl.rc_context(_STYLE)
 def rates_plot(maneuvers: Mapping[str, Sequence[ComparedRun]]) -> str:
-    """Steady speeds and turn rates, a row a manoeuvre."""
+    """Steady speeds and turn rates, a row a maneuver."""
     figure = Figure(figsize=(8.2, 0.36 * len(maneuvers) + 1.3), layout="constrained")
     speeds, turns = figure.subplots(1, 2, sharey=True)
     _dots(speeds, maneuvers, lambda rate: rate.speed_mps)

@@ -123,7 +123,7 @@ def _draw(frame: RealFrame, files: CalibrationFiles, room: Picture) -> Picture:
         with simulated_view(files, room, (width, height)) as draw:
             return draw(frame.place)
     # A recording is made before the calibration is, so the daemon takes its camera for a nominal
-    # one. Manoeuvres need more floor than the arena has, so they are driven without its walls; and
+    # one. Maneuvers need more floor than the arena has, so they are driven without its walls; and
     # a policy's pictures are drawn as in its training.
     camera = RobotParameters().camera
     size = camera.width_px, camera.height_px

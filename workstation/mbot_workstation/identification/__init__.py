@@ -1,1 +1,1 @@
-"""From recorded manoeuvres to the simulated robot's motors, wheels and delays."""
+"""From recorded maneuvers to the simulated robot's motors, wheels and delays."""

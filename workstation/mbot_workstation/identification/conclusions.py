@@ -106,7 +106,7 @@ def latency(solution: Solution, problem: Problem, data: Data, *, same_clock: boo
 def steady_rates(
     solution: Solution, problem: Problem, robot: RobotParameters, scatter: Scatter, fade: float
 ) -> tuple[SteadyRate, ...]:
-    """What the robot does in manoeuvres of a single command, and how far a drive may be off."""
+    """What the robot does in maneuvers of a single command, and how far a drive may be off."""
     chosen = [i for i, plan in enumerate(problem.plans) if _is_held(plan)]
     plans = [problem.plans[index] for index in chosen]
     names = [run.maneuver for run in problem.runs]

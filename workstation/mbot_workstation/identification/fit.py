@@ -179,8 +179,8 @@ def _check_enough(data: Data, away: Array) -> None:
         return
     without = f" without the {len(data.left_out)} that can't be used" if data.left_out else ""
     raise ConfigurationError(
-        f"{len(data.runs)} runs{without}, and no manoeuvre twice: half of the repetitions "
-        "is held out to judge the result; drive each manoeuvre at least twice"
+        f"{len(data.runs)} runs{without}, and no maneuver twice: half of the repetitions "
+        "is held out to judge the result; drive each maneuver at least twice"
     )
 
 
@@ -190,7 +190,7 @@ def _conclude(
     state = whole.solution.state
     told = float((1 - np.diag(whole.solution.covariance).clip(0, 1)).sum())
     scatter = replace(whole.scatter, misfit=learn_misfit(whole.solution, told))
-    # From here on, what the model gets wrong in a manoeuvre counts as what it may get wrong.
+    # From here on, what the model gets wrong in a maneuver counts as what it may get wrong.
     judged = Solver(whole.problem, scatter, whole.noise).judge(state)
     fade = FADE_OF_SCATTER * _common_scatter(whole, scatter)
     mean = state.robot

@@ -25,7 +25,7 @@ NEAREST = 9
 
 
 def is_held_out(runs: Sequence[Observed]) -> list[bool]:
-    """Every other repetition of each manoeuvre, the first one kept for the fit."""
+    """Every other repetition of each maneuver, the first one kept for the fit."""
     result = [False] * len(runs)
     for members in maneuvers(runs).values():
         order = sorted(
@@ -102,7 +102,7 @@ def errors(
 def repeatability(
     runs: Sequence[Observed], settings: Array, later_s: Array
 ) -> tuple[Repeatability, ...]:
-    """How far repetitions are apart, for each manoeuvre that has at least two.
+    """How far repetitions are apart, for each maneuver that has at least two.
 
     Settings and `later_s` are as in `errors`.
     """

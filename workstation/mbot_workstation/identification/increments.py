@@ -75,8 +75,8 @@ class Observed:
         ahead_s: first guess of the tracker's clock minus the robot's, the wheels' delay included.
         own_clock: whether no other run shares this clock.
         since_middle_s: when it began, from the recording's middle; for the clocks' drift.
-        since_others_s: when it began, from the middle of the manoeuvre's other runs; for the
-            battery's: from one manoeuvre to the next, nobody can tell it from the model's faults.
+        since_others_s: when it began, from the middle of the maneuver's other runs; for the
+            battery's: from one maneuver to the next, nobody can tell it from the model's faults.
         sample_s: of the samples that are used, since the first command by `ahead_s`, shape (n,).
         place, heading: of the tracker in these samples, shape (n,).
         bins: of these samples.
@@ -121,7 +121,7 @@ def observe(
     Args:
         flat: the run.
         ahead_s: the tracker's clock minus the robot's, to about GUESS_S.
-        middles_s: of the recording, and of this manoeuvre's runs in it, on the robot's clock.
+        middles_s: of the recording, and of this maneuver's runs in it, on the robot's clock.
         own_clock: whether no other run shares the tracker's clock.
 
     """
@@ -160,7 +160,7 @@ def driving(run: Observed) -> list[tuple[float, float, NDArray[np.bool_]]]:
 
 
 def maneuvers(runs: Sequence[Observed]) -> dict[str, list[int]]:
-    """The indices of each manoeuvre's runs."""
+    """The indices of each maneuver's runs."""
     result: dict[str, list[int]] = {}
     for index, run in enumerate(runs):
         result.setdefault(run.maneuver, []).append(index)

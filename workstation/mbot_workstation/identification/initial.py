@@ -48,7 +48,7 @@ SLOWEST_M_S, FASTEST_M_S = 0.02, 3.0
 """Of such a robot's wheel; beyond, the unit of length or time is wrong."""
 
 TURNS_AGAINST = (
-    "the robot turns the other way than it was told, in all manoeuvres that turn: left and right "
+    "the robot turns the other way than it was told, in all maneuvers that turn: left and right "
     "are swapped (the motors' plugs, or the columns left and right of commands.csv), both motors "
     "run backwards, or the tracker's frame is mirrored (handedness in track.toml)"
 )

@@ -29,7 +29,7 @@ OWN = ("left", "right", "sideways", "later")
 faster wheel's speed; and how much later it began [s]."""
 
 MISFIT = ("left", "right", "sideways", "left at the start", "right at the start")
-"""What the model gets wrong in all runs of a manoeuvre, as shares of the faster wheel's speed: the
+"""What the model gets wrong in all runs of a maneuver, as shares of the faster wheel's speed: the
 speed of each wheel, a sideways motion, and further the wheels' in the first STARTING_S."""
 
 MOMENT_STEP_S = 0.002

@@ -29,7 +29,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class SteadyRate:
-    """How the identified robot drives a manoeuvre once it is at speed, with a fresh battery.
+    """How the identified robot drives a maneuver once it is at speed, with a fresh battery.
 
     Attributes:
         maneuver: its name.
@@ -49,7 +49,7 @@ class SteadyRate:
 
 @dataclass(frozen=True, slots=True)
 class Misfit:
-    """What the model gets wrong in all runs of a manoeuvre, as shares of its faster wheel's speed.
+    """What the model gets wrong in all runs of a maneuver, as shares of its faster wheel's speed.
 
     Attributes:
         maneuver: its name.
@@ -95,7 +95,7 @@ class RunError:
 
 @dataclass(frozen=True, slots=True)
 class Repeatability:
-    """How far repetitions of a manoeuvre end from their mean (root mean square): no model of this
+    """How far repetitions of a maneuver end from their mean (root mean square): no model of this
     robot can be better.
     """
 
@@ -116,10 +116,10 @@ class Identification:
         clock_drift: of each recording's tracker against the robot's clock.
         tracker: of each recording: ahead [m], to the left [m], turned to the left [rad].
         scatter: of the runs about the simulation.
-        misfits: of each manoeuvre.
-        steady: predicted, of each manoeuvre that was driven at one command.
+        misfits: of each maneuver.
+        steady: predicted, of each maneuver that was driven at one command.
         errors: of the runs that were held out when half of them were fitted.
-        repeatability: of each manoeuvre.
+        repeatability: of each maneuver.
         fitted: how many runs were fitted in the end: all that can be used.
         left_out: runs that were not used, and why.
 

@@ -24,7 +24,7 @@ TELLING_SHARE = 0.01
 
 
 def error_table(found: Identification) -> Table:
-    """Held-out runs before and after, a line a manoeuvre: medians."""
+    """Held-out runs before and after, a line a maneuver: medians."""
     table = Table(box=None, padding=(0, 2, 0, 0))
     table.add_column("held-out runs,\nmedians", no_wrap=True)
     for heading in ("place, cm", "heading, °"):

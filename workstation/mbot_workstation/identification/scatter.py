@@ -1,6 +1,6 @@
 """How much repetitions differ, how much a model misses, how noisy a tracker is: learnt from a fit.
 
-Scatter comes from repetitions of the same manoeuvre only: what is wrong in all of them is the
+Scatter comes from repetitions of the same maneuver only: what is wrong in all of them is the
 model's fault, and is kept apart as misfit.
 """
 
@@ -31,7 +31,7 @@ ROBUST = 1.4826
 
 
 def learn_scatter(runs: Sequence[Observed], solution: Solution) -> Scatter:
-    """From the deviations of runs from their manoeuvre's mean, and of manoeuvres from the model."""
+    """From the deviations of runs from their maneuver's mean, and of maneuvers from the model."""
     own = solution.state.own
     off, freedom = np.zeros_like(own), np.zeros(len(own))
     for members in maneuvers(runs).values():
@@ -54,7 +54,7 @@ def learn_scatter(runs: Sequence[Observed], solution: Solution) -> Scatter:
 
 
 def learn_misfit(solution: Solution, told: float) -> float:
-    """What the model gets wrong in a manoeuvre, as a share of the faster wheel's speed.
+    """What the model gets wrong in a maneuver, as a share of the faster wheel's speed.
 
     Args:
         solution: at the end.
@@ -122,7 +122,7 @@ def shared_and_each(off: Array, freedom: Array, driven: NDArray[np.bool_]) -> tu
     then taken for certain.
 
     Args:
-        off: of both wheels' speeds in each run from the mean of its manoeuvre, shape (runs, 2).
+        off: of both wheels' speeds in each run from the mean of its maneuver, shape (runs, 2).
         freedom: of each run, shape (runs,).
         driven: which wheels, shape (runs, 2).
 

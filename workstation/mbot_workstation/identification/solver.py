@@ -1,7 +1,7 @@
 """One least-squares problem: parameters and recordings' settings, all that runs have to themselves
 solved for inside.
 
-A run's own deviations, and what the model gets wrong in all runs of a manoeuvre, enter the
+A run's own deviations, and what the model gets wrong in all runs of a maneuver, enter the
 increments linearly and only there; projecting them out leaves a problem in some twenty unknowns,
 whatever the number of runs (variable projection: Golub and Pereyra 1973; Kaufman's Jacobian).
 """
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from mbot_workstation.identification.arrow import Arrow
+from mbot_workstation.identification.arrowhead import Arrowhead
 from mbot_workstation.identification.increments import Observed, maneuvers
 from mbot_workstation.identification.model import Plan, drive_plans
 from mbot_workstation.identification.prediction import (
@@ -52,14 +52,14 @@ _NO_MISFIT = np.zeros((len(OWN), len(MISFIT)))
 
 @dataclass(frozen=True, slots=True)
 class Scatter:
-    """Standard deviations of what runs and manoeuvres have to themselves.
+    """Standard deviations of what runs and maneuvers have to themselves.
 
     Attributes:
         battery: of both wheels' speeds alike, from run to run, as a share.
         motor: of each wheel's speed by itself, from run to run, as a share.
         sideways: from run to run, as a share of the faster wheel's speed.
         moment_s: of a run's beginning, where the clocks are one.
-        misfit: of what the model gets wrong in all runs of a manoeuvre, as a share of the faster
+        misfit: of what the model gets wrong in all runs of a maneuver, as a share of the faster
             wheel's speed.
         start: likewise while the robot gets going: no model has quite the curve of a real start.
 
@@ -116,7 +116,7 @@ class State:
         robot: with the parameters as they are now.
         settings: shape (recordings, 6).
         own: of each run, see `prediction.OWN`; shape (runs, 4).
-        misfit: of each manoeuvre, see `prediction.MISFIT`.
+        misfit: of each maneuver, see `prediction.MISFIT`.
 
     """
 
@@ -195,11 +195,11 @@ class _Unknowns:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Group:
-    """The runs of one manoeuvre, and all that is theirs alone. In its rows each run's increments
-    are followed by the priors of its own, and what the manoeuvre's share is last."""
+    """The runs of one maneuver, and all that is theirs alone. In its rows each run's increments
+    are followed by the priors of its own, and what the maneuver's share is last."""
 
     runs: tuple[int, ...]
-    theirs: Arrow
+    theirs: Arrowhead
 
 
 class Solver:
@@ -255,7 +255,7 @@ class Solver:
                 prior = self._scatter.own_root(run)
                 columns.append((np.vstack([own, prior]), np.vstack([shared, _NO_MISFIT])))
             shared_prior = np.diag(1 / self._scatter.of_misfit())
-            groups.append(_Group(tuple(members), Arrow.of(columns, shared_prior)))
+            groups.append(_Group(tuple(members), Arrowhead.of(columns, shared_prior)))
         return groups
 
     def _whiten(self, index: int, increments: Array) -> Array:

@@ -1,1 +1,1 @@
-"""Driving a robot through the paper's manoeuvres and keeping what it was told."""
+"""Driving a robot through the paper's maneuvers and keeping what it was told."""

@@ -1,4 +1,4 @@
-"""A session of manoeuvres on a screen, or as lines in a pipe."""
+"""A session of maneuvers on a screen, or as lines in a pipe."""
 
 import sys
 from typing import TextIO

@@ -1,4 +1,4 @@
-"""Drive one manoeuvre, and know what the robot was told when."""
+"""Drive one maneuver, and know what the robot was told when."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -64,7 +64,7 @@ def drive_maneuver(
     seconds: float,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> DrivenCommands:
-    """Drive a manoeuvre for so long, then stop; the robot stands when this returns or raises.
+    """Drive a maneuver for so long, then stop; the robot stands when this returns or raises.
 
     Args:
         control: synchronised.

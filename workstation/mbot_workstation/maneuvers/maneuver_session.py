@@ -1,4 +1,4 @@
-"""A session of manoeuvres: count down, drive, keep; pause, repeat, quit."""
+"""A session of maneuvers: count down, drive, keep; pause, repeat, quit."""
 
 import time
 from collections import deque
@@ -55,7 +55,7 @@ class SessionSettings:
     """How to drive.
 
     Attributes:
-        seconds: each manoeuvre.
+        seconds: each maneuver.
         pause_s: countdown before each.
         attended: somebody sits at the keyboard; otherwise spoilt runs are driven again by
             themselves, a few times.

@@ -1,4 +1,4 @@
-"""Which manoeuvre is driven when."""
+"""Which maneuver is driven when."""
 
 import math
 import random
@@ -23,10 +23,10 @@ TURNED_FROM = {"forward": "backward", "backward": "forward", "neutral": "neutral
 
 
 class Order(Enum):
-    """How one round of all manoeuvres is ordered."""
+    """How one round of all maneuvers is ordered."""
 
     PAIRED = "paired"
-    """Each manoeuvre is followed by its opposite, so the robot comes back by itself."""
+    """Each maneuver is followed by its opposite, so the robot comes back by itself."""
     LISTED = "listed"
     SHUFFLED = "shuffled"
 
@@ -42,9 +42,9 @@ class Planned:
 def plan(
     maneuvers: Sequence[Maneuver], repetitions: int, order: Order, seed: int = 0
 ) -> tuple[Planned, ...]:
-    """All runs, in rounds: every manoeuvre once, then every one again.
+    """All runs, in rounds: every maneuver once, then every one again.
 
-    Rounds spread a battery's decline over all manoeuvres alike.
+    Rounds spread a battery's decline over all maneuvers alike.
     """
     chance = random.Random(seed)
     runs: list[Planned] = []

@@ -97,7 +97,7 @@ class Journal:
 
     @property
     def recorded(self) -> set[tuple[str, int]]:
-        """Manoeuvre and repetition of what is there."""
+        """Maneuver and repetition of what is there."""
         return {(run.maneuver, run.repetition) for run in self.runs}
 
     def next_number(self) -> int:

@@ -71,7 +71,7 @@ def _check_turns(runs: Sequence[DrivenRun]) -> None:
         return
     if cause == "opposite":
         raise ConfigurationError(
-            "the robot turns the other way than told in every manoeuvre, and all else fits. These "
+            "the robot turns the other way than told in every maneuver, and all else fits. These "
             "recordings can't tell which it is: the motors' plugs exchanged left for right; both "
             "motors reversed; the tracker's frame mirrored (then set handedness to the other one "
             'in track.toml); or its up axis pointing down (then up = "-..."). Turn the robot to '
@@ -97,7 +97,7 @@ def _check_repetitions(runs: Sequence[DrivenRun]) -> None:
         if odd and fastest > TURNING_RADPS:
             raise ConfigurationError(
                 f"{odd[0].name} turns at {odd[0].yaw_radps:.1f} rad/s, the other repetitions at "
-                f"{usual:.1f}: another manoeuvre, or spoilt; add {odd[0].run.number} to leave_out "
+                f"{usual:.1f}: another maneuver, or spoilt; add {odd[0].run.number} to leave_out "
                 f"in recording.toml ({numbers_of(odd)} in all)"
             )
 

@@ -1,4 +1,4 @@
-"""The eight manoeuvres of the paper, full backward, neutral, full forward, and a slow one."""
+"""The eight maneuvers of the paper, full backward, neutral, full forward, and a slow one."""
 
 from dataclasses import dataclass
 from itertools import product
@@ -75,7 +75,7 @@ SLOW = Maneuver("slow", SLOW_PEAK, SLOW_PEAK, is_slow=True)
 
 
 def maneuver_named(name: str) -> Maneuver:
-    """The manoeuvre of that name.
+    """The maneuver of that name.
 
     Raises:
         ConfigurationError: there is none.
@@ -87,6 +87,6 @@ def maneuver_named(name: str) -> Maneuver:
             return maneuver
     names = [maneuver.name for maneuver in known]
     raise ConfigurationError(
-        f"there is no manoeuvre {name!r}, expected one of {', '.join(names)}"
+        f"there is no maneuver {name!r}, expected one of {', '.join(names)}"
         f"{did_you_mean(name, names)}"
     )

@@ -31,7 +31,7 @@ def check_runs(folder: Path, runs: Sequence[Run], form: TrackFormat) -> None:
     try:
         if not driven:
             raise ConfigurationError(
-                "it holds slow runs only; drive some of the eight manoeuvres at full speed too"
+                "it holds slow runs only; drive some of the eight maneuvers at full speed too"
             )
         check_repeated_numbers(driven)
         check_units(driven, form.position_unit)

@@ -71,7 +71,7 @@ class CommandSeries:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """One repetition of one manoeuvre.
+    """One repetition of one maneuver.
 
     Attributes:
         number: as in commands.csv, unique in its recording.
@@ -91,7 +91,7 @@ class Run:
 
     @property
     def is_slow(self) -> bool:
-        """Whether it is the slow manoeuvre."""
+        """Whether it is the slow maneuver."""
         return self.maneuver == SLOW.name
 
 

@@ -55,7 +55,7 @@ class Afternoon:
 
     Attributes:
         folder: where everything is left; made anew.
-        seconds, repetitions, pause_s: of each manoeuvre; the paper has 10, 10.
+        seconds, repetitions, pause_s: of each maneuver; the paper has 10, 10.
         maneuvers: which; all eight if empty.
         photos: of the board.
         worn: whether the robot is a worn one.

@@ -1,4 +1,4 @@
-"""Drives the manoeuvres as a person would: a spoilt run is driven again."""
+"""Drives the maneuvers as a person would: a spoilt run is driven again."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ ATTEMPTS_WITHOUT_PROGRESS = 3
 
 
 def drive_session(line: CommandLine, recording: str, *options: str) -> None:
-    """Record all manoeuvres.
+    """Record all maneuvers.
 
     Args:
         line: to type at.

@@ -1,4 +1,4 @@
-"""The virtual robot and its daemon, up for as long as manoeuvres are driven."""
+"""The virtual robot and its daemon, up for as long as maneuvers are driven."""
 
 import json
 import socket

@@ -83,7 +83,7 @@ _RobotKeys = _keys("_RobotKeys", OF_THE_ROBOT, Struct)
 
 
 class MotionCalibration(_RobotKeys):
-    """motion.toml, identified from driven manoeuvres: the rows of `OF_THE_ROBOT` by their
+    """motion.toml, identified from driven maneuvers: the rows of `OF_THE_ROBOT` by their
     `file_key`, and these.
 
     Attributes:

@@ -1,4 +1,4 @@
-"""Somebody who carries the robot back to the middle between two manoeuvres."""
+"""Somebody who carries the robot back to the middle between two maneuvers."""
 
 from mbot_workstation.simulation.pose import Pose
 

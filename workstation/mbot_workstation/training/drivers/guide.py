@@ -32,7 +32,7 @@ class Guide:
 
     Args:
         remembers: decisions for which it goes by an object that has left the view and was noticed;
-            0 for the teacher of a policy without memory.
+            0 for a policy without memory.
 
     """
 

@@ -70,7 +70,7 @@ class Glance:
     told: tuple[float, float] | None = None
 
 
-class Microscope:
+class ActivationReader:
     """A policy whose inner values can be seen. Any that keeps the contract."""
 
     def __init__(self, model: bytes) -> None:

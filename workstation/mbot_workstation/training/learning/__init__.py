@@ -1,1 +1,1 @@
-"""PPO through the lessons: network, learner, teacher, checkpoints, export."""
+"""PPO through the lessons: network, learner, callback, checkpoints, export."""

@@ -1,6 +1,6 @@
 """The paper's network with a memory behind it: what is learned, as SB3 wants it.
 
-    picture -> PaperNetwork ---------------------+-> wheels
+    picture -> PictureNetwork ---------------------+-> wheels
                     |                            |
                     +-> GRU (with the last action, from decision to decision) -> value
 

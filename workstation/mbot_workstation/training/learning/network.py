@@ -41,7 +41,7 @@ opposite commands the robot turns 160 degrees in a decision, and with 0.6 lesson
 200,000 decisions (measured)."""
 
 
-class PaperNetwork(BaseFeaturesExtractor):
+class PictureNetwork(BaseFeaturesExtractor):
     """Pictures to features: 16 filters 8 x 8 stride 4, 32 filters 4 x 4 stride 2, dense.
 
     The first filters may be smaller, at a stride of half their side.
@@ -121,7 +121,7 @@ def policy_arguments(
     a wheel.
     """
     return {
-        "features_extractor_class": PaperNetwork,
+        "features_extractor_class": PictureNetwork,
         "features_extractor_kwargs": {"deeper": deeper, "first_filter_px": first_filter_px},
         "net_arch": [],
         "normalize_images": False,  # the network does it

@@ -1,6 +1,6 @@
 """SB3's PPO with three things changed for pictures on a few processor cores, and one for memory.
 
-Pictures are not transposed: PaperNetwork takes them as they are. An update splits every batch
+Pictures are not transposed: PictureNetwork takes them as they are. An update splits every batch
 between Python threads that each use one core, instead of splitting every operation between torch's
 threads: the network's operations last some 100 microseconds, so that waiting for each other after
 every one costs more than it wins, by a factor of 8 when another program wants a core (measured).

@@ -17,7 +17,7 @@ from mbot_workstation.training.learning.guidance import GUIDE_REMEMBERS
 from mbot_workstation.training.learning.learner import make_learner
 from mbot_workstation.training.learning.progress_display import Display
 from mbot_workstation.training.learning.run_directory import RunDirectory, write_json
-from mbot_workstation.training.learning.teacher import Teacher
+from mbot_workstation.training.learning.training_callback import TrainingCallback
 from mbot_workstation.training.learning.training_config import TrainingConfig
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 from mbot_workstation.training.worlds.rooms import TRAINING_ROOMS, gather_rooms
@@ -97,17 +97,17 @@ def train(
                 Path(config.parent), learner, with_optimizer=False, turn_deg=config.hue_turn_deg
             )
         learner.set_logger(Logger(str(run.tensorboard), [writer]))
-        teacher = Teacher(run, config, environment, display, stop, start)
+        callback = TrainingCallback(run, config, environment, display, stop, start)
         if step < config.steps:
-            learner.learn(config.steps - step, callback=teacher, reset_num_timesteps=not start)
-            teacher.save()
+            learner.learn(config.steps - step, callback=callback, reset_num_timesteps=not start)
+            callback.save()
         return TrainingResult(
             run=str(run.path),
-            reason=teacher.reason,
+            reason=callback.reason,
             step=learner.num_timesteps,
-            wall_s=round(teacher.wall_s, 1),
-            lesson=teacher.lesson,
-            mean_reward=teacher.mean_reward,
+            wall_s=round(callback.wall_s, 1),
+            lesson=callback.lesson,
+            mean_reward=callback.mean_reward,
         )
     finally:
         writer.close()

@@ -21,7 +21,7 @@ from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 SHOW_EVERY_S = 0.25
 
 
-class Teacher(BaseCallback):
+class TrainingCallback(BaseCallback):
     """Stands beside SB3's learning loop; the loop calls it before and after every part.
 
     Attributes:

@@ -1,7 +1,8 @@
-"""What each run has to itself and what its manoeuvre's runs share, solved for inside a larger fit.
+"""What each run has to itself and what its maneuver's runs share, solved for inside a larger fit.
 
-In the columns of a manoeuvre each run's own stand in a block below one another, and the shared ones
-reach over all of them: an arrow. Its basis is found block by block, and the shared columns' last.
+In the columns of a maneuver each run's own stand in a block below one another, and the shared ones
+reach over all of them: an arrowhead matrix. Its basis is found block by block, and the shared
+columns' last.
 """
 
 from collections.abc import Sequence
@@ -26,8 +27,8 @@ class _Block:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Arrow:
-    """The columns of one manoeuvre, as an orthonormal basis."""
+class Arrowhead:
+    """The columns of one maneuver, as an orthonormal basis."""
 
     blocks: tuple[_Block, ...]
     basis: Array

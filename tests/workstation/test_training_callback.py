@@ -12,7 +12,7 @@ from mbot_workstation.training.learning.checkpoint import MODEL_FILE, Checkpoint
 from mbot_workstation.training.learning.progress_display import LineDisplay
 from mbot_workstation.training.learning.progress_log import read_progress
 from mbot_workstation.training.learning.run_directory import RunDirectory
-from mbot_workstation.training.learning.teacher import Teacher
+from mbot_workstation.training.learning.training_callback import TrainingCallback
 from mbot_workstation.training.learning.training_config import TrainingConfig
 from mbot_workstation.training.worlds.lessons import PASS_EPISODES, Lesson
 
@@ -23,20 +23,22 @@ GOOD, BAD = 3.0, -1.0
 
 
 class Learning:
-    """SB3's side of a run: calls the teacher, and has nothing to save but a file's name."""
+    """SB3's side of a run: calls the callback, and has nothing to save but a file's name."""
 
     def __init__(self, path: Path, start: CheckpointState | None = None) -> None:
         self.run = RunDirectory(path)
         self.lessons: list[str] = []
         self.stop = threading.Event()
         path.mkdir(exist_ok=True)
-        self.teacher = Teacher(self.run, CONFIG, cast(Any, self), LineDisplay(), self.stop, start)
+        self.callback = TrainingCallback(
+            self.run, CONFIG, cast(Any, self), LineDisplay(), self.stop, start
+        )
         self.saved: list[int] = []
         self._model = SimpleNamespace(
             num_timesteps=start.step if start else 0, logger=Logger(None, []), save=self._save
         )
-        self.teacher.init_callback(cast(Any, self._model))
-        self.teacher.on_training_start({}, {})
+        self.callback.init_callback(cast(Any, self._model))
+        self.callback.on_training_start({}, {})
 
     def set_lesson(self, lesson: Lesson) -> None:
         """As the robots are told."""
@@ -46,13 +48,13 @@ class Learning:
         """Episodes of a lesson end with this decision; whether learning may go on."""
         self._model.num_timesteps = step
         infos = [{"episode": {"r": r, "l": 40}, "touches": 1, "lesson": lesson} for r in rewards]
-        self.teacher.update_locals({"infos": infos})
-        return self.teacher.on_step()
+        self.callback.update_locals({"infos": infos})
+        return self.callback.on_step()
 
     def update(self, step: int) -> None:
         """The weights are new, the next decisions are about to be made."""
         self._model.num_timesteps = step
-        self.teacher.on_rollout_start()
+        self.callback.on_rollout_start()
 
     def _save(self, path: Path) -> None:
         path.write_text("weights")
@@ -67,7 +69,7 @@ def learning(tmp_path: Path) -> Learning:
 def in_last_lesson(learning: Learning) -> None:
     """With a progress row behind it, the one in which the lesson began."""
     assert learning.decide(100, *[GOOD] * PASS_EPISODES)
-    assert learning.teacher.lesson == "2"
+    assert learning.callback.lesson == "2"
 
 
 def test_the_robots_get_the_next_lesson_when_enough_episodes_were_good(learning: Learning) -> None:
@@ -84,7 +86,7 @@ def test_the_robots_get_the_next_lesson_when_enough_episodes_were_good(learning:
 def test_the_target_counts_in_the_last_lesson_only(learning: Learning) -> None:
     for step in (100, 200, 300):
         assert learning.decide(step, GOOD)
-    assert learning.teacher.reason == "steps"
+    assert learning.callback.reason == "steps"
 
 
 def test_the_target_ends_the_run_but_not_in_the_row_in_which_the_last_lesson_began(
@@ -94,7 +96,7 @@ def test_the_target_ends_the_run_but_not_in_the_row_in_which_the_last_lesson_beg
     assert learning.decide(200, BAD, GOOD, lesson="2"), "a mean of 1"
     assert learning.decide(299, GOOD, lesson="2"), "no row is due"
     assert not learning.decide(300, GOOD, lesson="2")
-    assert learning.teacher.reason == "target"
+    assert learning.callback.reason == "target"
     assert [row.lesson for row in read_progress(learning.run.progress_file)] == ["2", "2", "2"]
 
 
@@ -102,19 +104,19 @@ def test_without_a_wish_to_stop_or_a_target_reached_learning_goes_on(learning: L
     assert learning.decide(1)
     learning.stop.set()
     assert not learning.decide(2)
-    assert learning.teacher.reason == "interrupted"
+    assert learning.callback.reason == "interrupted"
 
 
 def test_there_is_one_checkpoint_of_a_step_and_none_too_early(learning: Learning) -> None:
     learning.update(63)
     assert learning.saved == []
     learning.update(64)
-    learning.teacher.save()
+    learning.callback.save()
     learning.update(64)
     learning.update(127)
     assert learning.saved == [64]
     learning.decide(130)
-    learning.teacher.save()  # the run's end
+    learning.callback.save()  # the run's end
     assert learning.saved == [64, 130]
     assert [path.name for path in learning.run.checkpoints()] == ["000000064", "000000130"]
     assert all((path / MODEL_FILE).exists() for path in learning.run.checkpoints())
@@ -124,13 +126,13 @@ def test_a_run_that_goes_on_knows_its_lesson_time_and_reward(
     learning: Learning, tmp_path: Path
 ) -> None:
     in_last_lesson(learning)
-    learning.teacher.save()
+    learning.callback.save()
     state = read_state(learning.run.last_checkpoint())
     assert (state.step, state.mean_reward) == (100, GOOD)
     again = Learning(tmp_path / "run", state)
-    assert (again.teacher.lesson, again.teacher.mean_reward) == ("2", GOOD)
-    assert again.teacher.wall_s >= state.wall_s > 0
-    again.teacher.save()
+    assert (again.callback.lesson, again.callback.mean_reward) == ("2", GOOD)
+    assert again.callback.wall_s >= state.wall_s > 0
+    again.callback.save()
     assert again.saved == [], "nothing is new"
     assert again.decide(150, lesson="2")
     assert len(read_progress(again.run.progress_file)) == 1
