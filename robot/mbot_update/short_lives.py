@@ -23,13 +23,11 @@ PROVEN = "proven"
 def count_end(folders: ReleaseFolders) -> None:
     """The daemon has just ended, as systemd says in $SERVICE_RESULT and $EXIT_STATUS."""
     version = folders.current
-    if not version or _record(folders, version) == PROVEN:
-        return
-    if folders.at_work.exists() or not system.is_up():
+    if not version or _record(folders, version) == PROVEN or folders.at_work.exists():
         return
     if system.lived_s() >= SHORT_S:
         _note(folders, version, PROVEN)
-    elif _died():
+    elif _died() and system.is_up():
         deaths = short_lives(folders) + 1
         _note(folders, version, str(deaths))
         if deaths >= TOO_MANY:

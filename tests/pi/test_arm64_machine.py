@@ -46,6 +46,7 @@ DROP_IN = """\
 [Service]
 BindReadOnlyPaths=/opt/cpuinfo:/proc/cpuinfo
 TimeoutStartSec=120
+TimeoutStopSec=60
 """
 SYSTEMD_RUN = """\
 #!/bin/sh
