@@ -1,6 +1,10 @@
 """All subcommands of `workstation`, in the groups in which `--help` shows them."""
 
+from collections.abc import Callable
+from typing import Any
+
 import typer
+from typer.core import TyperGroup
 
 from mbot_workstation.commands.calibrate import app as calibrate
 from mbot_workstation.commands.check_model import check_model_file
@@ -36,8 +40,74 @@ from mbot_workstation.commands.update import update
 from mbot_workstation.commands.view_drives import view
 from mbot_workstation.commands.virtual_robot import virtual_robot
 
+PANELS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
+    "Try it without hardware": {
+        "demo": demo,
+        "virtual-robot": virtual_robot,
+        "make-servo-policy": make_servo_policy,
+    },
+    "Set a robot up": {
+        "flash": flash,
+        "keys": keys,
+        "enroll": enroll,
+        "setup-card": setup_card,
+        "update": update,
+    },
+    "Give it models": {
+        "check-model": check_model_file,
+        "push-model": push_model,
+        "models": models,
+        "rollback": rollback,
+    },
+    "Drive it": {
+        "robots": robots,
+        "run": run,
+        "stop": stop,
+        "console": console,
+        "telemetry": telemetry,
+        "drive": drive,
+    },
+    "Look at drives": {
+        "recordings": recordings,
+        "view": view,
+        "report": report,
+        "film": film,
+        "replay": replay,
+    },
+    "Measure it": {
+        "print": print_targets,
+        "calibrate": calibrate,
+        "panorama": panorama,
+        "maneuvers": maneuvers,
+        "track": track,
+        "identify": identify,
+        "gap-report": gap_report,
+    },
+    "Train and evaluate policies": {
+        "train": train,
+        "training-curve": training_curve,
+        "evaluate": evaluate,
+        "export": export,
+        "explain": explain,
+        "study": study,
+    },
+}
+"""In the order in which a user meets them."""
+
+_ORDER = [name for panel in PANELS.values() for name in panel]
+
+
+class InOrder(TyperGroup):
+    """Typer would list those that have subcommands of their own last."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """All names, as `--help` shows them."""
+        return sorted(super().list_commands(ctx), key=_ORDER.index)
+
+
 app = typer.Typer(
     name="workstation",
+    cls=InOrder,
     help="Simulate, train for, measure, command and watch mbot-agent robots.",
     no_args_is_help=True,
     rich_markup_mode="markdown",
@@ -62,51 +132,12 @@ def workstation(
     """Simulate, train for, measure, command and watch mbot-agent robots."""
 
 
-_TRY, _DRIVE, _MODELS = "Try it without hardware", "Drive a robot", "Models and who may send them"
-_LOOK = "Look at drives"
-_TRAIN, _MEASURE = "Train and evaluate policies", "Measure a robot"
-
-app.command("demo", rich_help_panel=_TRY)(demo)
-app.command("virtual-robot", rich_help_panel=_TRY)(virtual_robot)
-app.command("make-servo-policy", rich_help_panel=_TRY)(make_servo_policy)
-
-app.command("robots", rich_help_panel=_DRIVE)(robots)
-app.command("console", rich_help_panel=_DRIVE)(console)
-app.command("telemetry", rich_help_panel=_DRIVE)(telemetry)
-app.command("run", rich_help_panel=_DRIVE)(run)
-app.command("stop", rich_help_panel=_DRIVE)(stop)
-# Otherwise `drive -0.4 0.4` would look for an option -0.
-negative_numbers = {"ignore_unknown_options": True}
-app.command("drive", rich_help_panel=_DRIVE, context_settings=negative_numbers)(drive)
-app.command("flash", rich_help_panel=_DRIVE)(flash)
-
-app.command("view", rich_help_panel=_LOOK)(view)
 recordings.command("fill")(fill_command)
-app.add_typer(recordings, name="recordings", rich_help_panel=_LOOK)
-app.command("report", rich_help_panel=_LOOK)(report)
-app.command("film", rich_help_panel=_LOOK)(film)
-app.command("replay", rich_help_panel=_LOOK)(replay)
-
-app.command("check-model", rich_help_panel=_MODELS)(check_model_file)
-app.command("push-model", rich_help_panel=_MODELS)(push_model)
-app.command("models", rich_help_panel=_MODELS)(models)
-app.command("rollback", rich_help_panel=_MODELS)(rollback)
-app.command("update", rich_help_panel=_MODELS)(update)
-app.add_typer(keys, name="keys", rich_help_panel=_MODELS)
-app.command("enroll", rich_help_panel=_MODELS)(enroll)
-app.command("setup-card", rich_help_panel=_MODELS)(setup_card)
-
-app.command("train", rich_help_panel=_TRAIN)(train)
-app.command("training-curve", rich_help_panel=_TRAIN)(training_curve)
-app.command("evaluate", rich_help_panel=_TRAIN)(evaluate)
-app.command("export", rich_help_panel=_TRAIN)(export)
-app.command("explain", rich_help_panel=_TRAIN)(explain)
-app.command("study", rich_help_panel=_TRAIN)(study)
-
-app.add_typer(print_targets, name="print", rich_help_panel=_MEASURE)
-app.add_typer(calibrate, name="calibrate", rich_help_panel=_MEASURE)
-app.command("panorama", rich_help_panel=_MEASURE)(panorama)
-app.add_typer(maneuvers, name="maneuvers", rich_help_panel=_MEASURE)
-app.command("track", rich_help_panel=_MEASURE)(track)
-app.command("identify", rich_help_panel=_MEASURE)(identify)
-app.command("gap-report", rich_help_panel=_MEASURE)(gap_report)
+for panel, commands in PANELS.items():
+    for name, command in commands.items():
+        if isinstance(command, typer.Typer):
+            app.add_typer(command, name=name, rich_help_panel=panel)
+        else:
+            # Otherwise `drive -0.4 0.4` would look for an option -0.
+            settings = {"ignore_unknown_options": True} if command is drive else None
+            app.command(name, rich_help_panel=panel, context_settings=settings)(command)
