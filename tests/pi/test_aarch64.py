@@ -5,6 +5,7 @@ nothing, and it has no seccomp.
 """
 
 import json
+import signal
 import subprocess
 import sys
 import tomllib
@@ -15,7 +16,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ..end_to_end.processes import Daemon, Process, beats_on
+from ..reliability.motion import FORWARD, FORWARD_BOARD
+from ..robot.fake_board import FakeBoard
+from ..until import until
 from .booted import CHECKOUT, ROOTS
+from .test_arm64_machine import DECISIONS, PARTS, SLOWLY_S, cpu_info, emulate_arm64
 
 EMULATOR = "/usr/bin/qemu-aarch64-static"
 PACKAGES = "base-files,python3,libpython3-stdlib,libstdc++6,libgcc-s1,zlib1g,libc-bin"
@@ -24,6 +30,17 @@ SITE, HERE = "opt/site", Path(__file__).parent
 MODEL = "models/red-cube.onnx"
 TOLERANCE = 1e-5
 """The bar for another processor."""
+
+ROOM = """
+mount -t proc proc {root}/proc
+mount --bind {root}/cpuinfo {root}/proc/cpuinfo
+mount --rbind /dev {root}/dev
+mount -t tmpfs tmpfs {root}/tmp
+exec chroot {root} /usr/bin/env QEMU_CPU={processor} \
+    PYTHONPATH=/checkout/robot:/checkout/shared/protocol:/{site} \
+    /usr/bin/python3 -m mbot_agent.main run --config /robot.toml
+"""
+"""The daemon in the userland, in mounts of its own."""
 
 
 def requirements() -> list[str]:
@@ -74,16 +91,12 @@ def _install(root: Path, release: str) -> None:
     )
 
 
-@pytest.mark.parametrize("processor", ["cortex-a53", "cortex-a72"])
+@pytest.mark.parametrize("processor", PARTS)
 def test_every_module_imports_and_the_policy_decides_as_here(
     userland: Path, processor: str, record_property: Callable[[str, object], None]
 ) -> None:
-    checkout = userland / "checkout"
-    subprocess.run(["rm", "-rf", str(checkout)], check=True)
-    checkout.mkdir()
-    for name in ("shared", "robot", "models"):
-        subprocess.run(["cp", "-r", str(CHECKOUT / name), str(checkout)], check=True)
-    subprocess.run(["cp", str(HERE / "decide_golden.py"), str(checkout)], check=True)
+    put_checkout(userland)
+    subprocess.run(["cp", str(HERE / "decide_golden.py"), str(userland / "checkout")], check=True)
     there = decided(
         *("chroot", str(userland), f"/{EMULATOR.lstrip('/')}", "-cpu", processor),
         *("/usr/bin/python3", "/checkout/decide_golden.py", "/checkout", MODEL, f"/{SITE}"),
@@ -95,6 +108,41 @@ def test_every_module_imports_and_the_policy_decides_as_here(
     off = float(np.abs(np.array(there["actions"]) - np.array(here["actions"])).max())
     record_property("actions off by", off)
     assert off <= TOLERANCE
+
+
+@pytest.mark.parametrize("processor", PARTS)
+def test_the_daemon_drives_forty_decisions(userland: Path, processor: str, tmp_path: Path) -> None:
+    put_checkout(userland)
+    emulate_arm64()
+    (userland / "cpuinfo").write_text(cpu_info(processor))
+    with FakeBoard() as board:
+        daemon = Daemon(tmp_path, board.path)
+        text = daemon.config.read_text().replace(str(tmp_path / "models"), "/models")
+        (userland / "robot.toml").write_text(text)
+        subprocess.run(["rm", "-rf", str(userland / "models")], check=True)
+        inside = ROOM.format(root=userland, processor=processor, site=SITE)
+        command = ("unshare", "--mount", "sh", "-ec", inside)
+        with daemon.camera(), Process(*command, log=daemon.log) as process:
+            assert until(lambda: "is up" in process.output, SLOWLY_S), process.output
+            daemon.push(FORWARD)
+            assert until(daemon.is_ready, SLOWLY_S), process.output
+            assert not board.moved
+            daemon.run()
+            assert board.wait_for(*FORWARD_BOARD, timeout_s=SLOWLY_S), process.output
+            assert beats_on(daemon.status, DECISIONS)
+            process.signal(signal.SIGTERM)
+            process.wait(SLOWLY_S)
+            assert board.speeds == (0, 0)
+            assert "Traceback" not in process.output
+
+
+def put_checkout(root: Path) -> None:
+    """This checkout's code, as it is now."""
+    checkout = root / "checkout"
+    subprocess.run(["rm", "-rf", str(checkout)], check=True)
+    checkout.mkdir()
+    for name in ("shared", "robot", "models"):
+        subprocess.run(["cp", "-r", str(CHECKOUT / name), str(checkout)], check=True)
 
 
 def decided(*command: str) -> dict[str, Any]:

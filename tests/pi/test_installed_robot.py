@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from mbot_agent.configuration_files import ENROLMENT_FILE, TRUSTED_KEYS_FILE
 from mbot_protocol.errors import MbotError
 from mbot_workstation.link.remote_control import RemoteControl
 from mbot_workstation.models.key_folder import KeyFolder
@@ -180,7 +181,9 @@ def test_enrolled_it_is_reached_by_certificates_alone(
         assert robot.board.wait_for(*FORWARD_BOARD, timeout_s=15), robot.journal()
         desk.says("stop", *to_it)
     finally:
-        machine.says("sh", "-c", "rm -f /etc/mbot-agent/*ed*.toml /etc/mbot-agent/tls/*")
+        sent = (ENROLMENT_FILE, TRUSTED_KEYS_FILE, "tls/*")
+        there = " ".join(f"/etc/mbot-agent/{name}" for name in sent)
+        machine.says("sh", "-c", f"rm -f /root/{packed.name} {there}")
         machine.says("systemctl", "restart", SERVICE)
     assert until(robot.lacks_only_a_model, 20), robot.journal()
 
