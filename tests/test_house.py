@@ -87,3 +87,10 @@ def test_nothing_names_this_machine() -> None:
     )
     # A checkout may lie right below a folder that every machine has.
     assert found.stdout == "" or place in ("/", "/home/", "/opt/", "/root/", "/srv/", "/tmp/")
+
+
+@pytest.mark.parametrize("name", ["inertia_scale", "turning_knee_rad_s"])
+def test_a_parameter_of_the_robot_is_three_files(name: str) -> None:
+    """Its field, its row, its law: motion.toml, the fit, reports and training ask the table."""
+    named = {path.name for path in modules() if name in path.read_text()}
+    assert named == {"robot_parameters.py", "parameter_table.py", "robot_mjcf.py"}
