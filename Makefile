@@ -5,6 +5,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 FIRMWARE := out/firmware
 REPORTS := out/tests
+# Programs whose times nothing depends on.
+UNTIMED := tests/end_to_end/test_printed_commands.py tests/test_first_hour.py
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 .DEFAULT_GOAL := help
@@ -30,8 +32,8 @@ test: $(VENV)/.all ## Run the tests that a change needs, 5 minutes
 test-all: $(VENV)/.all ## Run all tests: those too that run real programs in real time, 22 minutes
 	@rm -rf $(REPORTS)
 	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile --junitxml $(REPORTS)/quick.xml
-	$(BIN)/pytest -m slow -n 2 --dist loadgroup --junitxml $(REPORTS)/slow.xml tests/workstation
-	$(BIN)/pytest -m slow --ignore tests/workstation --junitxml $(REPORTS)/programs.xml
+	$(BIN)/pytest -m slow -n 2 --dist loadgroup --junitxml $(REPORTS)/slow.xml tests/workstation $(UNTIMED)
+	$(BIN)/pytest -m slow --ignore tests/workstation $(UNTIMED:%=--ignore %) --junitxml $(REPORTS)/programs.xml
 	$(BIN)/python benchmarks/reliability.py --quick --of $(REPORTS) -o out/reliability.md
 
 test-pi: $(VENV)/.all ## Install on booted Bookworm and Trixie machines and break things there, updates included; wants root, 30 minutes
@@ -86,7 +88,7 @@ policy-pages: $(VENV)/.all ## Make every page about the policy in models/ anew, 
 	$(BIN)/python benchmarks/policy_pages.py $(PAGES)
 
 mutants: $(VENV)/.all ## Put small faults into the safety path, one by one: a test must fail for each
-	$(BIN)/python benchmarks/mutants.py
+	$(BIN)/python benchmarks/mutants.py $(MUTANTS)
 
 fuzz: $(VENV)/.all ## Feed every parser 100,000 inputs
 	MBOT_FUZZ_CASES=100000 $(BIN)/pytest tests/reliability/test_fuzz.py tests/reliability/test_serial_garbage.py

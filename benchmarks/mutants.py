@@ -1,9 +1,9 @@
 """Small faults put into the safety path, one at a time: for each, the test it names must fail.
 
-    python benchmarks/mutants.py [NAME ...]
+    python benchmarks/mutants.py [--passed] [NAME ...]
 
-Works on copies of the tree; exit code 1 if a mutant survives, or if a named test fails without one.
-Threads of a busy machine can hide a fault once: what survives is tried again, alone, and named if
+Works on copies of the tree; exit code 1 if a mutant survives, or if a named test fails without one,
+which --passed says it does not. Threads of a busy machine can hide a fault once: what survives is tried again, alone, and named if
 it was killed only then. The mutants are in `mutant_table.py`.
 """
 
@@ -97,16 +97,25 @@ def is_killed_alone(tree: Path, mutant: Mutant) -> bool:
     return False
 
 
+def what_fails_without(mutants: list[Mutant]) -> str:
+    """pytest's last words on the tests of a whole tree; empty if all pass."""
+    tests = sorted({mutant.test for mutant in mutants})
+    with tempfile.TemporaryDirectory() as folder:
+        code, words = run_tests(copy_of_the_tree(Path(folder) / "whole"), *tests)
+    return words if code else ""
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description="Put small faults into the safety path.")
     parser.add_argument("names", nargs="*", help="of mutants; all if none is given")
-    names = parser.parse_args().names
+    parser.add_argument(
+        "--passed", action="store_true", help="the tests have just passed without a mutant"
+    )
+    arguments = parser.parse_args()
+    names = arguments.names
     mutants = [mutant for mutant in MUTANTS if not names or mutant.name in names]
     began_s = time.monotonic()
-    with tempfile.TemporaryDirectory() as folder:
-        tests = sorted({mutant.test for mutant in mutants})
-        code, words = run_tests(copy_of_the_tree(Path(folder) / "whole"), *tests)
-    if code != 0:
+    if not arguments.passed and (words := what_fails_without(mutants)):
         print(f"without any mutant the tests fail:\n{words}")
         return 1
     alive = judge(mutants)

@@ -41,6 +41,7 @@ def test_every_block_that_is_not_run_says_why() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.xdist_group("printed")  # one at a time: some ports are what the page says
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("page", [page for page in PAGES if RUN[page]], ids=label)
 def test_the_blocks_of_a_page_run_as_printed(page: Path, tmp_path: Path) -> None:
