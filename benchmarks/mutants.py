@@ -3,8 +3,8 @@
     python benchmarks/mutants.py [--passed] [NAME ...]
 
 Works on copies of the tree; exit code 1 if a mutant survives, or if a named test fails without one,
-which --passed says it does not. Threads of a busy machine can hide a fault once: what survives is tried again, alone, and named if
-it was killed only then. The mutants are in `mutant_table.py`.
+which --passed says it does not. Threads of a busy machine can hide a fault once: what survives is
+tried again, alone, and named if it was killed only then. The mutants are in `mutant_table.py`.
 """
 
 import argparse

@@ -129,7 +129,7 @@ def test_it_drives_forty_decisions(robot: Robot, record_property: Record) -> Non
 
 
 def test_its_end_stops_the_motors(robot: Robot) -> None:
-    robot.machine.says("systemctl", "stop", SERVICE)
+    robot.machine.run("systemctl", "stop", SERVICE, timeout_s=SLOWLY_S)
     assert robot.state() == "inactive", robot.journal()
     assert robot.board.speeds == (0, 0)
     assert "Traceback" not in robot.journal()
