@@ -47,7 +47,11 @@ DROP_IN = """\
 BindReadOnlyPaths=/opt/cpuinfo:/proc/cpuinfo
 TimeoutStartSec=120
 TimeoutStopSec=60
+ExecStopPost=
+ExecStopPost=-/opt/mbot-agent/current/venv/bin/mbot-agent stop-motors
 """
+"""Without what root does after the daemon's end: the emulated systemd hangs when it starts it."""
+
 SYSTEMD_RUN = """\
 #!/bin/sh
 for word; do
@@ -129,7 +133,7 @@ def test_it_drives_forty_decisions(robot: Robot, record_property: Record) -> Non
 
 
 def test_its_end_stops_the_motors(robot: Robot) -> None:
-    robot.machine.run("systemctl", "stop", SERVICE, timeout_s=SLOWLY_S)
+    robot.machine.says("systemctl", "stop", SERVICE)
     assert robot.state() == "inactive", robot.journal()
     assert robot.board.speeds == (0, 0)
     assert "Traceback" not in robot.journal()
