@@ -75,7 +75,12 @@ def running(robot: Robot) -> str:
 
 
 def sent(robot: Robot, archive: Path) -> tuple[str, str]:
-    """What became of a release: phase and detail."""
+    """What became of a release: phase and detail.
+
+    An updater that has just gone back still deletes what it went back from.
+    """
+    at_work = "/run/mbot-agent-update"
+    assert until(lambda: robot.machine.run("test", "-e", at_work).returncode != 0, 60)
     with robot.daemon.link() as link:
         number = send(link, check_release_file(archive), lambda _sent, _all: None)
         update = wait_for_outcome(link, number, lambda _: None)
