@@ -133,7 +133,7 @@ def test_a_hung_camera_is_closed_and_started_anew() -> None:
         assert until(capture.is_fresh)
         first = StandIn.newest
         first.hangs = True
-        assert until(lambda: not capture.is_fresh())
+        assert until(lambda: StandIn.newest is not first)
         assert until(capture.is_fresh)
         assert first.closed
         assert StandIn.newest is not first
