@@ -28,9 +28,8 @@ def count_end(folders: ReleaseFolders) -> None:
     if system.lived_s() >= SHORT_S:
         _note(folders, version, PROVEN)
     elif _died() and system.is_up():
-        deaths = short_lives(folders) + 1
-        _note(folders, version, str(deaths))
-        if deaths >= TOO_MANY:
+        _note(folders, version, str(short_lives(folders) + 1))
+        if too_many(folders):
             system.start_putting_back()
 
 
@@ -38,6 +37,11 @@ def short_lives(folders: ReleaseFolders) -> int:
     """How often the release that runs has died young; 0 once it has lived long."""
     record = _record(folders, folders.current)
     return int(record) if record.isdecimal() else 0
+
+
+def too_many(folders: ReleaseFolders) -> bool:
+    """Whether the release that runs has died young too often."""
+    return short_lives(folders) >= TOO_MANY
 
 
 def _died() -> bool:

@@ -126,10 +126,9 @@ def is_given_up(folders: ReleaseFolders) -> bool:
     From version 254 on systemd takes OnFailure= for every end of a daemon that it is about to start
     again, before only for the last one.
     """
-    if short_lives.short_lives(folders) >= short_lives.TOO_MANY:
-        return True
     until_s = time.monotonic() + GIVES_UP_WITHIN_S
-    while system.service().state != "failed":
+    # The count each time: a death while this waits starts no second one of it.
+    while not (short_lives.too_many(folders) or system.service().state == "failed"):
         if time.monotonic() >= until_s:
             return False
         time.sleep(0.2)

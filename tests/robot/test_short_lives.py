@@ -67,6 +67,22 @@ def test_the_tenth_young_death_puts_the_release_before_back(robot: Robot, ends: 
     assert ends.counted == 1  # of the other release
 
 
+def test_a_death_while_the_one_before_is_being_looked_at_counts(
+    robot: Robot, ends: Ends, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """systemd 254 and newer starts the look after each death, and no second one beside it."""
+    for _ in range(9):
+        ends.end()
+
+    def looked_at() -> system.Service:
+        ends.end()
+        return replace(HEALTHY, state="activating")
+
+    monkeypatch.setattr(update_steps, "GIVES_UP_WITHIN_S", 2.0)
+    monkeypatch.setattr(system, "service", looked_at)
+    assert update_steps.is_given_up(robot.folders)
+
+
 def test_one_that_has_lived_for_an_hour_is_not_counted_any_more(ends: Ends) -> None:
     for _ in range(9):
         ends.end()
