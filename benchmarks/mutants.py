@@ -102,7 +102,7 @@ def what_fails_without(mutants: list[Mutant]) -> str:
     tests = sorted({mutant.test for mutant in mutants})
     with tempfile.TemporaryDirectory() as folder:
         code, words = run_tests(copy_of_the_tree(Path(folder) / "whole"), *tests)
-    return words if code else ""
+    return f"pytest ended with {code}: {words}" if code else ""
 
 
 def main() -> int:

@@ -14,6 +14,7 @@ from msgspec import Meta, Struct
 
 from mbot_protocol.access_rules import check_name
 from mbot_protocol.actions import MotorMap, WheelMaps
+from mbot_protocol.calibration import check_lens
 from mbot_protocol.camera_model import (
     PI_CAMERA_HORIZONTAL_FOV_DEG,
     PI_CAMERA_VERTICAL_FOV_DEG,
@@ -69,6 +70,8 @@ class Camera(Struct, frozen=True, forbid_unknown_fields=True):
                 f"source is {shown_source(self.source)!r}, expected picamera2, a device, a file or "
                 f'http://; FFmpeg opens other addresses, by source = "ffmpeg:ADDRESS"'
             )
+        if self.intrinsics is not None:
+            check_lens(self.intrinsics)
 
     def model_at(self, width_px: int, height_px: int) -> CameraModel:
         """The intrinsics for frames of this size: calibrated, or from the field of view."""

@@ -44,6 +44,11 @@ def too_many(folders: ReleaseFolders) -> bool:
     return short_lives(folders) >= TOO_MANY
 
 
+def begin_anew(folders: ReleaseFolders) -> None:
+    """Another release runs, or the same one has been put there once more."""
+    atomic_file.remove(folders.lives)
+
+
 def _died() -> bool:
     result, status = (os.environ.get(name, "") for name in ("SERVICE_RESULT", "EXIT_STATUS"))
     asked_for = result in ("", "success")

@@ -69,6 +69,7 @@ def change_over(folders: ReleaseFolders, version: str, number: str = "", floor: 
     """
     old, before = folders.current, system.service()
     if version == old:
+        short_lives.begin_anew(folders)
         outcome = Outcome(number, version, "installed", version)
         folders.note(replace(folders.ledger.accepted(version, old, floor), outcome=outcome))
         return outcome
@@ -90,6 +91,7 @@ def change_over(folders: ReleaseFolders, version: str, number: str = "", floor: 
     replaced = "" if old == BEFORE_RELEASES and runs else old
     ledger = folders.ledger.accepted(version, replaced, floor)
     folders.note(replace(ledger, outcome=outcome))
+    short_lives.begin_anew(folders)
     folders.sweep()
     return outcome
 

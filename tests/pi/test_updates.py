@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -66,7 +67,7 @@ def from_archive(archive: Path) -> tuple[str, ...]:
     return "sh", "-c", f"{script} && {unpacked}/deploy/install.sh --without-picamera2 {archive}"
 
 
-def known(robot: Robot) -> dict[str, object]:
+def known(robot: Robot) -> dict[str, Any]:
     return json.loads(robot.machine.says("mbot-agent", "releases", "--json"))
 
 
@@ -115,7 +116,7 @@ def test_a_person_updates_it_by_the_command(
     assert running(started) == SECOND
     assert until(started.daemon.is_ready)
     found = known(started)
-    assert [row["version"] for row in found["releases"] if row["golden"]] == [FIRST]  # type: ignore
+    assert [row["version"] for row in found["releases"] if row["golden"]] == [FIRST]
 
 
 def test_one_that_does_not_import_never_replaces_what_runs(
@@ -295,9 +296,7 @@ def running_is(robot: Robot, *versions: str) -> bool:
 
 
 def last(robot: Robot) -> dict[str, str]:
-    found = known(robot)["last_update"]
-    assert isinstance(found, dict)
-    return found
+    return known(robot)["last_update"]
 
 
 def update_journal(robot: Robot) -> str:

@@ -137,6 +137,10 @@ def test_a_wide_lens_has_eight_numbers_and_no_lens_six() -> None:
     wide = decode(f"{LENS}distortion = [0.1, 0.2, 0, 0, 0, 0.3, 0.1, 0]", "x").camera.intrinsics
     assert wide is not None
     assert wide.distortion[5] == 0.3
+    with pytest.raises(ConfigurationError, match=r"focal_x_px is 6.0, expected 86 to 3658"):
+        decode(LENS.replace("focal_x_px = 320.0", "focal_x_px = 6.0"), "x")
+    with pytest.raises(ConfigurationError, match=r"width_px"):
+        decode(LENS.replace("width_px = 640", "width_px = 8"), "x")
     with pytest.raises(ConfigurationError, match=r"has 6 numbers, expected 5 .*or 8"):
         decode(f"{LENS}distortion = [0, 0, 0, 0, 0, 0]", "x")
     with pytest.raises(ConfigurationError, match=r"distorsion is unknown \(line 9\)"):

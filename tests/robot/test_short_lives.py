@@ -67,6 +67,17 @@ def test_the_tenth_young_death_puts_the_release_before_back(robot: Robot, ends: 
     assert ends.counted == 1  # of the other release
 
 
+def test_one_that_a_person_puts_there_once_more_is_counted_from_nothing(
+    robot: Robot, ends: Ends
+) -> None:
+    for _ in range(10):
+        ends.end()
+    update_steps.put_back_by_hand(robot.folders)
+    update_steps.put_back_by_hand(robot.folders)
+    assert robot.folders.current == "0.2"
+    assert not short_lives.too_many(robot.folders)
+
+
 def test_a_death_while_the_one_before_is_being_looked_at_counts(
     robot: Robot, ends: Ends, monkeypatch: pytest.MonkeyPatch
 ) -> None:

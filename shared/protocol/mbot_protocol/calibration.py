@@ -56,38 +56,48 @@ class CameraCalibration(Struct, frozen=True, forbid_unknown_fields=True):
     made_on: str
 
     def __post_init__(self) -> None:
-        check_range("width_px", self.width_px, 16, 8192)
-        check_range("height_px", self.height_px, 16, 8192)
-        for axis, size_px in (("x", self.width_px), ("y", self.height_px)):
-            name, focal_px = f"focal_{axis}_px", getattr(self, f"focal_{axis}_px")
-            most, least = (
-                size_px / 2 / math.tan(math.radians(fov_deg) / 2)
-                for fov_deg in (NARROWEST_FOV_DEG, WIDEST_FOV_DEG)
-            )
-            if not least <= focal_px <= most:
-                raise ValueError(
-                    f"{name} is {focal_px}, expected {least:.0f} to {most:.0f} at {size_px} pixels "
-                    f"({WIDEST_FOV_DEG:g} to {NARROWEST_FOV_DEG:g} degrees of view); it counts in "
-                    "pixels, not in millimetres"
-                )
-        check_range("principal_x_px", self.principal_x_px, 0, self.width_px - 1)
-        check_range("principal_y_px", self.principal_y_px, 0, self.height_px - 1)
-        for value in self.distortion:
-            check_range("distortion", value, -100, 100)
+        check_lens(self.model())
         check_range("reprojection_error_px", self.reprojection_error_px, 0, self.width_px)
         check_range("pictures", self.pictures, 1, 100_000)
         check_date(self.made_on)
-        if folds_in_view(self.model(), FULL_VIEW):
-            raise ValueError(
-                f"distortion is {list(self.distortion)}, expected a lens that does not fold "
-                "over the part of its picture that a policy needs; calibrate again with the board "
-                "in all of it"
-            )
 
     def model(self) -> CameraModel:
         """The intrinsics to compute with."""
         names = CameraModel.__struct_fields__
         return CameraModel(**{name: getattr(self, name) for name in names})
+
+
+def check_lens(camera: CameraModel) -> None:
+    """Are these the intrinsics of a camera that somebody would drive with?
+
+    Raises:
+        ValueError: a value is out of its range.
+
+    """
+    check_range("width_px", camera.width_px, 16, 8192)
+    check_range("height_px", camera.height_px, 16, 8192)
+    for axis, size_px in (("x", camera.width_px), ("y", camera.height_px)):
+        name, focal_px = f"focal_{axis}_px", getattr(camera, f"focal_{axis}_px")
+        most, least = (
+            size_px / 2 / math.tan(math.radians(fov_deg) / 2)
+            for fov_deg in (NARROWEST_FOV_DEG, WIDEST_FOV_DEG)
+        )
+        if not least <= focal_px <= most:
+            raise ValueError(
+                f"{name} is {focal_px}, expected {least:.0f} to {most:.0f} at {size_px} pixels "
+                f"({WIDEST_FOV_DEG:g} to {NARROWEST_FOV_DEG:g} degrees of view); it counts in "
+                "pixels, not in millimetres"
+            )
+    check_range("principal_x_px", camera.principal_x_px, 0, camera.width_px - 1)
+    check_range("principal_y_px", camera.principal_y_px, 0, camera.height_px - 1)
+    for value in camera.distortion:
+        check_range("distortion", value, -100, 100)
+    if folds_in_view(camera, FULL_VIEW):
+        raise ValueError(
+            f"distortion is {list(camera.distortion)}, expected a lens that does not fold "
+            "over the part of its picture that a policy needs; calibrate again with the board "
+            "in all of it"
+        )
 
 
 class MotorMapping(Struct, frozen=True):

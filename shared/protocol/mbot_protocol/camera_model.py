@@ -40,10 +40,9 @@ class CameraModel(Struct, frozen=True, forbid_unknown_fields=True):
                 f"distortion has {len(self.distortion)} numbers, expected 5 (k1, k2, p1, p2, k3) "
                 "or 8 (also k4, k5, k6)"
             )
-        if not (self.focal_x_px > 0 and self.focal_y_px > 0):
-            raise ValueError(
-                f"focal lengths are {self.focal_x_px}, {self.focal_y_px} px, expected above 0"
-            )
+        for name in ("focal_x_px", "focal_y_px"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} is {getattr(self, name)}, expected above 0")
 
     @classmethod
     def from_field_of_view(
