@@ -17,6 +17,7 @@ from mbot_workstation.recordings.maneuver import MANEUVERS
 from mbot_workstation.telemetry.output import JsonLines, LiveView, PlainLines
 from mbot_workstation.telemetry.stream import LinkState, Sample
 from mbot_workstation.training.evaluation.provenance import digest, provenance
+from mbot_workstation.training.learning.git_state import GitState
 
 from .samples import decision
 
@@ -85,6 +86,14 @@ def test_results_name_the_policys_digest(tmp_path: Path) -> None:
     assert provenance([str(path), "servo"]).startswith(f"Policy: first `{digest(path)}`; commit ")
     assert provenance(["servo"]).startswith("Policy: none; commit ")
     assert len(digest(path)) == 12
+
+
+def test_pages_and_policies_are_no_changes_of_code() -> None:
+    for changed, said in (
+        (("docs/results/blur.md", "models/red-cube.onnx"), "commit `0123456`."),
+        (("docs/results/blur.md", "robot/mbot_agent/main.py"), "commit `0123456`, with changes."),
+    ):
+        assert provenance([], GitState("0123456789" * 4, changed)).endswith(said)
 
 
 def test_an_address_alone_is_anybody_there() -> None:

@@ -5,21 +5,27 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mbot_workstation.training.drivers.contestants import BUILT_IN, title
-from mbot_workstation.training.learning.git_state import git_state
+from mbot_workstation.training.learning.git_state import GitState, git_state
+
+# Files there change nothing that code computes: pages are written one after another, and a
+# policy has its digest.
+NO_CODE = ("docs/", "models/")
 
 
-def provenance(contestants: Sequence[str]) -> str:
+def provenance(contestants: Sequence[str], state: GitState | None = None) -> str:
     """One line for the page: "Policy: red-cube `0123456789ab`; commit `0123456`."
 
     Args:
         contestants: as they were evaluated; those that are built in have no digest.
+        state: of the code; this checkout's if not given.
 
     """
     files = [Path(name) for name in contestants if name not in BUILT_IN]
     policies = ", ".join(f"{title(str(path))} `{digest(path)}`" for path in files) or "none"
-    state = git_state()
+    state = state or git_state()
     commit = f"`{state.commit[:7]}`" if state.commit else "unknown"
-    changed = ", with changes" if state.changed_files else ""
+    code = [name for name in state.changed_files if not name.startswith(NO_CODE)]
+    changed = ", with changes" if code else ""
     return f"Policy: {policies}; commit {commit}{changed}."
 
 
