@@ -440,7 +440,7 @@ if [ -n "$uninstall" ]; then
 fi
 
 [ -n "$archive" ] || [ -f "$checkout/pyproject.toml" ] ||
-    fail "$checkout is no checkout of mbot-agent: which release?"
+    fail "$checkout is not a checkout of mbot-agent: which release?"
 require_machine
 require_release
 require_root

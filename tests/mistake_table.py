@@ -102,7 +102,7 @@ MISTAKES = (
         "mbot-agent: wide.toml: camera.width_px is 'wide' (line 4), expected a whole number",
     ),
     Mistake(
-        "a word that is no choice",
+        "a word that is not a choice",
         "mbot-agent check --config start.toml",
         "mbot-agent: start.toml: control.start is 'runing' (line 3), expected one of idle, "
         "running; did you mean running?",
@@ -163,9 +163,9 @@ MISTAKES = (
         "one, or give this one its own by --board and --camera-port",
     ),
     Mistake(
-        "something that is no model",
+        "something that is not a model",
         "workstation push-model notes.txt",
-        "workstation: notes.txt: this is no ONNX model; export the policy to ONNX first",
+        "workstation: notes.txt: this is not an ONNX model; export the policy to ONNX first",
         3,
     ),
     Mistake(

@@ -175,7 +175,7 @@ class Trust(Struct, frozen=True, forbid_unknown_fields=True):
         """The keys, read.
 
         Raises:
-            ConfigurationError: a line is no key, or two lines are the same one.
+            ConfigurationError: a line is not a key, or two lines are the same one.
 
         """
         return _parsed(self.keys)
@@ -280,7 +280,9 @@ class Configuration(Struct, frozen=True, forbid_unknown_fields=True):
         if self.camera.intrinsics is not None and not all(
             math.isfinite(value) for value in self.camera.intrinsics.distortion
         ):
-            raise ConfigurationError("camera.intrinsics.distortion holds a value that is no number")
+            raise ConfigurationError(
+                "camera.intrinsics.distortion holds a value that is not a number"
+            )
         for endpoint in (*self.network.listen, *self.network.connect):
             _check_endpoint(endpoint, self.network.tls)
         anyone = bool(self.access.people or self.access.routers)

@@ -51,7 +51,7 @@ def main() -> int:
     if outcome is None:
         return 0
     print(f"{outcome.phase}: {outcome.detail}")
-    # A release that was refused is no failure of the updater's unit.
+    # A release that was refused is not a failure of the updater's unit.
     return 0 if outcome.phase == "installed" or arguments.action in ("work", "put-back") else 6
 
 

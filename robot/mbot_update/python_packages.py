@@ -26,7 +26,7 @@ def unpack_wheels(wheels: Path, venv: Path) -> None:
     """Put the packages of all wheels into a virtual environment, and the daemon's command.
 
     Raises:
-        RefusedError: one is no wheel, or not laid out as ours are.
+        RefusedError: one is not a wheel, or not laid out as ours are.
 
     """
     site = packages_of(venv)
@@ -36,7 +36,7 @@ def unpack_wheels(wheels: Path, venv: Path) -> None:
                 for entry in archive.infolist():
                     _unpack(archive, entry, site)
         except (zipfile.BadZipFile, NotImplementedError, EOFError) as error:
-            raise RefusedError(f"{wheel.name} is no wheel: {error}") from None
+            raise RefusedError(f"{wheel.name} is not a wheel: {error}") from None
     command = venv / "bin" / COMMAND
     command.write_text(_COMMAND_TEXT.format(python=venv / "bin/python"))
     command.chmod(0o755)
@@ -64,7 +64,7 @@ def packages_of(venv: Path) -> Path:
     """
     found = sorted(venv.glob("lib/python3*/site-packages"))
     if len(found) != 1:
-        raise RefusedError(f"{venv} is no virtual environment")
+        raise RefusedError(f"{venv} is not a virtual environment")
     return found[0]
 
 

@@ -207,5 +207,5 @@ def _plain(name: str, inbox: int) -> IO[bytes]:
         raise RefusedError(f"there is no {name} in the inbox: {error.strerror}") from None
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
-        raise RefusedError(f"{name} in the inbox is no plain file")
+        raise RefusedError(f"{name} in the inbox is not a plain file")
     return os.fdopen(descriptor, "rb")

@@ -116,7 +116,7 @@ def test_a_key_drives_while_it_is_held(page: Page, board: FakeBoard, daemon: Dae
     assert until(lambda: stands(board), LET_GO_WITHIN_S)
     expect(page.locator("#headline")).to_contain_text("Standing, the hand let go")
     assert until(lambda: not daemon.status().last_stop.by)
-    assert daemon.status().last_stop.count == 1, "to let go is no STOP"
+    assert daemon.status().last_stop.count == 1, "to let go is not a STOP"
 
 
 def test_a_hand_takes_over_from_the_policy_and_does_not_give_back(
@@ -178,7 +178,7 @@ def test_a_model_is_sent_and_a_drive_decided_again(
         page.click("#questions >> text=yes")
 
     send(refused)
-    expect(page.locator("#said")).to_contain_text("refused.onnx: this is no ONNX model")
+    expect(page.locator("#said")).to_contain_text("refused.onnx: this is not an ONNX model")
     send(other)
     expect(page.locator("#said")).to_contain_text("is active", timeout=20_000)
     expect(page.locator("#models")).to_contain_text("active, on trial")

@@ -314,7 +314,7 @@ def run_agent(*arguments: str) -> subprocess.CompletedProcess[str]:
     ("text", "code", "words"),
     [
         (None, 2, "no configuration at"),
-        ("robot_id =", 2, "no valid TOML"),
+        ("robot_id =", 2, "not valid TOML"),
         (
             'robot_id = "a"\n[board]\nprot = "x"',
             2,

@@ -77,7 +77,7 @@ def test_a_wrong_firmware_is_one_line_and_exit_code_2(command: str, tmp_path: Pa
         check=False,
     )
     assert done.returncode == 2
-    assert done.stderr.startswith(f"workstation: {photo} is no firmware of an mCore board")
+    assert done.stderr.startswith(f"workstation: {photo} is not firmware of an mCore board")
     assert len(done.stderr.splitlines()) == 1
 
 

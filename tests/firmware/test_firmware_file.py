@@ -27,7 +27,7 @@ def test_elf_and_hex_are_taken_as_they_are(firmware_folder: Path) -> None:
         ("none.elf", None, "none.elf .No such file"),
         ("none.hex", None, "no firmware at .*none.hex"),
         ("torn.hex", b":100000000C94", r"not an Intel HEX file, or damaged \(line 1\)"),
-        ("empty.elf", b"", "empty.elf is no firmware of an mCore board"),
+        ("empty.elf", b"", "empty.elf is not firmware of an mCore board"),
         ("photo.jpg", b"\xff\xd8\xff", "expected an ELF file for AVR, or Intel HEX"),
         ("ours.elf", b"\x7fELF" + bytes(14) + b"\x3e\x00", "no firmware of an mCore"),  # x86-64
     ],

@@ -103,7 +103,7 @@ CAMERA_MISTAKES = [
     ("pictures = 21", "pictures = 0", "pictures is 0"),
     ('"2026-11-21"', '"21.11.2026"', "made_on is '21.11.2026', expected a date"),
     ("pictures = 21", "pictures = 21\nskew = 1", "skew is unknown"),
-    ("pictures = 21", "pictures =", "no valid TOML"),
+    ("pictures = 21", "pictures =", "not valid TOML"),
 ]
 
 

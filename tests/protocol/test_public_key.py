@@ -37,11 +37,11 @@ def test_other_text_is_refused_in_one_line(text: str) -> None:
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("", "is no signing key"),
-        ("ssh-ed25519 AAAAC3NzaC1lZDI1NTE5 anna@home", "is no signing key"),
-        (LINE.replace("ed25519:", "rsa:"), "is no signing key"),
-        (f"ed25519:{base64.b64encode(RAW[:31]).decode()} anna", "is no signing key"),
-        (f"ed25519:{base64.b64encode(RAW + b'x').decode()} anna", "is no signing key"),
+        ("", "is not a signing key"),
+        ("ssh-ed25519 AAAAC3NzaC1lZDI1NTE5 anna@home", "is not a signing key"),
+        (LINE.replace("ed25519:", "rsa:"), "is not a signing key"),
+        (f"ed25519:{base64.b64encode(RAW[:31]).decode()} anna", "is not a signing key"),
+        (f"ed25519:{base64.b64encode(RAW + b'x').decode()} anna", "is not a signing key"),
         (LINE.removesuffix(" anna"), "the key's name is ''"),
         (LINE.replace(" anna", " ../anna"), "the key's name"),
         (LINE.replace(" anna", " anna's key"), "the key's name"),

@@ -2,7 +2,7 @@
 
 import io
 import tarfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -81,9 +81,11 @@ def test_any_changed_byte_is_noticed(archive: bytes, data: st.DataObject) -> Non
 
 
 @pytest.mark.parametrize("change", [lambda a: a[:-1], lambda a: a + b"\0", lambda a: a[:3000]])
-def test_too_short_and_too_long_are_refused(archive: bytes, change: object) -> None:
+def test_too_short_and_too_long_are_refused(
+    archive: bytes, change: Callable[[bytes], bytes]
+) -> None:
     with pytest.raises(RefusedError, match="damaged"):
-        release_archive.read(io.BytesIO(change(archive)), judged)  # type: ignore[operator]
+        release_archive.read(io.BytesIO(change(archive)), judged)
 
 
 @given(st.binary(max_size=3000))

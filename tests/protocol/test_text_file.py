@@ -22,7 +22,7 @@ def test_what_is_missing_is_none_or_a_mistake(tmp_path: Path) -> None:
 
 def test_what_is_no_text_or_no_file_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "picture").write_bytes(b"\xff\xd8\xff\xe0")
-    with pytest.raises(ConfigurationError, match=r"^can't read .*picture: it is no text$"):
+    with pytest.raises(ConfigurationError, match=r"^can't read .*picture: it is not text$"):
         text_if_any(tmp_path / "picture")
     with pytest.raises(ConfigurationError, match=r"^can't read .*: Is a directory$"):
         text_if_any(tmp_path)

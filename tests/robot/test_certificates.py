@@ -1,5 +1,6 @@
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -21,8 +22,8 @@ def files(folder: Path, identity: Identity, authority: Identity = AUTHORITY) -> 
     return Tls(*(str(folder / name) for name in ("ca.pem", "robot.pem", "robot.key")))
 
 
-def robot(name: str = "mbot-1", **named: object) -> Identity:
-    return issue(AUTHORITY, Kind.ROBOT, name, ["mbot-1.local"], **named)  # type: ignore[arg-type]
+def robot(name: str = "mbot-1", **named: Any) -> Identity:
+    return issue(AUTHORITY, Kind.ROBOT, name, ["mbot-1.local"], **named)
 
 
 def test_a_good_certificate_says_how_long(tmp_path: Path) -> None:
@@ -53,7 +54,7 @@ def test_one_out_of_its_time_is_no_error_but_unusable(
 def test_files_that_do_not_belong_together_are_named(tmp_path: Path) -> None:
     whole, other = robot(), robot()
     cases = {
-        "no certificate with its key": (
+        "not a certificate with its key": (
             Identity(whole.certificate_pem, other.key_pem),
             AUTHORITY,
             "mbot-1",

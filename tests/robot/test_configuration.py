@@ -59,7 +59,7 @@ def test_the_example_shows_every_setting() -> None:
             'robot_id = "a"\n[control]\non_lost_link = "wait"',
             "on_lost_link is 'wait' (line 3), expected one of drive, stop",
         ),
-        ("robot_id =", "no valid TOML"),
+        ("robot_id =", "not valid TOML"),
     ],
 )
 def test_a_mistake_is_named_in_one_line(text: str, words: str) -> None:
@@ -83,7 +83,7 @@ def test_trusted_keys_are_read() -> None:
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ('["anna"]', "trust.keys: 'anna' is no signing key"),
+        ('["anna"]', "trust.keys: 'anna' is not a signing key"),
         (f'["{ANNA}", "{ANNA.replace("anna", "bert")}"]', "trust.keys: a key is there twice"),
         (f'"{ANNA}"', "trust.keys is 'ed25519"),
     ],

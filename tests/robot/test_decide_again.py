@@ -63,7 +63,7 @@ def test_a_model_that_fails_says_so_and_goes_on() -> None:
 
 
 def test_what_is_no_step_is_one_line() -> None:
-    with pytest.raises(MbotError, match="no step of a replay"):
+    with pytest.raises(MbotError, match="not a step of a replay"):
         decide_again(Policy(constant_model()), "", io.BytesIO(b"\x03\0\0\0abc"), io.BytesIO())
 
 

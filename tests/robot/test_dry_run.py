@@ -132,7 +132,7 @@ def test_a_good_model_passes_and_its_cost_is_told() -> None:
 @pytest.mark.parametrize(
     ("data", "error", "words"),
     [
-        (b"this is no model", ContractError, "no ONNX model"),
+        (b"this is not a model", ContractError, "not an ONNX model"),
         (constant_model(float("nan"), 0.0), ContractError, "two finite numbers"),
         (constant_model(float("inf"), 0.0), ContractError, "two finite numbers"),
         (constant_model(metadata=NEWER), NewerSchemaError, "upgrade mbot-agent"),

@@ -71,7 +71,7 @@ def test_people_in_both_files_are_refused(origin: Path) -> None:
         (("drive", "fly"), "fly"),
         (('rosa = ["drive", "push"]', ""), "nobody could talk"),
         (("tls/0.0.0.0", "tcp/0.0.0.0"), "anyone on the network"),
-        ((ENROLMENT, "robot_id ="), "no valid TOML"),
+        ((ENROLMENT, "robot_id ="), "not valid TOML"),
     ],
 )
 def test_a_mistake_names_the_file(origin: Path, changed: tuple[str, str], words: str) -> None:
@@ -114,8 +114,8 @@ def test_everything_beside_the_configuration_completes_it(origin: Path) -> None:
         (f'release_keys = ["{ANNA.line}"]\nkeys = []', "release_keys is unknown"),
         ("allow_unsigned = true\nkeys = []", "allow_unsigned is unknown"),
         ("", "keys is missing"),
-        ('keys = ["anna"]', "'anna' is no signing key"),
-        ("keys =", "no valid TOML"),
+        ('keys = ["anna"]', "'anna' is not a signing key"),
+        ("keys =", "not valid TOML"),
     ],
 )
 def test_a_file_of_keys_holds_nothing_else(origin: Path, text: str, words: str) -> None:

@@ -78,5 +78,5 @@ def test_other_bytes_are_no_picture(data: bytes) -> None:
 
 
 def test_png_is_no_jpeg() -> None:
-    with pytest.raises(JpegError, match="it is no JPEG"):
+    with pytest.raises(JpegError, match="it is not a JPEG"):
         decode_jpeg(cv2.imencode(".png", PICTURE)[1].tobytes())

@@ -52,7 +52,7 @@ def test_rolling_back_returns_to_the_previous_model(robot: Robot) -> None:
 @pytest.mark.parametrize(
     ("data", "words"),
     [
-        (b"no model at all", "no ONNX model"),
+        (b"no model at all", "not an ONNX model"),
         (constant_model(math.nan, 0.0), "two finite numbers"),
         (constant_model(input_shape=(1, 32, 32, 3)), "expected 'observation'"),
         (FIRST[:200], "truncated or damaged"),

@@ -21,7 +21,7 @@ GREY = np.full((64, 64, 3), 128, np.uint8)
 NEWER = PolicyMetadata("newer").to_properties() | {"mbot.contract_version": "99"}
 
 BAD_MODELS = {
-    "not ONNX": (b"this is no model", ContractError),
+    "not ONNX": (b"this is not a model", ContractError),
     "empty": (b"", ContractError),
     "truncated": (constant_model()[:-40], ContractError),
     "wrong shape": (constant_model(input_shape=(1, 3, 64, 64)), ContractError),

@@ -66,7 +66,7 @@ def test_a_wheel_that_leads_elsewhere_is_refused(
 @pytest.mark.parametrize("data", [b"", b"no wheel", wheel(a=b"x" * 1000)[:500]])
 def test_what_is_no_wheel_is_refused(environment: Path, wheels: Path, data: bytes) -> None:
     (wheels / "a.whl").write_bytes(data)
-    with pytest.raises(RefusedError, match="is no wheel"):
+    with pytest.raises(RefusedError, match="is not a wheel"):
         unpack_wheels(wheels, environment)
 
 
@@ -84,5 +84,5 @@ def test_of_what_pip_has_installed_only_the_needed_stays(environment: Path) -> N
 
 
 def test_what_is_no_environment_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RefusedError, match="no virtual environment"):
+    with pytest.raises(RefusedError, match="not a virtual environment"):
         leave_out(tmp_path)

@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 
 import pytest
+from google.protobuf.message import Message
 
 from mbot_agent.intake import pieces
 from mbot_agent.intake.pieces import Pieces
@@ -46,8 +47,8 @@ class Robot:
         )
         monkeypatch.setattr(ReleaseService, "_computer", lambda _: PI)
 
-    def ask(self, name: str, message: object) -> PushReply:
-        payload = message.SerializeToString()  # type: ignore[attr-defined]
+    def ask(self, name: str, message: Message) -> PushReply:
+        payload = message.SerializeToString()
         return PushReply.FromString(self.service.answers[name](payload))
 
     def begin(self, path: Path, robot_id: str = "mbot-1") -> PushReply:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -92,12 +93,12 @@ def report(
     runs: Sequence[ComparedRun],
     files: CalibrationFiles,
     maps: Tolerances | None = None,
-    **changes: object,
+    **changes: Any,
 ) -> GapReport:
     """A report about these runs without frames."""
     driven = driving(runs)
     folder = Path("recordings/mbot-1")
-    fields: dict[str, object] = {
+    fields: dict[str, Any] = {
         "robot_id": "mbot-1",
         "made_on": "2026-11-21",
         "recordings": (str(folder),),
@@ -112,4 +113,4 @@ def report(
         "given_frames": 0,
         "missing": missing_parts(files, folder, tuple(driven.maneuvers), maps, has_frames=False),
     }
-    return GapReport(**(fields | changes))  # type: ignore[arg-type]
+    return GapReport(**(fields | changes))

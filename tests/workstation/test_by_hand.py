@@ -285,8 +285,10 @@ def test_the_first_device_with_stick_and_buttons_is_the_gamepad(
             raise OSError(13, "Permission denied")
         return SimpleNamespace(name=f"the {name[-1]}", capabilities=lambda: can[name])
 
-    evdev = SimpleNamespace(list_devices=lambda: ["/dev/input/event9", *can], InputDevice=device)
-    monkeypatch.setitem(sys.modules, "evdev", evdev)  # type: ignore[arg-type]
+    evdev: Any = SimpleNamespace(
+        list_devices=lambda: ["/dev/input/event9", *can], InputDevice=device
+    )
+    monkeypatch.setitem(sys.modules, "evdev", evdev)
     assert open_gamepad()[1] == "the 1"
     with pytest.raises(ConfigurationError, match="no stick"):
         open_gamepad("/dev/input/event0")

@@ -193,7 +193,7 @@ def test_a_file_that_is_no_picture_is_left_out_by_name(tmp_path: Path) -> None:
     broken.write_bytes(paths[0].read_bytes()[:200])
     found = look_for_boards([broken, *paths], [])
     assert (found.unreadable, len(found.sightings)) == (("broken.png",), 3)
-    with pytest.raises(ConfigurationError, match="is no picture"):
+    with pytest.raises(ConfigurationError, match="is not a picture"):
         look_for_boards([broken], [])
 
 
@@ -348,7 +348,7 @@ def test_bad_input_is_named(tmp_path: Path) -> None:
         ([str(grey), "--live", "0"], "either photographs or --live"),
         ([str(tmp_path / "none.png")], "No such file"),
         ([str(tmp_path / "empty")], "holds no pictures"),
-        ([str(text)], "is no picture"),
+        ([str(text)], "is not a picture"),
         ([str(grey)], "no checkerboard or ChArUco board in any of 1 pictures"),
         ([str(grey), "--inner-corners", "9"], "expected COLUMNSxROWS"),
         ([str(grey), "--inner-corners", "1x1"], "expected 4 to 30"),

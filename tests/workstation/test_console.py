@@ -14,6 +14,7 @@ from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from typer.testing import CliRunner
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.keys import CAMERA, MODELS, OBSERVATION, PUSH_BEGIN, RECORDINGS
@@ -61,7 +62,7 @@ class Served:
 
     def live(self, token: str = TOKEN, origin: str | None = None) -> ClientConnection:
         where = f"ws://{self.host}/{token}/live"
-        return connect(where, origin=origin or f"http://{self.host}", proxy=None)  # type: ignore[arg-type]
+        return connect(where, origin=Origin(origin or f"http://{self.host}"), proxy=None)
 
 
 @pytest.fixture

@@ -79,7 +79,7 @@ def test_a_certificate_that_ends_soon_is_mentioned(
 
 def test_a_damaged_roll_is_named(enrolment: Enrolment) -> None:
     (enrolment.folder.path / ROLL_FILE).write_text("{")
-    with pytest.raises(ConfigurationError, match=r"roll\.json is no roll of a fleet"):
+    with pytest.raises(ConfigurationError, match=r"roll\.json is not a roll of a fleet"):
         find_destination("mbot-1")
 
 

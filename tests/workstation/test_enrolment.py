@@ -290,12 +290,12 @@ def test_a_tampered_file_cannot_be_joined_by(enrolment: Enrolment, tmp_path: Pat
     assert b'"max"' in text
     stranger = make_authority()
     for data, words in (
-        (b"", "no tar file"),
+        (b"", "not a tar file"),
         (packed(dict.fromkeys(whole)), "has no roll.json"),
-        (b"\0" * 100, "no tar file"),
-        (path.read_bytes()[:700], "no tar file"),
+        (b"\0" * 100, "not a tar file"),
+        (path.read_bytes()[:700], "not a tar file"),
         (b"\0" * (2 << 20), "too many"),
-        (packed({ROLL_FILE: b"{}"}), "is no roll"),
+        (packed({ROLL_FILE: b"{}"}), "is not a roll"),
         (packed({ROLL_FILE: text.replace(b'"max"', b'"../../evil"')}), "expected 1 to 32"),
         (packed({ROLL_FILE: text.replace(b'"me":"max"', b'"me":"x"')}), "not among the people"),
         (packed({ROLL_FILE: text.replace(b'"router":""', b'"router":"x"')}), "router of mbot-1"),

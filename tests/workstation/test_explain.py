@@ -204,10 +204,10 @@ def test_a_recording_is_explained(model_file: Path, tmp_path: Path) -> None:
 
 def test_what_cannot_be_explained_is_named(model_file: Path, tmp_path: Path) -> None:
     text = tmp_path / "a.png"
-    text.write_text("no picture")
+    text.write_text("not a picture")
     for arguments, message in (
         (("--frames", str(tmp_path / "none.png")), "can't read"),
-        (("--frames", str(text)), "no picture"),
+        (("--frames", str(text)), "not a picture"),
         (("--frames", str(text), "--recording", str(text)), "one of the two"),
         (("-o", str(tmp_path / "missing" / "o.png")), "there is no folder"),
     ):

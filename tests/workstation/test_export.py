@@ -293,7 +293,7 @@ def test_the_same_checkpoint_gives_the_same_file(run: RunDirectory, tmp_path: Pa
 def test_what_cannot_be_exported_is_named(
     run: RunDirectory, learner: PicturePPO, tmp_path: Path
 ) -> None:
-    with pytest.raises(ConfigurationError, match="no training run"):
+    with pytest.raises(ConfigurationError, match="not a training run"):
         invoke(str(tmp_path))
     empty = begin_run(tmp_path / "empty", replace(CONFIG, seed=1))
     with pytest.raises(ConfigurationError, match="no checkpoint yet"):

@@ -130,7 +130,7 @@ def test_another_firmware_goes_back_to_stock(bench: Bench) -> None:
 def test_what_is_no_mcore_is_left_alone_unless_forced(bench: Bench, version: str) -> None:
     bench.board.version = version
     bench.image = hex_file(bench.image, b"anything")
-    with pytest.raises(RefusedError, match=r"is no mCore firmware known here.*--force"):
+    with pytest.raises(RefusedError, match=r"is not an mCore firmware known here.*--force"):
         bench.flash()
     assert bench.arguments == []
     bench.flash("--force")
@@ -169,12 +169,12 @@ def test_a_board_in_use_is_left_alone(bench: Bench) -> None:
             "avrdude: Device signature = 0x1e9801\n"
             "avrdude: Expected signature for ATmega328P is 1E 95 0F",
             RefusedError,
-            "no ATmega328P",
+            "not an ATmega328P",
         ),
         (
             "avrdude error: connected part ATmega2560 signature does not match -p m328p's",
             RefusedError,
-            "no ATmega328P",
+            "not an ATmega328P",
         ),
         (
             "avrdude: Device signature = 0x1e950f\navrdude: verification error; content mismatch",

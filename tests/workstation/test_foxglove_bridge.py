@@ -14,6 +14,7 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from typer.testing import CliRunner
 from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision, State, Wheels
@@ -61,7 +62,9 @@ def test_a_client_subscribes_and_gets_plain_topics() -> None:
     heard: dict[str, list[bytes]] = {}
     with FoxgloveBridge("mbot-1", port=0) as bridge:
         assert bridge.address.startswith("ws://127.0.0.1:")
-        with connect(bridge.address, subprotocols=[SUB_PROTOCOL], proxy=None) as client:  # type: ignore[list-item]
+        with connect(
+            bridge.address, subprotocols=[Subprotocol(SUB_PROTOCOL)], proxy=None
+        ) as client:
             channels = advertised(client, 5)
             topics = subscribed(client, channels)
             until_s = time.monotonic() + 10

@@ -60,7 +60,7 @@ def test_frames_are_read_with_their_places(tmp_path: Path) -> None:
         ("file,x_m,y_m,yaw_deg\na.png,500,0,0\n", "line 2: x_m is 500"),
         ("file,x_m,y_m,yaw_deg\na.png,0,0,nan\n", "line 2: yaw_deg is nan"),
         ("file,x_m,y_m,yaw_deg\nmissing.png,0,0,0\n", "line 2: can't read"),
-        ("file,x_m,y_m,yaw_deg\nframes.csv,0,0,0\n", "is no picture"),
+        ("file,x_m,y_m,yaw_deg\nframes.csv,0,0,0\n", "is not a picture"),
         ("file,x_m,y_m,yaw_deg,cube_x_m\na.png,0,0,0,1\n", "cube_y_m is ''"),
     ],
 )

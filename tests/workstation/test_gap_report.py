@@ -281,7 +281,7 @@ def test_bad_input_is_named(recording: Path, tmp_path: Path) -> None:
         return str(error.value)
 
     assert "no calibration folder" in fails(str(recording), "--calibration", str(tmp_path / "x"))
-    assert "is no recording" in fails(str(tmp_path), "--calibration", str(tmp_path))
+    assert "is not a recording" in fails(str(tmp_path), "--calibration", str(tmp_path))
     wrong = tmp_path / "wrong.json"
     wrong.write_text("[]")
     options = ("--calibration", str(tmp_path))

@@ -80,7 +80,7 @@ def test_what_is_missing_or_damaged_is_named(folder: KeyFolder) -> None:
         folder.load("anna", never)
     folder.new("anna")
     (folder.path / "anna.pub").write_text("ssh-rsa AAAA")
-    with pytest.raises(ConfigurationError, match=r"anna\.pub: .*is no signing key"):
+    with pytest.raises(ConfigurationError, match=r"anna\.pub: .*is not a signing key"):
         folder.public_keys()
     (folder.path / "anna.pub").unlink()
     with pytest.raises(ConfigurationError, match="can't read"):
@@ -95,7 +95,7 @@ def test_another_kind_of_key_is_refused(folder: KeyFolder) -> None:
     path = folder.path / "tls.pem"
     key = generate_private_key(SECP256R1())
     path.write_bytes(key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()))
-    with pytest.raises(ConfigurationError, match="is no Ed25519 key"):
+    with pytest.raises(ConfigurationError, match="is not an Ed25519 key"):
         folder.load("tls", never)
 
 

@@ -60,7 +60,9 @@ def wrong_certificates(fleet: Fleet, strangers: LinkSecurity) -> dict[str, LinkS
         r"does not accept .*mallory\.pem; is it of": LinkSecurity(
             ours.ca, strangers.certificate, strangers.key
         ),
-        r"are no certificate with its key": LinkSecurity(ours.ca, ours.certificate, strangers.key),
+        r"are not a certificate with its key": LinkSecurity(
+            ours.ca, ours.certificate, strangers.key
+        ),
         r"does not accept .*rosa\.pem: it has expired": fleet.expired("rosa"),
         r"holds no certificate authority": LinkSecurity(Path(str(ours.key))),
     }

@@ -76,7 +76,7 @@ def test_a_push_that_the_robot_refuses_says_its_reason(
     robot.replies[PUSH_BEGIN.name] = lambda _data: reply
     with pytest.raises(RefusedError, match="keeps its own: its signature is not right"):
         errands.push("my.onnx", MODEL, lambda _line: None)
-    with pytest.raises(ContractError, match=r"^my\.onnx: this is no ONNX model"):
+    with pytest.raises(ContractError, match=r"^my\.onnx: this is not an ONNX model"):
         errands.push("my.onnx", b"text", lambda _line: None)
 
 

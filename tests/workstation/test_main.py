@@ -257,7 +257,7 @@ def test_a_bad_model_needs_no_robot(tmp_path: Path) -> None:
     path.write_text("not a model")
     run = workstation(None, "push-model", str(path), "--robot", f"127.0.0.1:{free_port()}")
     assert run.returncode == 3
-    assert "no ONNX model" in run.stderr
+    assert "not an ONNX model" in run.stderr
 
 
 def test_a_key_that_does_not_exist_is_refused_though_nothing_needs_it(

@@ -252,7 +252,7 @@ def test_what_does_not_belong_together_is_not_resumed(tmp_path: Path) -> None:
         Journal.resume(tmp_path / "rec", "mbot-2", 1_700_000_000.0)
     with pytest.raises(ConfigurationError, match="the robot has been restarted since"):
         Journal.resume(tmp_path / "rec", "mbot-1", 1_700_009_000.0)
-    with pytest.raises(ConfigurationError, match="is no recording"):
+    with pytest.raises(ConfigurationError, match="is not a recording"):
         Journal.resume(tmp_path, "mbot-1", 0)
 
 
@@ -583,7 +583,7 @@ def test_no_is_an_answer(robot: FakeRobot, tmp_path: Path) -> None:
     [
         (("--maneuver", "sideways"), "no maneuver 'sideways'"),
         (("--output", "a", "--resume", "b"), "exclude each other"),
-        (("--resume", "nowhere"), "is no recording"),
+        (("--resume", "nowhere"), "is not a recording"),
         (("--calibration", "nowhere"), "no calibration folder"),
         (("--seconds", "0"), "--seconds"),
     ],

@@ -30,8 +30,8 @@ def test_a_policy_that_follows_the_contract_passes(tmp_path: Path) -> None:
     ("data", "text"),
     [
         (b"", "empty"),
-        (b"a text, not a model", "no ONNX model"),
-        (b"\x80\x02}q\x00", "no ONNX model"),
+        (b"a text, not a model", "not an ONNX model"),
+        (b"\x80\x02}q\x00", "not an ONNX model"),
         (small_policy().SerializeToString()[:-40], "truncated or damaged"),
         (small_policy().SerializeToString()[:20], "truncated|damaged"),
         (b"\x08\x08", "damaged"),
@@ -98,5 +98,5 @@ def test_a_file_of_absurd_size_is_not_even_read(tmp_path: Path) -> None:
 def test_a_missing_file_or_a_folder_is_told(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="No such file"):
         check_model(tmp_path / "none.onnx")
-    with pytest.raises(ConfigurationError, match="no file"):
+    with pytest.raises(ConfigurationError, match="not a file"):
         check_model(tmp_path)

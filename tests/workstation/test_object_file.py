@@ -138,12 +138,12 @@ def test_a_mesh_brings_its_own_texture(tmp_path: Path) -> None:
         ),
         (
             '[[object]]\nname = "x"\nshape = "cube"\nwidth_mm = 90\ntexture = "object.toml"',
-            "is no PNG or JPEG",
+            "is not a PNG or JPEG",
         ),
         ('[[object]]\nname = "x"\nshape = "mesh"\nheight_mm = 90\nmesh = "gone.glb"', "can't read"),
         (
             '[[object]]\nname = "x"\nshape = "mesh"\nheight_mm = 90\nmesh = "object.toml"',
-            "is no GLB file",
+            "is not a GLB file",
         ),
     ],
 )
@@ -159,7 +159,7 @@ def test_a_cut_off_mesh_is_refused(tmp_path: Path, cut: int) -> None:
     whole = (SHIPPED / "blue-bottle.glb").read_bytes()
     (tmp_path / "cut.glb").write_bytes(whole[:cut])
     text = '[[object]]\nname = "x"\nshape = "mesh"\nheight_mm = 90\nmesh = "cut.glb"'
-    with pytest.raises(ConfigurationError, match="is no GLB file"):
+    with pytest.raises(ConfigurationError, match="is not a GLB file"):
         read_objects(written(tmp_path, text))
 
 

@@ -140,7 +140,7 @@ def test_damage_in_the_middle_ends_the_reading(tmp_path: Path) -> None:
 def test_no_recording_is_told(tmp_path: Path) -> None:
     path = tmp_path / "notes.mcap"
     path.write_text("no")
-    with pytest.raises(ConfigurationError, match="no MCAP recording"):
+    with pytest.raises(ConfigurationError, match="not an MCAP recording"):
         list(read_recording(path))
     with pytest.raises(ConfigurationError, match="No such file"):
         list(read_recording(tmp_path / "none.mcap"))

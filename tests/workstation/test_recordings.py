@@ -335,7 +335,7 @@ def test_a_robot_that_stood_is_named(tmp_path: Path, runs: tuple[Run, ...]) -> N
 
 
 def test_what_is_missing_is_named(tmp_path: Path, runs: tuple[Run, ...]) -> None:
-    assert "is no recording" in refused(tmp_path)
+    assert "is not a recording" in refused(tmp_path)
     write_recording(tmp_path, "mbot-1", runs[:2])
     (tmp_path / "track-2.tum").unlink()
     assert "no track of run 2" in refused(tmp_path)

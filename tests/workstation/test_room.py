@@ -40,7 +40,7 @@ def test_what_is_no_picture_is_refused(tmp_path: Path) -> None:
     empty = tmp_path / "empty.jpg"
     empty.touch()
     for path in (text, empty):
-        with pytest.raises(ConfigurationError, match=r"is no picture.*PNG"):
+        with pytest.raises(ConfigurationError, match=r"is not a picture.*PNG"):
             load_room(path)
     with pytest.raises(ConfigurationError, match=r"missing\.png: No such file"):
         load_room(tmp_path / "missing.png")

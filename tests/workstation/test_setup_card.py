@@ -146,7 +146,7 @@ def test_without_either_the_kernels_command_line_starts_it_once(boot: Path, rele
         (BY_IMAGER, None, None, "firstrun.sh, which is not there"),
         (BY_IMAGER, "echo hello\n", None, "does not begin with #!"),
         (PLAIN, None, "hostname: x\n", "#cloud-config"),
-        (PLAIN, None, "#cloud-config\nruncmd: [ls]\n", "no list of lines"),
+        (PLAIN, None, "#cloud-config\nruncmd: [ls]\n", "not a list of lines"),
         (f"{PLAIN.strip()} systemd.run=/x", None, None, "already runs /x"),
     ],
 )
@@ -162,7 +162,7 @@ def test_a_folder_that_is_no_boot_partition_is_refused(
 ) -> None:
     (boot / "config.txt").unlink()
     for folder in (boot, boot / "nothing", boot / "cmdline.txt"):
-        with pytest.raises(ConfigurationError, match="no boot partition"):
+        with pytest.raises(ConfigurationError, match="not a boot partition"):
             prepare(folder, content(release))
     (boot / "config.txt").touch()
     monkeypatch.setattr(boot_card, "RESERVE_BYTES", 1 << 60)
@@ -188,7 +188,7 @@ def test_a_configuration_is_changed_where_it_must_be(release: Path) -> None:
     [
         (("robot_id", "robot_name"), "no line like"),
         (('start = "idle"', 'start = "running"'), "may not drive at its first boot"),
-        (("[board]", "[board"), "no TOML"),
+        (("[board]", "[board"), "not TOML"),
     ],
 )
 def test_a_configuration_that_cannot_be_used_is_refused(

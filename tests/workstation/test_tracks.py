@@ -240,7 +240,7 @@ def test_a_cut_mcap_gives_what_is_whole(tmp_path: Path, caplog: pytest.LogCaptur
     assert 10 <= len(read_track(path)) < 60
     assert "cut off" in caplog.text
     path.write_bytes(b"no mcap at all")
-    with pytest.raises(ConfigurationError, match="no readable MCAP file"):
+    with pytest.raises(ConfigurationError, match="not a readable MCAP file"):
         read_track(path)
 
 
@@ -367,7 +367,7 @@ def test_files_that_are_none_are_named(tmp_path: Path) -> None:
     path = tmp_path / "a.tum"
     assert "can't read" in bad(path)
     path.write_bytes(b"\xff\xfe\x00")
-    assert "it is no text" in bad(path)
+    assert "it is not text" in bad(path)
     path.write_text("# only a comment\n\n")
     assert "is empty" in bad(path)
     assert "ends in '.bag'" in bad(tmp_path / "a.bag")

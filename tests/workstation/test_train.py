@@ -226,7 +226,7 @@ def torch_file(content: object) -> bytes:
 
 
 def test_what_is_no_run_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="no training run"):
+    with pytest.raises(ConfigurationError, match="not a training run"):
         RunDirectory.open(tmp_path)
     with pytest.raises(ConfigurationError, match="exists already"):
         RunDirectory.create(tmp_path)

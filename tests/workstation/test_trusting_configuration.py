@@ -54,11 +54,11 @@ def test_what_it_does_not_understand_is_left_to_a_person(text: str) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("robot_id =", "no valid TOML"),
-        ("trust = 3", "no list of lines"),
-        ("[trust]\nkeys = 3", "no list of lines"),
-        ("[trust]\nkeys = [3]", "no list of lines"),
-        ('[trust]\nkeys = ["x"]', "is no signing key"),
+        ("robot_id =", "not valid TOML"),
+        ("trust = 3", "not a list of lines"),
+        ("[trust]\nkeys = 3", "not a list of lines"),
+        ("[trust]\nkeys = [3]", "not a list of lines"),
+        ('[trust]\nkeys = ["x"]', "is not a signing key"),
     ],
 )
 def test_a_mistake_in_the_file_is_named(text: str, words: str) -> None:

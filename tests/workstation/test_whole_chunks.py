@@ -124,7 +124,7 @@ def test_many_flipped_bits_are_no_exception_and_nothing_wrong_is_read(tmp_path: 
 def test_what_is_none_is_told(tmp_path: Path) -> None:
     path = tmp_path / "notes.mcap"
     path.write_text("Dear diary, today the robot drove.")
-    with pytest.raises(ConfigurationError, match="no MCAP recording"):
+    with pytest.raises(ConfigurationError, match="not an MCAP recording"):
         WholeChunks(path)
     with pytest.raises(ConfigurationError, match="No such file"):
         WholeChunks(tmp_path / "none.mcap")

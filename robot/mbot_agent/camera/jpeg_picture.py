@@ -21,14 +21,14 @@ _FLAGS = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
 
 
 class JpegError(ValueError):
-    """These bytes are no usable JPEG; the message says why."""
+    """These bytes are not a usable JPEG; the message says why."""
 
 
 def jpeg_size(data: bytes) -> tuple[int, int]:
     """Width and height in pixels, from the headers alone.
 
     Raises:
-        JpegError: it is no JPEG, or its headers are damaged.
+        JpegError: it is not a JPEG, or its headers are damaged.
 
     """
     at = 2
@@ -37,14 +37,16 @@ def jpeg_size(data: bytes) -> tuple[int, int]:
         if marker in _FRAME_HEADERS:
             return int.from_bytes(data[at + 7 : at + 9]), int.from_bytes(data[at + 5 : at + 7])
         at += 2 + length
-    raise JpegError("it is no JPEG" if not data.startswith(_START) else "its headers are damaged")
+    raise JpegError(
+        "it is not a JPEG" if not data.startswith(_START) else "its headers are damaged"
+    )
 
 
 def check_jpeg(data: bytes) -> tuple[int, int]:
     """Width and height of a JPEG that is whole, as far as that is known without decoding it.
 
     Raises:
-        JpegError: it is no JPEG, cut off or too large.
+        JpegError: it is not a JPEG, cut off or too large.
 
     """
     width_px, height_px = jpeg_size(data)
@@ -60,7 +62,7 @@ def decode_jpeg(data: bytes) -> Picture:
     """The picture, RGB, shape (height, width, 3).
 
     Raises:
-        JpegError: it is no JPEG, cut off, damaged or too large.
+        JpegError: it is not a JPEG, cut off, damaged or too large.
 
     """
     width_px, height_px = check_jpeg(data)

@@ -30,7 +30,7 @@ def decide_again(policy: Policy, processor: str, asked: IO[bytes], answers: IO[b
         answers: where answers go.
 
     Raises:
-        MbotError: what came is no step.
+        MbotError: what came is not a step.
 
     """
     pilot = Pilot()
@@ -43,7 +43,7 @@ def decide_again(policy: Policy, processor: str, asked: IO[bytes], answers: IO[b
         while (step := receive(asked, ReplayStep)) is not None:
             send(answers, _answer(pilot, policy, step))
     except ValueError as error:
-        raise MbotError(f"what came is no step of a replay: {error}") from None
+        raise MbotError(f"what came is not a step of a replay: {error}") from None
 
 
 def _answer(pilot: Pilot, policy: Policy, step: ReplayStep) -> ReplayAnswer:

@@ -91,7 +91,7 @@ class ModelKeeper:
         self._verdicts.put(None)
         self._thread.join(timeout=END_WAIT_S)
         if kind is None and self._turn.taken_within(END_WAIT_S):
-            self._change("end", Activation.survived)  # an orderly end is no crash
+            self._change("end", Activation.survived)  # an orderly end is not a crash
 
     @property
     def in_use(self) -> InUse | None:

@@ -42,8 +42,8 @@ class Validity:
 def check_certificates(tls: Tls, robot_id: str) -> Validity:
     """Whether the three files belong together and to this robot, and for how long.
 
-    A certificate out of its time is no error: this computer's clock may be wrong as well, until it
-    has found the time on the network.
+    A certificate out of its time is not an error: this computer's clock may be wrong as well,
+    until it has found the time on the network.
 
     Raises:
         ConfigurationError: a file is missing, unreadable or not what it should be.
@@ -78,8 +78,8 @@ def _server(tls: Tls) -> ssl.SSLContext:
         server.load_cert_chain(tls.certificate, tls.key, password="")
     except ssl.SSLError:
         raise ConfigurationError(
-            f"network.tls.key: {tls.certificate} and {tls.key} are no certificate with its key in "
-            "PEM form, without a password: copy both again"
+            f"network.tls.key: {tls.certificate} and {tls.key} are not a certificate with its key "
+            "in PEM form, without a password: copy both again"
         ) from None
     return server
 

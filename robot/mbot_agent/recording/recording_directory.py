@@ -230,7 +230,7 @@ class RecordingDirectory:
 
 
 def _number(name: str) -> int:
-    """A drive's number, from 1; 0: this is no drive."""
+    """A drive's number, from 1; 0: this is not a drive."""
     found = _DRIVE.fullmatch(name)
     return int(found[1]) if found is not None else 0
 

@@ -194,7 +194,7 @@ def check_range(name: str, value: float, least: float, most: float) -> None:
 
 
 def check_date(text: str) -> None:
-    """Refuse what is no ISO date.
+    """Refuse what is not an ISO date.
 
     Raises:
         ValueError: it is none.

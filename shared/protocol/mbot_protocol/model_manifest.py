@@ -136,7 +136,7 @@ def decode(data: bytes) -> ModelManifest:
 
     Raises:
         NewerSchemaError: it is of a newer kind.
-        RefusedError: it is no manifest, out of range, or not in its one form.
+        RefusedError: it is not a manifest, out of range, or not in its one form.
 
     """
     try:

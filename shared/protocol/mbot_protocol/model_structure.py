@@ -44,7 +44,7 @@ def check_structure(data: bytes) -> None:
     """Check a whole ONNX file.
 
     Raises:
-        ContractError: it is no ONNX model, or made of something that is not allowed.
+        ContractError: it is not an ONNX model, or made of something that is not allowed.
 
     """
     _walk(data, _raise)

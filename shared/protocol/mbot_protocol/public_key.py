@@ -79,7 +79,7 @@ class PublicKey:
             raw = b""
         if not text.startswith(_KIND) or len(raw) != PUBLIC_KEY_BYTES:
             raise ConfigurationError(
-                f"{line[:80]!r} is no signing key, expected a line 'ed25519:BASE64 name' as "
+                f"{line[:80]!r} is not a signing key, expected a line 'ed25519:BASE64 name' as "
                 "`workstation keys show` prints it"
             )
         return cls(raw, check_key_name(name.strip()))

@@ -84,7 +84,7 @@ def read_manifest(archive: IO[bytes]) -> tuple[bytes, bytes]:
     """The manifest and the signatures as they stand there, unverified.
 
     Raises:
-        RefusedError: it is no release.
+        RefusedError: it is not a release.
 
     """
     data = _leading(archive, MANIFEST, LARGEST_MANIFEST_BYTES)

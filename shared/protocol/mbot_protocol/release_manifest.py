@@ -104,7 +104,7 @@ def decode(data: bytes) -> ReleaseManifest:
 
     Raises:
         NewerSchemaError: it is of a newer kind.
-        RefusedError: it is no manifest, out of range, or not in its one form.
+        RefusedError: it is not a manifest, out of range, or not in its one form.
 
     """
     try:
@@ -117,7 +117,7 @@ def decode(data: bytes) -> ReleaseManifest:
             )
         manifest = _built(found)
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
-        raise RefusedError("the release's manifest is unusable: it is no manifest") from None
+        raise RefusedError("the release's manifest is unusable: it is not a manifest") from None
     if encode(manifest) != data:
         raise RefusedError("the release's manifest is unusable: not in its one canonical form")
     return manifest
@@ -187,7 +187,7 @@ def _read_signatures(text: bytes) -> list[tuple[bytes, bytes]]:
 
 
 def _built(found: dict[str, Any]) -> ReleaseManifest:
-    """From JSON; any exception of Python's means that it is no manifest."""
+    """From JSON; any exception of Python's means that it is not a manifest."""
     entries: list[dict[str, Any]] = found.pop("files")
     files = tuple(ReleaseFile(**entry) for entry in entries)
     manifest = ReleaseManifest(**found, files=files)

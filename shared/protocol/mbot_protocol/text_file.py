@@ -9,7 +9,7 @@ def read_text(path: Path) -> str:
     """A file's text, UTF-8, without the mark that some editors put in front.
 
     Raises:
-        ConfigurationError: it can't be read, or is no text.
+        ConfigurationError: it can't be read, or is not text.
 
     """
     text = text_if_any(path)
@@ -27,4 +27,4 @@ def text_if_any(path: Path) -> str | None:
     except OSError as error:
         raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
     except UnicodeDecodeError:
-        raise ConfigurationError(f"can't read {path}: it is no text") from None
+        raise ConfigurationError(f"can't read {path}: it is not text") from None

@@ -18,7 +18,7 @@ def read_toml(path: Path, kind: type[T]) -> T:
     A Struct says what its values must be by raising ValueError in `__post_init__`.
 
     Raises:
-        ConfigurationError: it can't be read, is no TOML, or a key is unknown, missing or unusable.
+        ConfigurationError: it can't be read, is not TOML, or a key is unknown, missing or unusable.
 
     """
     return decode_toml(read_text(path), kind, str(path))
@@ -34,7 +34,7 @@ def decode_toml(text: str, kind: type[T], origin: str) -> T:
     try:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{origin} is no valid TOML: {error}") from None
+        raise ConfigurationError(f"{origin} is not valid TOML: {error}") from None
     try:
         return msgspec.convert(document, kind)
     except msgspec.ValidationError as error:

@@ -139,7 +139,7 @@ def _choices(kind: Any, path: Path) -> list[str]:
 
 
 def _with_key(document: dict[str, Any], path: Path, choices: list[str]) -> Path:
-    """The path with the key that msgspec leaves out: the first whose value is no choice."""
+    """The path with the key that msgspec leaves out: the first whose value is not a choice."""
     if _ANY_KEY not in path:
         return path
     at = path.index(_ANY_KEY)

@@ -14,7 +14,7 @@ def open_capture(source: str, open_timeout_s: float, read_timeout_s: float) -> c
 
     Args:
         source: a device, an address or a file.
-        open_timeout_s, read_timeout_s: of what is no device: one that is gone must not hang.
+        open_timeout_s, read_timeout_s: of what is not a device: one that is gone must not hang.
 
     """
     index = device_index(source)

@@ -13,7 +13,7 @@ def fields(data: memoryview) -> Iterator[tuple[int, int, int, memoryview]]:
     """Each field in order: number, wire type, value of a varint, content of anything else.
 
     Raises:
-        ContractError: the bytes are no protobuf message.
+        ContractError: the bytes are not a protobuf message.
 
     """
     position = 0
@@ -21,7 +21,7 @@ def fields(data: memoryview) -> Iterator[tuple[int, int, int, memoryview]]:
         tag, position = _varint(data, position)
         number, wire_type = tag >> 3, tag & 7
         if number == 0:
-            raise ContractError("this is no ONNX model: a field has number 0")
+            raise ContractError("this is not an ONNX model: a field has number 0")
         if wire_type == VARINT:
             value, position = _varint(data, position)
             yield number, wire_type, value, data[:0]
@@ -31,7 +31,7 @@ def fields(data: memoryview) -> Iterator[tuple[int, int, int, memoryview]]:
         elif wire_type in (FIXED64, FIXED32):
             length = 8 if wire_type == FIXED64 else 4
         else:
-            raise ContractError(f"this is no ONNX model: a field has wire type {wire_type}")
+            raise ContractError(f"this is not an ONNX model: a field has wire type {wire_type}")
         if length > len(data) - position:
             raise ContractError("the ONNX data is truncated or damaged")
         yield number, wire_type, 0, data[position : position + length]
@@ -55,4 +55,4 @@ def _varint(data: memoryview, position: int) -> tuple[int, int]:
         value |= (byte & 0x7F) << (7 * index)
         if byte < 0x80:
             return value & 0xFFFF_FFFF_FFFF_FFFF, position + index + 1
-    raise ContractError("this is no ONNX model: a number has more than 10 bytes")
+    raise ContractError("this is not an ONNX model: a number has more than 10 bytes")

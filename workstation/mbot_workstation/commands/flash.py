@@ -48,8 +48,8 @@ def flash(options: FlashOptions) -> None:
         print(f"{device}: firmware {version}")
         if not (options.force or firmware_flash.is_mcore(version)):
             raise RefusedError(
-                f"{version!r} on {device} is no mCore firmware known here; --force writes all the "
-                "same"
+                f"{version!r} on {device} is not an mCore firmware known here; --force writes all "
+                "the same"
             )
     except firmware_flash.NoAnswerError as error:
         if not options.force:

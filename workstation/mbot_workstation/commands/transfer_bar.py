@@ -5,7 +5,7 @@ from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, Trans
 
 
 def transfer_bar() -> Progress:
-    """On stderr, gone when it ends; invisible where that is no terminal."""
+    """On stderr, gone when it ends; invisible where that is not a terminal."""
     console = Console(stderr=True)
     return Progress(
         TextColumn("{task.description}"),

@@ -57,7 +57,7 @@ class PathFile:
         self._file.close()
 
     def read(self) -> list[Place]:
-        """What is new; raises ConfigurationError if it is no trajectory of ours."""
+        """What is new; raises ConfigurationError if it is not a trajectory of ours."""
         *lines, self._rest = (self._rest + self._file.read()).split(b"\n")
         return [place for line in lines if (place := self._place(line)) is not None]
 
@@ -70,7 +70,7 @@ class PathFile:
             target_x_m, target_y_m = (float(value) for value in fields["object"][:2])
         except (ValueError, KeyError, TypeError):
             raise ConfigurationError(
-                f"{self._name} is no path of `virtual-robot --trajectory`, or an older one: "
+                f"{self._name} is not a path of `virtual-robot --trajectory`, or an older one: "
                 f"{line[:60]!r}"
             ) from None
         if not all(map(math.isfinite, (time_s, x_m, y_m, yaw_rad, target_x_m, target_y_m))):

@@ -217,5 +217,5 @@ def _untar(data: bytes, origin: str) -> dict[str, bytes]:
                 if content is not None:
                     files[entry.name] = content.read()
     except (tarfile.TarError, EOFError, ValueError, OverflowError) as error:
-        raise ConfigurationError(f"{origin} is no tar file: {error}") from None
+        raise ConfigurationError(f"{origin} is not a tar file: {error}") from None
     return files

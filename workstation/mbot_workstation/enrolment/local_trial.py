@@ -23,7 +23,7 @@ def robot_id_in(configuration: Path) -> str:
     try:
         robot_id = tomllib.loads(read_text(configuration)).get("robot_id")
     except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{configuration} is no valid TOML: {error}") from None
+        raise ConfigurationError(f"{configuration} is not valid TOML: {error}") from None
     if not isinstance(robot_id, str):
         raise ConfigurationError(f"{configuration} has no robot_id; is it a robot's configuration?")
     return robot_id

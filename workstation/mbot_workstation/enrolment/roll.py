@@ -133,7 +133,7 @@ def decode_roll(data: bytes, origin: str) -> Roll:
     try:
         roll = msgspec.json.decode(data, type=Roll)
     except msgspec.MsgspecError as error:
-        raise ConfigurationError(f"{origin} is no roll of a fleet: {error}") from None
+        raise ConfigurationError(f"{origin} is not a roll of a fleet: {error}") from None
     if roll.schema > SCHEMA:
         raise ConfigurationError(f"{origin} is of a newer version of this software: upgrade it")
     return roll

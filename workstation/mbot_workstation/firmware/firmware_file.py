@@ -23,7 +23,7 @@ def find_firmware(given: str) -> Path:
     """The file for `deadman` or a path, checked.
 
     Raises:
-        ConfigurationError: there is no such file, it is no program for an mCore board, or ours
+        ConfigurationError: there is no such file, it is not a program for an mCore board, or ours
             can't be compiled.
 
     """
@@ -41,7 +41,7 @@ def find_firmware(given: str) -> Path:
         ) from None
     if not head.startswith(_ELF_MAGIC) or head[_ELF_MACHINE] != _AVR:
         raise ConfigurationError(
-            f"{path} is no firmware of an mCore board: expected an ELF file for AVR, or Intel HEX "
+            f"{path} is not firmware of an mCore board: expected an ELF file for AVR, or Intel HEX "
             "in a file that ends in .hex"
         )
     return path.absolute()

@@ -216,7 +216,9 @@ def _fail(port: str, said: str) -> None:
             "never answers, the board needs a programmer"
         )
     if re.search(r"expected signature|differs in signature|not match|invalid device sig", low):
-        raise RefusedError(f"the chip on {port} is no ATmega328P, so this is no mCore board")
+        raise RefusedError(
+            f"the chip on {port} is not an ATmega328P, so this is not an mCore board"
+        )
     if "verif" in low and ("mismatch" in low or "error" in low):
         raise RefusedError(f"{port}: what was written reads back differently; try again")
     raise UnreachableError(f"avrdude failed: {_first_line(said)}")

@@ -113,7 +113,7 @@ def telemetry_frames(folder: Path, first: ComparedRun, start_s: float) -> tuple[
         None at all if there is no telemetry, or it holds no pictures of that time.
 
     Raises:
-        ConfigurationError: the file is no MCAP file.
+        ConfigurationError: the file is not an MCAP file.
 
     """
     path = folder / TELEMETRY_FILE

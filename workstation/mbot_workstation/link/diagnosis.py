@@ -79,7 +79,7 @@ def _why_tls_fails(endpoint: Endpoint, security: LinkSecurity, timeout_s: float)
         try:
             ours.load_cert_chain(security.certificate, security.key)
         except (ssl.SSLError, OSError):
-            return f"{security.certificate} and {security.key} are no certificate with its key"
+            return f"{security.certificate} and {security.key} are not a certificate with its key"
     error = _handshake_error(endpoint, ours, timeout_s)
     if isinstance(error, ssl.SSLCertVerificationError):
         return _why_not_accepted_here(endpoint, security, error)

@@ -49,7 +49,7 @@ def link_security(
 
 
 def owner_name(certificate_pem: bytes) -> str:
-    """The common name in a certificate; empty if it has none or is no certificate."""
+    """The common name in a certificate; empty if it has none or is not a certificate."""
     from cryptography import x509  # 30 ms, and only those who show a certificate need it
 
     try:

@@ -68,7 +68,7 @@ def _read(path: Path) -> bytes:
     try:
         size_bytes = path.stat().st_size
         if not path.is_file():
-            raise ConfigurationError(f"{path} is no file; expected an ONNX model")
+            raise ConfigurationError(f"{path} is not a file; expected an ONNX model")
         if size_bytes > LARGEST_MODEL_BYTES:
             raise ContractError(
                 f"{path} is {size_bytes / 2**20:.1f} MiB, a robot takes at most "
@@ -111,7 +111,7 @@ def parse_model(data: bytes) -> "onnx.ModelProto":
     if not data:
         raise ContractError("the file is empty; was the export interrupted?")
     if not data.startswith(_ONNX_FIRST_BYTE):
-        raise ContractError("this is no ONNX model; export the policy to ONNX first")
+        raise ContractError("this is not an ONNX model; export the policy to ONNX first")
     model = onnx.ModelProto()
     try:
         model.ParseFromString(data)

@@ -123,7 +123,7 @@ class KeyFolder:
             wrong = "the passphrase is wrong, or the file damaged" if protected else "it is damaged"
             raise ConfigurationError(f"cannot use {self._file(name, 'pem')}: {wrong}") from None
         if not isinstance(private, Ed25519PrivateKey):
-            raise ConfigurationError(f"{self._file(name, 'pem')} is no Ed25519 key")
+            raise ConfigurationError(f"{self._file(name, 'pem')} is not an Ed25519 key")
         return SigningKey(private, name, lambda: self._next_sequence(name))
 
     def _read_private(self, name: str) -> bytes:

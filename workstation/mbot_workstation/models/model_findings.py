@@ -100,7 +100,7 @@ def _size(path: Path) -> int:
     except OSError as error:
         raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
     if not path.is_file():
-        raise ConfigurationError(f"{path} is no file; expected an ONNX model")
+        raise ConfigurationError(f"{path} is not a file; expected an ONNX model")
     return size_bytes
 
 

@@ -153,7 +153,7 @@ def sign_for_once(
         not_after_unix_s=int(time.time()) + MANIFEST_LIFE_S,
         allow_downgrade=allow_downgrade,
     )
-    decode(encode(manifest))  # the nonce comes from outside: sign nothing that is no manifest
+    decode(encode(manifest))  # the nonce comes from outside: sign nothing that is not a manifest
     signed = key.sign(manifest)
     request.manifest, request.signature = signed.manifest, signed.signature
     request.public_key = signed.public_key

@@ -32,7 +32,7 @@ def with_trusted_key(text: str, key: PublicKey, origin: str) -> str:
     """The configuration's text with one more key in `[trust] keys`; the same if it is there.
 
     Raises:
-        ConfigurationError: it is no TOML, or written so that a person has to add the line.
+        ConfigurationError: it is not TOML, or written so that a person has to add the line.
 
     """
     before = _parse(text, origin)
@@ -58,14 +58,14 @@ def _parse(text: str, origin: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{origin} is no valid TOML: {error}") from None
+        raise ConfigurationError(f"{origin} is not valid TOML: {error}") from None
 
 
 def _keys(configuration: dict[str, Any], origin: str) -> list[str]:
     trust = configuration.get("trust", {})
     keys = cast(dict[str, Any], trust).get("keys", []) if isinstance(trust, dict) else None
     if not isinstance(keys, list) or not all(isinstance(line, str) for line in keys):
-        raise ConfigurationError(f"{origin}: trust.keys is no list of lines")
+        raise ConfigurationError(f"{origin}: trust.keys is not a list of lines")
     return cast(list[str], keys)
 
 

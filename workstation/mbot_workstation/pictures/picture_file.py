@@ -34,7 +34,7 @@ def read_picture(path: Path, *, turn: bool = False) -> Picture:
     """A picture file; as `decode_picture`.
 
     Raises:
-        ConfigurationError: it can't be read or is no picture.
+        ConfigurationError: it can't be read or is not a picture.
 
     """
     try:
@@ -42,7 +42,9 @@ def read_picture(path: Path, *, turn: bool = False) -> Picture:
     except OSError as error:
         raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
     if picture is None:
-        raise ConfigurationError(f"{path} is no picture OpenCV can decode; save it as PNG or JPEG")
+        raise ConfigurationError(
+            f"{path} is not a picture OpenCV can decode; save it as PNG or JPEG"
+        )
     return picture
 
 

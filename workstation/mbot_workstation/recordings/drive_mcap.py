@@ -202,7 +202,7 @@ def read_recording(path: Path) -> Iterator[tuple[str, Decision | CompressedImage
     the log. Messages of other types, which another tool may have added, are left out.
 
     Raises:
-        ConfigurationError: there is no such file, or it is no MCAP file.
+        ConfigurationError: there is no such file, or it is not an MCAP file.
 
     """
     chunks, count = WholeChunks(path), 0

@@ -76,7 +76,7 @@ class Beat:
         """What the policy's picture shows; None where the recording does not say.
 
         Raises:
-            ConfigurationError: what it says is no field of view.
+            ConfigurationError: what it says is not a field of view.
 
         """
         record = self.record

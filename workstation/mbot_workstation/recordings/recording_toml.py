@@ -79,7 +79,8 @@ def read_info(folder: Path) -> RecordingInfo:
         return msgspec.convert(tomllib.loads(path.read_text(encoding="utf-8")), RecordingInfo)
     except FileNotFoundError:
         raise ConfigurationError(
-            f"{folder} is no recording: there is no {RECORDING_FILE} in it; see docs/recordings.md"
+            f"{folder} is not a recording: there is no {RECORDING_FILE} in it; "
+            "see docs/recordings.md"
         ) from None
     except OSError as error:
         raise ConfigurationError(f"can't read {path}: {error.strerror}") from None

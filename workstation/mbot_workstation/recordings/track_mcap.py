@@ -79,7 +79,7 @@ def read_mcap(path: Path, topic: str | None = None) -> RawTrack:
     except (McapError, DecodeError, struct.error, ValueError, IndexError) as error:
         whole = sum(len(found) for found in poses.values())
         if whole == 0:
-            raise ConfigurationError(f"{path} is no readable MCAP file: {error}") from None
+            raise ConfigurationError(f"{path} is not a readable MCAP file: {error}") from None
         # What is whole is good; a run that lost its end is found by its length.
         _log.warning("%s was cut off or damaged; %d poses of it are whole", path, whole)
     if len(poses) != 1:

@@ -78,7 +78,7 @@ class WholeChunks:
         """Read the file.
 
         Raises:
-            ConfigurationError: it cannot be read, or is no MCAP file at all.
+            ConfigurationError: it cannot be read, or is not an MCAP file at all.
 
         """
         try:
@@ -94,7 +94,7 @@ class WholeChunks:
         self._scan()
         start = self._data[: len(MCAP0_MAGIC)]
         if not self._chunks and start != MCAP0_MAGIC[: len(start)]:
-            raise ConfigurationError(f"{path} is no MCAP recording")
+            raise ConfigurationError(f"{path} is not an MCAP recording")
 
     @property
     def words(self) -> str:
@@ -157,7 +157,7 @@ class WholeChunks:
             self.chunks_found = counted
 
     def _makes_sense(self, opcode: int, start: int, end: int) -> bool:
-        """Whether a record is as long as its contents say; takes up what is no chunk."""
+        """Whether a record is as long as its contents say; takes up what is not a chunk."""
         data = self._data
         if opcode == Opcode.CHUNK:
             return self._is_chunk(start, end)

@@ -78,7 +78,7 @@ def configured(
     try:
         found = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"the configuration is no TOML: {error}") from None
+        raise ConfigurationError(f"the configuration is not TOML: {error}") from None
     if found.get("control", {}).get("start", "idle") != "idle":
         raise ConfigurationError('start = "running": a robot may not drive at its first boot')
     return text
@@ -104,8 +104,8 @@ def check_boot_partition(boot: Path) -> str:
     cmdline = text_if_any(boot / "cmdline.txt")
     if cmdline is None or not (boot / "config.txt").is_file() or "root=" not in cmdline:
         raise ConfigurationError(
-            f"{boot} is no boot partition of Raspberry Pi OS (cmdline.txt with root=, config.txt): "
-            "where is the card's first partition mounted?"
+            f"{boot} is not a boot partition of Raspberry Pi OS (cmdline.txt with root=, "
+            "config.txt): where is the card's first partition mounted?"
         )
     return cmdline
 
@@ -114,7 +114,7 @@ def prepare(boot: Path, content: CardContent) -> str:
     """Write it all; returns which of Imager's files calls it.
 
     Raises:
-        ConfigurationError: this is no boot partition, is too small, or can't be written.
+        ConfigurationError: this is not a boot partition, is too small, or can't be written.
 
     """
     cmdline = check_boot_partition(boot)

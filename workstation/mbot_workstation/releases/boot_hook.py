@@ -75,7 +75,9 @@ def _in_user_data(text: str) -> str:
     if not found:
         return "\n".join([*lines, "runcmd:", _CLOUD_ITEM, ""])
     if len(found) > 1 or not re.fullmatch(r"runcmd:\s*(#.*)?", lines[found[0]]):
-        raise ConfigurationError("user-data has a runcmd that is no list of lines: write it as one")
+        raise ConfigurationError(
+            "user-data has a runcmd that is not a list of lines: write it as one"
+        )
     after = lines[found[0] + 1 :]
     item = next((line for line in after if line.strip() and not line.lstrip().startswith("#")), "")
     indent = re.match(r"( *)- ", item)

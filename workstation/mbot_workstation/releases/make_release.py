@@ -176,7 +176,7 @@ def _names() -> tuple[str, int]:
     project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
     commit, time_s = _git("rev-parse", "--short=8", "HEAD"), _git("log", "-1", "--format=%ct")
     if not commit:
-        raise ConfigurationError("this is no git checkout: give --version and --sequence")
+        raise ConfigurationError("this is not a git checkout: give --version and --sequence")
     if _git("status", "--porcelain", "--untracked-files=no"):
         raise ConfigurationError(
             "the checkout has changes: commit them, or give --version and --sequence"

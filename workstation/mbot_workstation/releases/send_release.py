@@ -67,7 +67,7 @@ def check_release_file(path: Path) -> CheckedRelease:
     """Read a release whole; the robot judges whose signature it is.
 
     Raises:
-        ConfigurationError: it can't be read, or is no release, or damaged.
+        ConfigurationError: it can't be read, or is not a release, or damaged.
 
     """
     found: list[tuple[bytes, bytes]] = []

@@ -37,7 +37,7 @@ class ObjectSection(Struct, frozen=True, forbid_unknown_fields=True):
         width_mm: a cube's edge, a ball's or cylinder's diameter; not of a mesh.
         height_mm: of a cylinder or a mesh, which is scaled to it.
         colour: "#rrggbb"; white if there is a texture.
-        texture: a picture, for each side of what is no mesh; beside the file.
+        texture: a picture, for each side of what is not a mesh; beside the file.
         mesh: a GLB file, likewise.
 
     """
@@ -125,7 +125,7 @@ def _texture(path: Path) -> Picture:
         raise ConfigurationError(f"can't read the texture {path}: {error.strerror}") from None
     picture = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
     if picture is None:
-        raise ConfigurationError(f"{path} is no PNG or JPEG")
+        raise ConfigurationError(f"{path} is not a PNG or JPEG")
     return _square(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB).astype(np.uint8))
 
 
@@ -148,7 +148,7 @@ def _mesh(path: Path, height_m: float) -> tuple[Mesh, str, Picture | None]:
         vertices = np.asarray(surface.vertices, np.float64)[:, (2, 0, 1)]  # glTF's y is up
         triangles = np.asarray(surface.faces, np.int32)
     except Exception as error:  # its parser raises whatever a broken file leads to
-        raise ConfigurationError(f"{path} is no GLB file that can be read: {error}") from None
+        raise ConfigurationError(f"{path} is not a GLB file that can be read: {error}") from None
     if not 4 <= len(triangles) <= MOST_TRIANGLES:
         raise ConfigurationError(
             f"{path} has {len(triangles):,} triangles, expected 4 to {MOST_TRIANGLES:,}; reduce "

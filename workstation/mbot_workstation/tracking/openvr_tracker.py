@@ -130,7 +130,7 @@ class OpenVrTracker:
 
 
 def quaternion_of(matrix: Array) -> Array | None:
-    """The rotation's quaternion, w first, shape (4,); None if the matrix (3, 3) is no rotation."""
+    """The rotation's quaternion, w first, shape (4,); None if the (3, 3) matrix is not one."""
     if not np.allclose(matrix @ matrix.T, np.eye(3), atol=ORTHOGONAL):
         return None
     if np.linalg.det(matrix) < 0:

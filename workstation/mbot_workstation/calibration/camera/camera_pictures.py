@@ -30,7 +30,7 @@ class SeenBoards:
         sightings: boards found, not mirrored as far as can be told.
         without: names of pictures without a board.
         boards: which boards were found.
-        unreadable: names of files that are no pictures; they were left out.
+        unreadable: names of files that are not pictures; they were left out.
 
     """
 

@@ -62,7 +62,7 @@ def read_tags(data: bytes) -> PanoramaTags:
 
 
 def check_projection(picture: Picture, tags: PanoramaTags, name: str) -> None:
-    """Refuse what is no whole equirectangular panorama.
+    """Refuse what is not a whole equirectangular panorama.
 
     Args:
         picture: RGB.

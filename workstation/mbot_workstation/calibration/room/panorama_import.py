@@ -66,7 +66,7 @@ def prepare_room(
         whole: refuse what does not look like a whole panorama.
 
     Raises:
-        ConfigurationError: it can't be read, or is no whole panorama.
+        ConfigurationError: it can't be read, or is not a whole panorama.
 
     """
     picture = read_picture(path)
@@ -103,7 +103,7 @@ def check_width(width_px: int) -> None:
     """Refuse widths that OpenGL's textures don't like.
 
     Raises:
-        ConfigurationError: it is no power of two, or out of range.
+        ConfigurationError: it is not a power of two, or out of range.
 
     """
     if not 256 <= width_px <= LARGEST_WIDTH_PX or width_px & (width_px - 1):

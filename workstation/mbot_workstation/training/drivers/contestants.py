@@ -52,7 +52,7 @@ def driver(
 
     Raises:
         ConfigurationError: there is no such contestant or file.
-        ContractError: the file is no policy.
+        ContractError: the file is not a policy.
 
     """
     if contestant == ORACLE:
@@ -71,7 +71,7 @@ def read_policy(contestant: str) -> OnnxPolicy:
 
     Raises:
         ConfigurationError: there is no such file.
-        ContractError: the file is no policy.
+        ContractError: the file is not a policy.
 
     """
     return _servo() if contestant == SERVO else _load(contestant)

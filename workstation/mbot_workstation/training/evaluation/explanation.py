@@ -43,7 +43,7 @@ def load_frame(path: Path, view: FieldOfView) -> Picture:
     except OSError as error:
         raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
     if picture is None:
-        raise ConfigurationError(f"{path} is no picture; expected a PNG or JPEG file")
+        raise ConfigurationError(f"{path} is not a picture; expected a PNG or JPEG file")
     return as_observation(picture, view)
 
 
@@ -62,7 +62,7 @@ def recorded_glances(path: Path, view: FieldOfView) -> tuple[list[float], list[G
     what a policy would have had in mind.
 
     Raises:
-        ConfigurationError: it is no recording, or has no pictures.
+        ConfigurationError: it is not a recording, or has no pictures.
 
     """
     times_ns: list[int] = []

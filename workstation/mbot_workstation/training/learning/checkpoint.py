@@ -92,13 +92,13 @@ def read_state(folder: Path) -> CheckpointState:
     """What is beside the weights.
 
     Raises:
-        ConfigurationError: this is no checkpoint, or of another version.
+        ConfigurationError: this is not a checkpoint, or of another version.
 
     """
     try:
         return msgspec.json.decode((folder / STATE_FILE).read_bytes(), type=CheckpointState)
     except OSError as error:
-        raise ConfigurationError(f"{folder} is no checkpoint: {error.strerror}") from None
+        raise ConfigurationError(f"{folder} is not a checkpoint: {error.strerror}") from None
     except msgspec.DecodeError as error:
         raise ConfigurationError(
             f"{folder / STATE_FILE} is not readable ({error}); use the checkpoint before"

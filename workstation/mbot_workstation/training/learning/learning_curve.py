@@ -70,7 +70,9 @@ def mark_note(lesson: str) -> str:
     """What to know of the paper's plateau beside a run that ends in this lesson; mostly nothing."""
     if lesson in {one.name for one in LESSONS}:
         return ""
-    return f"the last lesson, {lesson}, is harder than the paper's, whose plateau is no mark for it"
+    return (
+        f"the last lesson, {lesson}, is harder than the paper's, whose plateau does not apply to it"
+    )
 
 
 def _mark(axes: Any, label: str, paper: float) -> None:

@@ -117,7 +117,7 @@ def read_progress(path: Path) -> list[ProgressRow]:
         ]
     except (KeyError, TypeError, ValueError):
         raise ConfigurationError(
-            f"{path} is no training progress; expected the columns {', '.join(COLUMNS)}"
+            f"{path} is not the progress of a training; expected the columns {', '.join(COLUMNS)}"
         ) from None
 
 

@@ -56,13 +56,13 @@ class RunDirectory:
         """The folder of an earlier run.
 
         Raises:
-            ConfigurationError: this is no run.
+            ConfigurationError: this is not a run.
 
         """
         run = cls(path)
         if not run.config_file.is_file():
             raise ConfigurationError(
-                f"{path} is no training run (it has no {run.config_file.name}); expected the "
+                f"{path} is not a training run (it has no {run.config_file.name}); expected the "
                 "folder that `workstation train` made, such as runs/first"
             )
         return run

@@ -43,7 +43,7 @@ def trained_policy(path: Path) -> TrainedPolicy:
 
     Raises:
         ConfigurationError: it is none of these, or damaged.
-        ContractError: the file is no policy.
+        ContractError: the file is not a policy.
 
     """
     if path.is_file():

@@ -144,4 +144,4 @@ def read_config(path: Path) -> TrainingConfig:
     except OSError as error:
         raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
     except (msgspec.DecodeError, KeyError, TypeError) as error:
-        raise ConfigurationError(f"{path} is no configuration of a run: {error}") from None
+        raise ConfigurationError(f"{path} is not a configuration of a run: {error}") from None

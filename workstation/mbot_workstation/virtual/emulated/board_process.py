@@ -38,7 +38,7 @@ class BoardProcess:
             firmware: ELF or Intel HEX file.
             take: called in a thread of its own with every line of the emulator, see
                 `board_simulator.c`; what it raises ends the board.
-            boot_s: how long the board is deaf after its port was opened; 0: opening is no reset.
+            boot_s: how long the board is deaf after its port was opened; 0: opening is not a reset.
             ended: called once, from that thread, if the board ends by itself.
             program: the compiled emulator; the one in the cache if not given.
 

@@ -37,7 +37,7 @@ class EmulatedBoard:
         Args:
             firmware: ELF or Intel HEX file.
             link: where to put a symbolic link to the port.
-            boot_s: how long it is deaf after its port was opened; 0: opening is no reset.
+            boot_s: how long it is deaf after its port was opened; 0: opening is not a reset.
 
         Raises:
             ConfigurationError: the emulator can't be compiled.
