@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from mbot_protocol.actions import WheelMaps
 from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.training.drivers.guide import SEARCH_SPEED, Guide
+from mbot_workstation.training.drivers.guide import CROSSING, REVOLUTION, SEARCH_SPEED, Guide
 from mbot_workstation.training.drivers.oracle import Oracle, middle
 from mbot_workstation.training.learning.advice_memory import BURN_IN, AdviceMemory
 from mbot_workstation.training.learning.collection import Collection
@@ -29,13 +29,18 @@ SEARCH = Oracle(1, middle(NOMINAL)).commands(np.array([SEARCH_SPEED]), np.array(
 
 
 def situation(
-    ahead_m: float, left_m: float, seen_left_rad: float | None = None, time_left_s: float = 50
+    ahead_m: float,
+    left_m: float,
+    seen_left_rad: float | None = None,
+    time_left_s: float = 50,
+    middle: tuple[float, float] = (0, 0),
 ) -> np.ndarray:
     if seen_left_rad is None:  # a robot that stands: it sees where the object is
         seen_left_rad = math.atan2(left_m, ahead_m - 0.06)
     record = np.zeros(1, STEP_RECORD)
     record["target_ahead_m"], record["target_left_m"] = ahead_m, left_m
     record["seen_left_rad"], record["time_left_s"] = seen_left_rad, time_left_s
+    record["middle_ahead_m"], record["middle_left_m"] = middle
     return record
 
 
@@ -111,6 +116,57 @@ def test_the_next_object_was_not_seen_before() -> None:
     guide = Guide(1, NOMINAL, remembers=2)
     guide.drove(told(guide.act(situation(1.0, 0.3, time_left_s=50))))
     np.testing.assert_allclose(guide.act(situation(0.3, 1.0, time_left_s=66))[0], SEARCH)
+
+
+def searched_in_vain(middle: tuple[float, float] = (2.0, 0.2)) -> Guide:
+    """Once around, and nothing but the middle to be seen."""
+    guide = Guide(1, NOMINAL, remembers=2)
+    for _ in range(REVOLUTION):
+        asked = guide.act(situation(-4.0, 0.0, middle=middle))
+        np.testing.assert_allclose(asked[0], SEARCH)
+        guide.drove(told(asked))
+    return guide
+
+
+def test_after_a_revolution_in_vain_it_crosses_to_the_middle_and_searches_on() -> None:
+    guide = searched_in_vain()
+    for crossing in [*[True] * CROSSING, *[False] * REVOLUTION, True]:
+        asked = guide.act(situation(-4.0, 0.0, middle=(2.0, 0.2)))
+        if crossing:
+            left, right = told(asked)[0]
+            assert right > left > 0.7
+        else:
+            np.testing.assert_allclose(asked[0], SEARCH)
+        guide.drove(told(asked))
+
+
+@pytest.mark.parametrize("middle", [(-2.0, 0.0), (1.0, 1.0), (0.2, 0.1)])
+def test_a_middle_that_is_near_or_not_in_view_is_not_crossed_to(
+    middle: tuple[float, float],
+) -> None:
+    guide = searched_in_vain()
+    np.testing.assert_allclose(guide.act(situation(-4.0, 0.0, middle=middle))[0], SEARCH)
+    left, right = told(guide.act(situation(-4.0, 0.0, middle=(2.0, 0.2))))[0]
+    assert right > left > 0.7, "as soon as it is in view"
+
+
+def test_who_crosses_straight_past_an_object_has_not_noticed_it() -> None:
+    guide = searched_in_vain()
+    guide.drove(told(guide.act(situation(-4.0, 0.0, middle=(2.0, 0.0)))))
+    guide.act(situation(2.0, 0.8, middle=(2.0, 0.0)))
+    guide.drove(np.ones((1, 2), np.float32))
+    left, right = told(guide.act(situation(0.1, 2.0, middle=(2.0, 0.0))))[0]
+    assert left == pytest.approx(right, abs=0.05), "on to the middle, not back"
+
+
+def test_a_crossing_ends_with_an_object_in_view_and_with_the_next_one() -> None:
+    guide = searched_in_vain()
+    left, right = told(guide.act(situation(2.0, -0.5, middle=(2.0, 0.2))))[0]
+    assert left > right, "to the object"
+    guide = searched_in_vain()
+    guide.drove(told(guide.act(situation(-4.0, 0.0, middle=(2.0, 0.2)))))
+    asked = guide.act(situation(-4.0, 0.0, time_left_s=66, middle=(2.0, 0.2)))
+    np.testing.assert_allclose(asked[0], SEARCH)
 
 
 def test_without_a_target_there_is_no_advice() -> None:

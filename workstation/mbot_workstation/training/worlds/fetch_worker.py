@@ -10,7 +10,12 @@ import cv2
 import numpy as np
 
 from mbot_workstation.simulation.fetch_task import Happening
-from mbot_workstation.training.worlds.fetch_info import HAPPENINGS, seen_left_rad, target_from_robot
+from mbot_workstation.training.worlds.fetch_info import (
+    HAPPENINGS,
+    middle_from_robot,
+    seen_left_rad,
+    target_from_robot,
+)
 from mbot_workstation.training.worlds.fetch_world import FetchWorld, Outcome
 from mbot_workstation.training.worlds.lessons import Lesson
 from mbot_workstation.training.worlds.robot_eye import RobotEye
@@ -177,4 +182,5 @@ class _Share:
             *target_from_robot(world),
             seen_left_rad(world),
             self._episode_lesson[index],
+            *middle_from_robot(world),
         )
