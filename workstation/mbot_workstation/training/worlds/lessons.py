@@ -154,12 +154,12 @@ ROUGH_LESSON = Lesson(
         (("right_gain", (0.4, 0.7)),),
         (("camera_latency_ms", (100.0, 190.0)),),
         (("friction_scale", (0.15, 0.4)),),
-        (("exposure_gain", (0.45, 1.7)),),
+        (("exposure_gain", (0.45, 1.7)), ("exposure_ms", (10.0, 60.0))),
     ),
     changes=0.15,
 )
 """Robots worse than any unit measured, among usual ones: a weak motor, late pictures, a slippery
-floor, dim or glaring light, or a bit of everything with slow wheels besides; and better ones, with
+floor, dim or glaring light and long exposures, or a bit of everything with slow wheels besides; and better ones, with
 hardly a lag or a dead band. For a policy that holds when a robot wears."""
 
 _BY_NAME = {lesson.name: lesson for lesson in (*LESSONS, BLUR_LESSON, ROUGH_LESSON)}
