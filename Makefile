@@ -5,8 +5,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 FIRMWARE := out/firmware
 REPORTS := out/tests
-# Programs whose times nothing depends on.
-UNTIMED := tests/end_to_end/test_printed_commands.py tests/test_first_hour.py
+# Slow tests to which the clock is no matter: programs whose times nothing depends on, parsers, and
+# a board in simulated time.
+UNTIMED := tests/end_to_end/test_printed_commands.py tests/test_first_hour.py \
+	tests/reliability/test_fuzz.py tests/reliability/test_serial_garbage.py \
+	$(patsubst %,tests/firmware/test_%.py,deadman_firmware firmware_file motor_pins torn_frames)
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 .DEFAULT_GOAL := help

@@ -29,7 +29,7 @@ def test_elf_and_hex_are_taken_as_they_are(firmware_folder: Path) -> None:
         ("torn.hex", b":100000000C94", r"not an Intel HEX file, or damaged \(line 1\)"),
         ("empty.elf", b"", "empty.elf is not firmware of an mCore board"),
         ("photo.jpg", b"\xff\xd8\xff", "expected an ELF file for AVR, or Intel HEX"),
-        ("ours.elf", b"\x7fELF" + bytes(14) + b"\x3e\x00", "no firmware of an mCore"),  # x86-64
+        ("ours.elf", b"\x7fELF" + bytes(14) + b"\x3e\x00", "not firmware of an mCore"),  # x86-64
     ],
 )
 def test_anything_else_is_refused_in_one_line(
