@@ -48,6 +48,15 @@ def test_a_files_bytes_declare_what_onnxruntime_finds(name: str) -> None:
     assert declared.properties == found.properties
 
 
+def test_a_loaded_models_file_is_let_go() -> None:
+    """4 MB of the shipped policy's would stay otherwise."""
+    data = SHIPPED.read_bytes()
+    mine_only = sys.getrefcount(data)
+    engine = model_engine.load_engine(data)
+    assert sys.getrefcount(data) == mine_only
+    assert engine.properties
+
+
 def test_weights_among_the_inputs_are_no_inputs() -> None:
     """Files of ONNX's first versions list them there."""
     model = onnx.load_from_string(constant_model())
