@@ -159,8 +159,8 @@ ROUGH_LESSON = Lesson(
     changes=0.15,
 )
 """Robots worse than any unit measured, among usual ones: a weak motor, late pictures, a slippery
-floor, dim or glaring light and long exposures, or a bit of everything with slow wheels besides; and better ones, with
-hardly a lag or a dead band. For a policy that holds when a robot wears."""
+floor, dim or glaring light and long exposures, or a bit of everything with slow wheels besides; and
+better ones, with hardly a lag or a dead band. For a policy that holds when a robot wears."""
 
 _BY_NAME = {lesson.name: lesson for lesson in (*LESSONS, BLUR_LESSON, ROUGH_LESSON)}
 
