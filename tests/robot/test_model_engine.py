@@ -68,6 +68,16 @@ def test_weights_among_the_inputs_are_no_inputs() -> None:
     assert [tensor.name for tensor in declared.inputs] == ["observation"]
 
 
+def test_old_opencv_is_given_no_dense_layer_that_it_cannot_read(for_armv6: bytes) -> None:
+    """`tests/pi/test_armv6.py` tries 4.6 itself, which wants the outputs first."""
+    layers = [
+        node for node in onnx.load_from_string(for_armv6).graph.node if node.op_type == "Gemm"
+    ]
+    assert len(layers) > 3
+    for layer in layers:
+        assert [one.i for one in layer.attribute if one.name == "transB"] == [1], layer.name
+
+
 def test_opencv_remembers_as_onnxruntime_does(for_armv6: bytes) -> None:
     """80 pictures of noise, each from the state that the same engine left."""
     noise = np.random.default_rng(3)

@@ -116,6 +116,8 @@ def policy_graph(
     constants |= memory.constants
     if KEEPS_TURNS in weights:
         constants |= full_speed_constants()
+    if for_armv6:
+        _put_outputs_first(nodes, constants)
     model = helper.make_model(
         helper.make_graph(
             nodes,
@@ -160,6 +162,16 @@ def _bounded(for_armv6: bool, *, keeps_turns: bool) -> list[onnx.NodeProto]:
     else:
         clip = helper.make_node("Clip", [wheels, "backward", "forward"], [OUTPUT_NAME], "clip")
     return [*nodes, clip]
+
+
+def _put_outputs_first(nodes: list[onnx.NodeProto], constants: dict[str, NDArray[Any]]) -> None:
+    """Give all weights of dense layers the shape (outputs, inputs), the only one OpenCV 4.6 reads
+    with a bias.
+    """
+    for node in nodes:
+        if node.op_type == "Gemm" and not node.attribute:
+            constants[node.input[1]] = np.ascontiguousarray(constants[node.input[1]].T)
+            node.attribute.append(helper.make_attribute("transB", 1))
 
 
 def _gemm(source: str, name: str) -> onnx.NodeProto:
