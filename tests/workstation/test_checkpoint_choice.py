@@ -66,11 +66,30 @@ def test_the_last_fifth_is_kept_and_tried_and_the_best_is_the_policy(
     choose(run)
     assert find_source(run.path).checkpoint.name == "000000056"
     assert run.last_checkpoint().name == "000000064"  # what --resume goes on from
-    assert len(trials) == 3
+    assert len(trials) == 6
     assert trials[0] == trials[1] == trials[2]  # the same robots and rooms for all
+    assert trials[3] == trials[4] == trials[5] != trials[0]
     assert "000000056 is the policy: mean reward 2.50" in capsys.readouterr().err
     choose(run)
-    assert len(trials) == 3  # once is enough
+    assert len(trials) == 6  # once is enough
+
+
+@pytest.mark.slow
+def test_who_was_lucky_in_the_short_trial_does_not_win_the_long_one(
+    run: RunDirectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = {"000000056": 2.5, "000000064": 2.0, "average": 1.5}
+    trials = rewards(monkeypatch, first)
+    monkeypatch.setattr(checkpoint_choice, "FINALISTS", 2)
+    stop = threading.Event()
+    display = LineDisplay()
+    monkeypatch.setattr(display, "say", lambda text: stop.set() if "3 of 3" in text else None)
+    choose_checkpoint(run, SHORT, display, stop)
+    assert find_source(run.path).checkpoint.name == "000000056", "of a first round alone"
+    first |= {"000000056": 1.9}
+    choose(run)
+    assert find_source(run.path).checkpoint.name == "000000064"
+    assert len(trials) == 3 + 2
 
 
 @pytest.mark.slow
@@ -120,12 +139,16 @@ def test_a_whole_run_ends_with_a_choice_by_driving(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(checkpoint_choice, "EPISODES", 2)
+    monkeypatch.setattr(checkpoint_choice, "FINAL_EPISODES", 3)
+    monkeypatch.setattr(checkpoint_choice, "FINALISTS", 2)
     monkeypatch.setattr(checkpoint_choice, "ROOMS", 1)
     made = begin_run(tmp_path / "run", SHORT)
     assert train_until_stopped(made, SHORT).reason == "steps"
     noted = json.loads(made.choice_file.read_text())
     assert set(noted["tried"]) == {"000000056", "000000064", "average"}
-    best = max(noted["tried"], key=lambda name: noted["tried"][name][0])
+    assert set(noted["finals"]) < set(noted["tried"])
+    assert (noted["episodes"], noted["final_episodes"], len(noted["finals"])) == (2, 3, 2)
+    best = max(noted["finals"], key=lambda name: noted["finals"][name][0])
     assert noted["chosen"] == best == find_source(made.path).checkpoint.name
     assert all(low <= mean <= high for mean, low, high in noted["tried"].values())
     last, before, mean = (read_weights(one) for one in (*made.checkpoints()[-2:], made.average))

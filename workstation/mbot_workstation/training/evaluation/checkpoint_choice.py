@@ -1,11 +1,13 @@
 """What of a run becomes its policy: the best in rooms that training never shows.
 
 The last checkpoint is not always it: what an update does to a trained policy is partly luck. The
-mean of the last ones has less of it.
+mean of the last ones has less of it. The first few by a short trial meet in a longer one: they
+differ by single episodes that go wrong, and the first of ten in a short trial was also lucky.
 """
 
 import threading
-from dataclasses import asdict, astuple
+from collections.abc import Sequence
+from dataclasses import asdict, astuple, replace
 from functools import partial
 from pathlib import Path
 
@@ -15,7 +17,7 @@ from mbot_workstation.training.drivers.onnx_policy import OnnxPolicy
 from mbot_workstation.training.evaluation.episodes import Score, Trial, evaluate_driver, score
 from mbot_workstation.training.learning.checkpoint import read_weights, write_average
 from mbot_workstation.training.learning.policy_graph import policy_graph
-from mbot_workstation.training.learning.policy_source import Choice, noted_choice
+from mbot_workstation.training.learning.policy_source import Choice, Rewards, noted_choice
 from mbot_workstation.training.learning.progress_display import Display
 from mbot_workstation.training.learning.run_directory import (
     RunDirectory,
@@ -28,6 +30,10 @@ from mbot_workstation.training.worlds.rooms import CHOICE_ROOMS, gather_rooms
 ROOMS = 6
 EPISODES = 96
 """For each candidate, the same robots and rooms for all."""
+
+FINALISTS = 3
+FINAL_EPISODES = 288
+"""Of other robots, again the same for all. Five minutes on two cores."""
 
 
 def choose_checkpoint(
@@ -43,12 +49,14 @@ def choose_checkpoint(
         for checkpoint in run.checkpoints()
         if int(checkpoint.name) >= first_candidate(int(last.name))
     ]
-    noted = noted_choice(run)
-    known = set(noted.tried) if noted else set[str]()
-    names = {checkpoint.name for checkpoint in (*candidates, run.average)}
-    if len(candidates) < 2 or known == names:
+    if len(candidates) < 2:
         return
-    candidates.append(run.add_average(partial(write_average, checkpoints=tuple(candidates))))
+    noted = noted_choice(run)
+    if noted is None or set(noted.tried) != {one.name for one in (*candidates, run.average)}:
+        noted = Choice("", {}, EPISODES)
+        candidates.append(run.add_average(partial(write_average, checkpoints=tuple(candidates))))
+    else:
+        candidates.append(run.average)
     trial = Trial(
         config.stages()[-1],
         config.ranges(),
@@ -59,16 +67,41 @@ def choose_checkpoint(
         robot=config.robot,
         scene=config.scene,
     )
-    scores: dict[str, Score] = {}
+    if not noted.tried:
+        tried = _round(candidates, trial, display, stop)
+        if tried is None:
+            return
+        noted = Choice(_best_first(tried)[0], tried, EPISODES)
+        write_json(run.choice_file, asdict(noted))
+    if not noted.finals:
+        names = _best_first(noted.tried)[:FINALISTS]
+        finalists = [checkpoint for checkpoint in candidates if checkpoint.name in names]
+        other = replace(trial, episodes=FINAL_EPISODES, seed=trial.seed + 1)
+        finals = _round(finalists, other, display, stop)
+        if finals is None:
+            return
+        best = _best_first(finals)[0]
+        noted = replace(noted, chosen=best, finals=finals, final_episodes=FINAL_EPISODES)
+        write_json(run.choice_file, asdict(noted))
+        display.say(f"{best} is the policy: mean reward {finals[best][0]:.2f}")
+
+
+def _round(
+    candidates: Sequence[Path], trial: Trial, display: Display, stop: threading.Event
+) -> Rewards | None:
+    """Each one's mean reward; None if someone says stop meanwhile."""
+    found: Rewards = {}
     for number, checkpoint in enumerate(candidates, 1):
         if stop.is_set():
-            return
-        display.say(f"trying {number} of {len(candidates)}: {checkpoint.name}")
-        scores[checkpoint.name] = _tried(checkpoint, trial)
-    best = max(scores, key=lambda name: scores[name].reward.mean)
-    display.say(f"{best} is the policy: mean reward {scores[best].reward.mean:.2f}")
-    choice = Choice(best, {name: astuple(one.reward) for name, one in scores.items()}, EPISODES)
-    write_json(run.choice_file, asdict(choice))
+            return None
+        number_of = f"{number} of {len(candidates)}"
+        display.say(f"trying {number_of}, {trial.episodes} episodes: {checkpoint.name}")
+        found[checkpoint.name] = astuple(_tried(checkpoint, trial).reward)
+    return found
+
+
+def _best_first(rewards: Rewards) -> list[str]:
+    return sorted(rewards, key=lambda name: rewards[name], reverse=True)
 
 
 def _tried(checkpoint: Path, trial: Trial) -> Score:

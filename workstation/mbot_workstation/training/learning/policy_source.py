@@ -1,6 +1,6 @@
 """Where a trained policy's weights are: what was chosen of a run, or a certain checkpoint."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import msgspec
@@ -17,20 +17,28 @@ class Source:
     checkpoint: Path
 
 
+Rewards = dict[str, tuple[float, float, float]]
+"""Mean reward of an episode with its 95 % interval, by a checkpoint's name or the average's."""
+
+
 @dataclass(frozen=True, slots=True)
 class Choice:
     """What was chosen; JSON as it is.
 
     Attributes:
         chosen: the checkpoint's name, or the average's.
-        tried: mean reward of an episode with its 95 % interval, by name.
+        tried: all of them.
         episodes: of each.
+        finals: the first ones of these, once more; what counts.
+        final_episodes: of each of them.
 
     """
 
     chosen: str
-    tried: dict[str, tuple[float, float, float]]
+    tried: Rewards
     episodes: int
+    finals: Rewards = field(default_factory=Rewards)
+    final_episodes: int = 0
 
 
 def find_source(path: Path) -> Source:
