@@ -57,16 +57,7 @@ def choose_checkpoint(
         candidates.append(run.add_average(partial(write_average, checkpoints=tuple(candidates))))
     else:
         candidates.append(run.average)
-    trial = Trial(
-        config.stages()[-1],
-        config.ranges(),
-        gather_rooms([], ROOMS, CHOICE_ROOMS),
-        EPISODES,
-        seed=CHOICE_ROOMS + config.seed,
-        workers=config.workers,
-        robot=config.robot,
-        scene=config.scene,
-    )
+    trial = _trial(config)
     if not noted.tried:
         tried = _round(candidates, trial, display, stop)
         if tried is None:
@@ -84,6 +75,20 @@ def choose_checkpoint(
         noted = replace(noted, chosen=best, finals=finals, final_episodes=FINAL_EPISODES)
         write_json(run.choice_file, asdict(noted))
         display.say(f"{best} is the policy: mean reward {finals[best][0]:.2f}")
+
+
+def _trial(config: TrainingConfig) -> Trial:
+    """The last lesson, in rooms that training never shows."""
+    return Trial(
+        config.stages()[-1],
+        config.ranges(),
+        gather_rooms([], ROOMS, CHOICE_ROOMS),
+        EPISODES,
+        seed=CHOICE_ROOMS + config.seed,
+        workers=config.workers,
+        robot=config.robot,
+        scene=config.scene,
+    )
 
 
 def _round(
