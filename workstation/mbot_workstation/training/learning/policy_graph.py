@@ -97,7 +97,8 @@ def policy_graph(
     deeper = f"{_ORIGINS['third']}.weight" in weights
     side = weights[f"{_ORIGINS['first']}.weight"].shape[-1]
     stride = first_stride(side)
-    bounded = _bounded(for_armv6, keeps_turns=KEEPS_TURNS in weights)
+    keeps_turns = KEEPS_TURNS in weights
+    bounded = _bounded(for_armv6, keeps_turns=keeps_turns)
     nodes = [
         helper.make_node("Cast", [INPUT_NAME], ["pixels"], name="pixels", to=TensorProto.FLOAT),
         helper.make_node("Transpose", ["pixels"], ["planes"], name="planes", perm=[0, 3, 1, 2]),
@@ -113,9 +114,7 @@ def policy_graph(
     ]
     if not for_armv6:
         constants |= {"backward": np.array(-1.0, np.float32), "forward": np.array(1.0, np.float32)}
-    constants |= memory.constants
-    if KEEPS_TURNS in weights:
-        constants |= full_speed_constants()
+    constants |= memory.constants | (full_speed_constants() if keeps_turns else {})
     if for_armv6:
         _put_outputs_first(nodes, constants)
     model = helper.make_model(
