@@ -5,9 +5,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 FIRMWARE := out/firmware
 REPORTS := out/tests
-# Slow tests to which the clock is no matter: programs whose times nothing depends on, parsers, and
-# a board in simulated time.
-UNTIMED := tests/end_to_end/test_printed_commands.py tests/test_first_hour.py \
+# Slow tests to which the clock is no matter, so that they can run two at a time: programs whose
+# times nothing depends on, parsers, and a board in simulated time.
+UNTIMED := tests/test_first_hour.py \
+	$(patsubst %,tests/end_to_end/test_%.py,console_page enrolled_robot maneuvers printed_commands \
+	router view_page who_may_talk) \
 	tests/reliability/test_fuzz.py tests/reliability/test_serial_garbage.py \
 	$(patsubst %,tests/firmware/test_%.py,deadman_firmware firmware_file motor_pins torn_frames)
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
