@@ -6,6 +6,9 @@ from pathlib import Path
 import pytest
 import torch
 
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.commands.train import TrainOptions
+from mbot_workstation.commands.train import _resumed as resumed
 from mbot_workstation.commands.train import _train_until_stopped as train_until_stopped
 from mbot_workstation.training.evaluation import checkpoint_choice
 from mbot_workstation.training.evaluation.checkpoint_choice import choose_checkpoint
@@ -157,3 +160,15 @@ def test_a_whole_run_ends_with_a_choice_by_driving(
         torch.testing.assert_close(value, (last[name] + before[name]) / 2)
     assert any(not torch.equal(last[name], before[name]) for name in mean)
     assert trained_policy(made.average).provenance["checkpoint"] == "average"
+
+
+@pytest.mark.slow
+def test_a_run_that_was_interrupted_while_choosing_can_be_resumed(
+    run: RunDirectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    resume = TrainOptions(resume=run.path)
+    assert resumed(resume)[1].steps == SHORT.steps
+    rewards(monkeypatch, {"000000056": 2.5, "000000064": 2.0, "average": 2.2})
+    choose(run)
+    with pytest.raises(ConfigurationError, match="has made 64 decisions already"):
+        resumed(resume)
