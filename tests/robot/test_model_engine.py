@@ -57,6 +57,27 @@ def test_a_loaded_models_file_is_let_go() -> None:
     assert engine.properties
 
 
+LOADED = """
+import ctypes, pathlib, sys
+from mbot_agent.models.model_engine import load_engine
+
+def resident_kb():
+    return int(pathlib.Path("/proc/self/statm").read_text().split()[1]) * 4
+
+engine = load_engine(pathlib.Path(sys.argv[1]).read_bytes())
+before = resident_kb()
+ctypes.CDLL(None).malloc_trim(0)
+print(before - resident_kb())
+"""
+
+
+def test_the_room_that_loading_took_is_given_back() -> None:
+    """2.7 MB would stay, as long as nobody asks."""
+    command = [sys.executable, "-c", LOADED, str(SHIPPED)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert int(done.stdout) < 1000
+
+
 def test_weights_among_the_inputs_are_no_inputs() -> None:
     """Files of ONNX's first versions list them there."""
     model = onnx.load_from_string(constant_model())

@@ -77,34 +77,3 @@ def test_threads_share_one_pool() -> None:
     assert int(run(POOLS)) > 1
     shared = "from mbot_agent.process.small_memory import share_one_pool\nshare_one_pool()"
     assert run(shared + POOLS) == "1"
-
-
-LARGE = """
-import ctypes
-
-def resident_kb():
-    with open("/proc/self/statm") as file:
-        return int(file.read().split()[1]) * 4
-
-def made(size):
-    block = ctypes.CDLL(None).malloc
-    block.restype = ctypes.c_void_p
-    return block(ctypes.c_size_t(size))
-
-libc = ctypes.CDLL(None)
-libc.free.argtypes = [ctypes.c_void_p]
-size = 4 << 20
-libc.free(made(2 * size))  # from here on glibc takes such blocks from the pool
-before = resident_kb()
-model = made(size)
-ctypes.memset(model, 1, size)
-kept = made(1000)  # above it, and used for as long as the program runs
-libc.free(model)
-print(resident_kb() - before)
-"""
-
-
-def test_the_room_of_a_models_file_is_given_back() -> None:
-    assert int(run(LARGE)) > 3500
-    shared = "from mbot_agent.process.small_memory import share_one_pool\nshare_one_pool()"
-    assert int(run(shared + LARGE)) < 500
