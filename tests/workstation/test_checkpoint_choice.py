@@ -1,6 +1,7 @@
 import json
 import threading
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ from mbot_workstation.commands.train import TrainOptions
 from mbot_workstation.commands.train import _resumed as resumed
 from mbot_workstation.commands.train import _train_until_stopped as train_until_stopped
 from mbot_workstation.training.evaluation import checkpoint_choice
-from mbot_workstation.training.evaluation.checkpoint_choice import choose_checkpoint
+from mbot_workstation.training.evaluation.checkpoint_choice import choose_checkpoint, is_undecided
 from mbot_workstation.training.evaluation.episodes import EpisodeResult, Score, Trial, score
 from mbot_workstation.training.learning.checkpoint import STATE_FILE, read_weights
 from mbot_workstation.training.learning.learner import LearnerSettings
@@ -71,7 +72,8 @@ def test_the_last_fifth_is_kept_and_tried_and_the_best_is_the_policy(
     assert run.last_checkpoint().name == "000000064"  # what --resume goes on from
     assert len(trials) == 6
     assert trials[0] == trials[1] == trials[2]  # the same robots and rooms for all
-    assert trials[3] == trials[4] == trials[5] != trials[0]
+    assert trials[3] == trials[4] == trials[5]
+    assert trials[3].seed != trials[0].seed
     assert "000000056 is the policy: mean reward 2.50" in capsys.readouterr().err
     choose(run)
     assert len(trials) == 6  # once is enough
@@ -120,6 +122,14 @@ def test_what_was_trained_since_is_not_left_behind(
     assert find_source(run.path).checkpoint.name == "000000072"
 
 
+def test_where_there_is_nothing_to_choose_from_nothing_is_undecided(tmp_path: Path) -> None:
+    made = begin_run(tmp_path / "run", SHORT)
+    made.add_checkpoint(64, lambda _folder: None, kept_from=first_candidate(64))
+    assert not is_undecided(made)
+    with pytest.raises(ConfigurationError, match="has made 64 decisions already"):
+        resumed(TrainOptions(resume=made.path))
+
+
 def test_a_choice_that_is_damaged_or_gone_is_the_last_checkpoint(run: RunDirectory) -> None:
     noted = {"chosen": "../../else", "tried": {"000000064": [1, 1, 1]}, "episodes": 2}
     run.choice_file.write_text(json.dumps(noted))
@@ -160,6 +170,10 @@ def test_a_whole_run_ends_with_a_choice_by_driving(
         torch.testing.assert_close(value, (last[name] + before[name]) / 2)
     assert any(not torch.equal(last[name], before[name]) for name in mean)
     assert trained_policy(made.average).provenance["checkpoint"] == "average"
+    made.choice_file.unlink()  # as if interrupted while they were tried
+    again = train_until_stopped(*resumed(TrainOptions(resume=made.path)))
+    assert (again.reason, again.step) == ("steps", 64)
+    assert json.loads(made.choice_file.read_text()) == noted
 
 
 @pytest.mark.slow
@@ -168,6 +182,8 @@ def test_a_run_that_was_interrupted_while_choosing_can_be_resumed(
 ) -> None:
     resume = TrainOptions(resume=run.path)
     assert resumed(resume)[1].steps == SHORT.steps
+    with pytest.raises(ConfigurationError, match="has made 64 decisions already"):
+        resumed(replace(resume, steps=64))
     rewards(monkeypatch, {"000000056": 2.5, "000000064": 2.0, "average": 2.2})
     choose(run)
     with pytest.raises(ConfigurationError, match="has made 64 decisions already"):

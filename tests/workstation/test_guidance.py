@@ -162,6 +162,16 @@ def test_who_crosses_straight_past_an_object_has_not_noticed_it() -> None:
     assert left == pytest.approx(right, abs=0.05), "on to the middle, not back"
 
 
+def test_whoever_has_a_weak_motor_crosses_straight_past_with_it() -> None:
+    """The comparison is with its own straight way, in which the stronger wheel is told less."""
+    oracle = Oracle(1, replace(KNOWN, left_gain=0.5))
+    left, right = oracle.straight()[0]
+    assert left == pytest.approx(1.0, abs=0.01)
+    assert right == pytest.approx(0.5, abs=0.05)
+    oracle.drove(oracle.straight())
+    assert oracle._last_turn[0] == pytest.approx(0.0, abs=1e-5)  # pyright: ignore[reportPrivateUsage]
+
+
 def test_a_crossing_ends_with_an_object_in_view_and_with_the_next_one() -> None:
     guide = searched_in_vain()
     left, right = told(guide.act(situation(2.0, -0.5, middle=(2.0, 0.2))))[0]

@@ -91,6 +91,7 @@ def test_results_name_the_policys_digest(tmp_path: Path) -> None:
 def test_pages_and_policies_are_no_changes_of_code() -> None:
     for changed, said in (
         (("docs/results/blur.md", "models/red-cube.onnx"), "commit `0123456`."),
+        (("models/objects/green-ball.toml",), "commit `0123456`, with changes."),
         (("docs/results/blur.md", "robot/mbot_agent/main.py"), "commit `0123456`, with changes."),
     ):
         assert provenance([], GitState("0123456789" * 4, changed)).endswith(said)

@@ -61,7 +61,8 @@ def test_through_the_coder_it_is_about_the_same(drive: RecordedDrive) -> None:
     assert len(shown) == len(pictures(drive))
     for frame, seen in zip(shown, pictures(drive), strict=True):
         bgr = cv2.imdecode(np.frombuffer(frame.jpeg, np.uint8), cv2.IMREAD_COLOR)
-        again = observer.observe(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB))  # type: ignore[arg-type]
+        assert bgr is not None
+        again = observer.observe(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB))
         assert np.abs(again.astype(int) - seen).mean() < 3.0
 
 

@@ -169,7 +169,7 @@ def train(options: TrainOptions) -> None:
 
 
 def _resumed(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
-    from mbot_workstation.training.learning.policy_source import noted_choice
+    from mbot_workstation.training.evaluation.checkpoint_choice import is_undecided
     from mbot_workstation.training.learning.run_directory import RunDirectory
     from mbot_workstation.training.learning.training_config import read_config
 
@@ -183,9 +183,8 @@ def _resumed(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
     run = RunDirectory.open(options.resume)
     config = read_config(run.config_file)
     checkpoints, steps = run.checkpoints(), options.steps or config.steps
-    choice = noted_choice(run)
-    interrupted = options.steps is None and (choice is None or not choice.finals)
-    if not interrupted and checkpoints and (done := int(checkpoints[-1].name)) >= steps:
+    done = int(checkpoints[-1].name) if checkpoints else 0
+    if done >= steps and not (options.steps is None and is_undecided(run)):
         raise ConfigurationError(
             f"{options.resume} has made {done:,} decisions already, {steps:,} are asked for; give "
             f"--steps more than that, such as --steps {done + ROUND_STEPS}"

@@ -42,39 +42,47 @@ def choose_checkpoint(
     """Try a finished run's last checkpoints and their average, and note the best in its folder.
 
     Nothing is chosen where there is nothing to choose from, or when someone says stop meanwhile.
+    What was found out before is not tried again.
     """
-    last = run.last_checkpoint()
-    candidates = [
-        checkpoint
-        for checkpoint in run.checkpoints()
-        if int(checkpoint.name) >= first_candidate(int(last.name))
-    ]
-    if len(candidates) < 2:
+    if not is_undecided(run):
         return
-    noted = noted_choice(run)
-    if noted is None or set(noted.tried) != {one.name for one in (*candidates, run.average)}:
-        noted = Choice("", {}, EPISODES)
-        candidates.append(run.add_average(partial(write_average, checkpoints=tuple(candidates))))
-    else:
-        candidates.append(run.average)
-    trial = _trial(config)
-    if not noted.tried:
-        tried = _round(candidates, trial, display, stop)
+    noted, trial = _noted(run), _trial(config)
+    if noted is None:
+        candidates = tuple(_candidates(run))
+        average = run.add_average(partial(write_average, checkpoints=candidates))
+        tried = _round([*candidates, average], trial, display, stop)
         if tried is None:
             return
         noted = Choice(_best_first(tried)[0], tried, EPISODES)
         write_json(run.choice_file, asdict(noted))
-    if not noted.finals:
-        names = _best_first(noted.tried)[:FINALISTS]
-        finalists = [checkpoint for checkpoint in candidates if checkpoint.name in names]
-        other = replace(trial, episodes=FINAL_EPISODES, seed=trial.seed + 1)
-        finals = _round(finalists, other, display, stop)
-        if finals is None:
-            return
-        best = _best_first(finals)[0]
-        noted = replace(noted, chosen=best, finals=finals, final_episodes=FINAL_EPISODES)
-        write_json(run.choice_file, asdict(noted))
-        display.say(f"{best} is the policy: mean reward {finals[best][0]:.2f}")
+    names = _best_first(noted.tried)[:FINALISTS]
+    finalists = [one for one in (*_candidates(run), run.average) if one.name in names]
+    other = replace(trial, episodes=FINAL_EPISODES, seed=trial.seed + 1)
+    finals = _round(finalists, other, display, stop)
+    if finals is None:
+        return
+    best = _best_first(finals)[0]
+    noted = replace(noted, chosen=best, finals=finals, final_episodes=FINAL_EPISODES)
+    write_json(run.choice_file, asdict(noted))
+    display.say(f"{best} is the policy: mean reward {finals[best][0]:.2f}")
+
+
+def is_undecided(run: RunDirectory) -> bool:
+    """Whether there is something to choose from, and no choice yet."""
+    noted = _noted(run)
+    return len(_candidates(run)) > 1 and not (noted and noted.finals)
+
+
+def _candidates(run: RunDirectory) -> list[Path]:
+    first = first_candidate(int(run.last_checkpoint().name))
+    return [checkpoint for checkpoint in run.checkpoints() if int(checkpoint.name) >= first]
+
+
+def _noted(run: RunDirectory) -> Choice | None:
+    """What was found out about these very candidates."""
+    noted = noted_choice(run)
+    names = {checkpoint.name for checkpoint in (*_candidates(run), run.average)}
+    return noted if noted and set(noted.tried) == names else None
 
 
 def _trial(config: TrainingConfig) -> Trial:

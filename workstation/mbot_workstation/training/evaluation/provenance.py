@@ -7,9 +7,9 @@ from pathlib import Path
 from mbot_workstation.training.drivers.contestants import BUILT_IN, title
 from mbot_workstation.training.learning.git_state import GitState, git_state
 
-# Files there change nothing that code computes: pages are written one after another, and a
-# policy has its digest.
-NO_CODE = ("docs/", "models/")
+# Files there change nothing that a page is computed from: pages are written one after another, and
+# a policy has its digest. Objects count.
+NO_CODE = ("docs/", "models/red-cube", "models/tolerance.json")
 
 
 def provenance(contestants: Sequence[str], state: GitState | None = None) -> str:

@@ -234,7 +234,7 @@ class FetchVecEnv(VecEnv):
         self.close()
 
     def _info(self, record: tuple[Any, ...]) -> dict[str, Any]:
-        happening, touches, time_left_s, ahead_m, left_m, seen_rad, lesson_number = record[2:9]
+        _, _, happening, touches, time_left_s, ahead_m, left_m, seen_rad, lesson_number, *_ = record
         what = HAPPENINGS[happening]
         return {
             "touches": touches,
