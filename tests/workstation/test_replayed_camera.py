@@ -62,7 +62,7 @@ def test_through_the_coder_it_is_about_the_same(drive: RecordedDrive) -> None:
     for frame, seen in zip(shown, pictures(drive), strict=True):
         bgr = cv2.imdecode(np.frombuffer(frame.jpeg, np.uint8), cv2.IMREAD_COLOR)
         assert bgr is not None
-        again = observer.observe(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB))
+        again = observer.observe(np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8))
         assert np.abs(again.astype(int) - seen).mean() < 3.0
 
 
