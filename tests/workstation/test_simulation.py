@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from mbot_workstation.simulation.pose import ORIGIN, Pose
+from mbot_workstation.simulation.robot_mjcf import HIDDEN_GROUP
 from mbot_workstation.simulation.robot_parameters import MotorParameters, RobotParameters
 from mbot_workstation.simulation.room_generator import generate_room
 from mbot_workstation.simulation.simulation import Simulation
@@ -34,6 +35,11 @@ def turned_rad(robot: Simulation, seconds: float) -> float:
         total += math.remainder(robot.pose.yaw_rad - yaw, 2 * math.pi)
         yaw = robot.pose.yaw_rad
     return total
+
+
+def test_no_marks_are_drawn(robot: Simulation) -> None:
+    assert robot.model.nsite
+    assert (robot.model.site_group == HIDDEN_GROUP).all()
 
 
 def test_mass_is_what_the_parameters_say(robot: Simulation) -> None:

@@ -27,6 +27,10 @@ _PART = "part "
 FLOOR_BIT, WALL_BIT = 1, 2
 """Collision classes: wheels and caster meet the floor, the bumper meets the walls, nothing else."""
 
+HIDDEN_GROUP = 4
+"""Of shapes and sites: MuJoCo draws groups 0 to 2 unless told otherwise, and takes time for what is
+out of the picture too."""
+
 BUMPER_CENTRE_HEIGHT_M = 0.10
 """Half a wall's height: the bumper is a sphere that reaches neither the floor nor over a wall."""
 
@@ -67,7 +71,7 @@ def add_robot(spec: MjSpec, robot: RobotParameters) -> None:
         condim=1,
         contype=0,
         conaffinity=WALL_BIT,
-        group=4,  # not drawn
+        group=HIDDEN_GROUP,
     )
     pinhole = covering_pinhole(robot.camera)
     base.add_camera(
@@ -120,7 +124,7 @@ def _add_drag(spec: MjSpec, base: Any, robot: RobotParameters) -> None:
     Sliding friction by a contact would let the robot bounce: MuJoCo's soft contacts lift whatever
     slides with friction. Added after the motors, whose controls come first.
     """
-    base.add_site(name="drag", pos=[0, 0, 0])
+    base.add_site(name="drag", pos=[0, 0, 0], group=HIDDEN_GROUP)
     for name, direction, limit, knee in (
         ("rolling drag", [1, 0, 0, 0, 0, 0], robot.rolling_drag_n, ROLLING_KNEE_M_S),
         ("turning drag", [0, 0, 0, 0, 0, 1], robot.turning_drag_n_m, robot.turning_knee_rad_s),
@@ -176,7 +180,7 @@ def _add_wheel(spec: MjSpec, base: Any, robot: RobotParameters, side: int) -> No
         priority=1,
         contype=0,
         conaffinity=FLOOR_BIT,
-        group=4,  # a sphere would look odd; a disc is drawn instead
+        group=HIDDEN_GROUP,  # a sphere would look odd; a disc is drawn instead
     )
     wheel.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CYLINDER,

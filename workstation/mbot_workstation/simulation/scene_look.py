@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbot_workstation.simulation.engine import MjModel, mujoco
+from mbot_workstation.simulation.robot_mjcf import HIDDEN_GROUP
 from mbot_workstation.simulation.scene_mjcf import (
     DISTRACTORS,
-    HIDDEN_GROUP,
     OBJECT_TEXTURES,
     floor_material,
     object_material,

@@ -11,6 +11,7 @@ from mbot_workstation.simulation.engine import MjModel, MjSpec, mujoco
 from mbot_workstation.simulation.floor_textures import FloorTexture, vinyl
 from mbot_workstation.simulation.robot_mjcf import (
     FLOOR_BIT,
+    HIDDEN_GROUP,
     ROBOT,
     WALL_BIT,
     add_robot,
@@ -30,9 +31,6 @@ OBJECT_TEXTURES = 3
 
 BELOW_M = -10.0
 """Where objects wait that are not there."""
-
-HIDDEN_GROUP = 4
-"""Of shapes: MuJoCo draws groups 0 to 2 unless told otherwise."""
 
 WALL_THICKNESS_M = 0.02
 FOOT_DEPTH_M = 0.004

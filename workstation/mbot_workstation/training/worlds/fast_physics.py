@@ -7,7 +7,7 @@ import numpy as np
 from mbot_protocol.picture import Picture
 from mbot_workstation.simulation.engine import MjModel, mujoco
 from mbot_workstation.simulation.floor_textures import FloorTexture
-from mbot_workstation.simulation.robot_mjcf import WALL_BIT
+from mbot_workstation.simulation.robot_mjcf import HIDDEN_GROUP, WALL_BIT
 
 TRAINING_TIMESTEP_S = 0.010
 """Twice the simulation's. Against 1 ms, 300 random decisions between full backward and forward end
@@ -16,8 +16,6 @@ if the wheels were 5 ms slower, which is a tenth of what is unknown about them; 
 
 PLACEHOLDER: Picture = np.zeros((4, 8, 3), np.uint8)
 """The room of simulations that are drawn with another one's textures."""
-
-_UNDRAWN_GROUP = 4
 
 
 def hasten(model: MjModel) -> None:
@@ -33,7 +31,7 @@ def hasten(model: MjModel) -> None:
 
 def hide(model: MjModel, geoms: Sequence[int]) -> None:
     """Leave shapes undrawn that the robot's camera can't see; the robot's own cost a third more."""
-    model.geom_group[list(geoms)] = _UNDRAWN_GROUP
+    model.geom_group[list(geoms)] = HIDDEN_GROUP
 
 
 def placeholders(floors: Sequence[FloorTexture]) -> list[FloorTexture]:
