@@ -12,9 +12,9 @@ from mbot_protocol.picture import Picture
 from mbot_workstation.simulation.camera_renderer import CameraRenderer
 from mbot_workstation.simulation.engine import mujoco
 from mbot_workstation.simulation.isp import IspSettings
+from mbot_workstation.simulation.object_mjcf import object_name
 from mbot_workstation.simulation.pose import ORIGIN
 from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.simulation.scene_mjcf import object_name
 from mbot_workstation.simulation.scene_parameters import Light, SceneParameters
 from mbot_workstation.simulation.sensor_noise import SensorNoise
 from mbot_workstation.simulation.simulation import Simulation

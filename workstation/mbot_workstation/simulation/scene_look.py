@@ -10,15 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbot_workstation.simulation.engine import MjModel, mujoco
-from mbot_workstation.simulation.robot_mjcf import HIDDEN_GROUP
-from mbot_workstation.simulation.scene_mjcf import (
+from mbot_workstation.simulation.object_mjcf import (
     DISTRACTORS,
     OBJECT_TEXTURES,
-    floor_material,
     object_material,
     object_name,
     shadow_name,
 )
+from mbot_workstation.simulation.robot_mjcf import HIDDEN_GROUP
+from mbot_workstation.simulation.scene_mjcf import floor_material
 from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.simulation.target_object import RED_CUBE, Rgb, TargetObject
 

@@ -1,14 +1,14 @@
 """The whole model: floor, walls, objects, room and light around the robot."""
 
 from collections.abc import Sequence
-from typing import Any
 
-import cv2
 import numpy as np
 
 from mbot_protocol.picture import Picture
 from mbot_workstation.simulation.engine import MjModel, MjSpec, mujoco
 from mbot_workstation.simulation.floor_textures import FloorTexture, vinyl
+from mbot_workstation.simulation.material_mjcf import add_material
+from mbot_workstation.simulation.object_mjcf import add_distractors, add_object
 from mbot_workstation.simulation.robot_mjcf import (
     FLOOR_BIT,
     HIDDEN_GROUP,
@@ -19,19 +19,9 @@ from mbot_workstation.simulation.robot_mjcf import (
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.room_dome import dome_mesh
 from mbot_workstation.simulation.scene_parameters import Arena, Light, Room, SceneParameters
-from mbot_workstation.simulation.target_object import Mesh, Shape, TargetObject
 from mbot_workstation.simulation.timestep import TIMESTEP_S
 
 ROOM, OVERHEAD_CAMERA = "room", "overhead camera"
-DISTRACTORS = tuple(f"distractor {number}" for number in range(5))
-"""Things a look can put into the scene; nothing is there unless one does."""
-
-OBJECT_TEXTURES = 3
-"""A clean one, and two that are worn."""
-
-BELOW_M = -10.0
-"""Where objects wait that are not there."""
-
 WALL_THICKNESS_M = 0.02
 FOOT_DEPTH_M = 0.004
 """How far a wall's foot stands out."""
@@ -51,21 +41,6 @@ a 10 cm object is a few pixels."""
 def floor_material(index: int) -> str:
     """The name of a floor's material."""
     return f"floor {index}"
-
-
-def object_name(kind: int = 0) -> str:
-    """The name of an object's body and shape."""
-    return f"object {kind}"
-
-
-def shadow_name(kind: int = 0) -> str:
-    """The name of an object's shadow, likewise."""
-    return f"object {kind} shadow"
-
-
-def object_material(kind: int, wear: int) -> str:
-    """The name of an object's material, clean or worn."""
-    return f"object {kind} worn {wear}"
 
 
 def build_model(
@@ -90,8 +65,8 @@ def build_model(
     _add_floor(spec, scene.room, [vinyl(), *floors])
     _add_walls(spec, scene.arena)
     for kind, thing in enumerate(scene.objects):
-        _add_object(spec, kind, thing)
-    _add_distractors(spec)
+        add_object(spec, kind, thing)
+    add_distractors(spec)
     _add_room(spec, scene.room, room_picture)
     add_robot(spec, robot)
     _add_light(spec, scene.light)
@@ -115,7 +90,7 @@ def _set_visuals(spec: MjSpec, light: Light) -> None:
 def _add_floor(spec: MjSpec, room: Room, floors: Sequence[FloorTexture]) -> None:
     for index, floor in enumerate(floors):
         name = floor_material(index)
-        _add_material(spec, name, floor.picture, reflectance=0.04)
+        add_material(spec, name, floor.picture, reflectance=0.04)
         spec.material(name).texuniform = True
         spec.material(name).texrepeat = [1 / floor.side_m] * 2
     spec.worldbody.add_geom(
@@ -127,33 +102,6 @@ def _add_floor(spec: MjSpec, room: Room, floors: Sequence[FloorTexture]) -> None
         conaffinity=0,
         castshadow=False,  # nothing is below it, and it would shade itself in stripes
     )
-
-
-def _add_material(
-    spec: MjSpec,
-    name: str,
-    picture: Picture,
-    reflectance: float = 0.0,
-    *,
-    on_sides: bool = False,
-) -> None:
-    """A matte material with a picture on it, or on each of six sides."""
-    _add_texture(spec, name, np.vstack([picture] * 6) if on_sides else picture, on_sides=on_sides)
-    material = spec.add_material(name=name, specular=0, shininess=0, reflectance=reflectance)
-    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
-
-
-def _add_texture(spec: MjSpec, name: str, picture: Picture, *, on_sides: bool) -> None:
-    height, width, channels = picture.shape
-    flat, sides = mujoco.mjtTexture.mjTEXTURE_2D, mujoco.mjtTexture.mjTEXTURE_CUBE
-    texture = spec.add_texture(
-        name=name,
-        type=sides if on_sides else flat,
-        width=width,
-        height=height,
-        nchannel=channels,
-    )
-    texture.data = np.ascontiguousarray(picture).tobytes()
 
 
 def _add_walls(spec: MjSpec, arena: Arena) -> None:
@@ -191,102 +139,8 @@ def _add_board(
     )
 
 
-_SHAPES = {
-    Shape.CUBE: mujoco.mjtGeom.mjGEOM_BOX,
-    Shape.BALL: mujoco.mjtGeom.mjGEOM_SPHERE,
-    Shape.CYLINDER: mujoco.mjtGeom.mjGEOM_CYLINDER,
-    Shape.MESH: mujoco.mjtGeom.mjGEOM_MESH,
-}
-
-
-def _add_object(spec: MjSpec, kind: int, thing: TargetObject) -> None:
-    name = object_name(kind)
-    for wear in range(OBJECT_TEXTURES):
-        _add_object_material(spec, object_material(kind, wear), thing, _worn(wear))
-    # All but the one to fetch are kept below the floor.
-    body = spec.worldbody.add_body(name=name, mocap=True, pos=[1, 0, 0 if kind == 0 else BELOW_M])
-    half, half_height = thing.width_m / 2, thing.height_m / 2
-    if thing.mesh is not None:
-        _add_mesh(spec, name, thing.mesh)
-    body.add_geom(
-        name=name,
-        type=_SHAPES[thing.shape],
-        size=[half, half_height, 0] if thing.shape is Shape.CYLINDER else [half] * 3,
-        pos=[0, 0, 0 if thing.mesh is not None else half_height],
-        meshname=name if thing.mesh is not None else "",
-        material=object_material(kind, 0),
-        mass=0,
-        contype=0,  # the task decides about touching; the object is taken away at once
-        conaffinity=0,
-    )
-    # For renderers without shadows; a body of its own, since a shadow does not turn with its thing.
-    shadow = spec.worldbody.add_body(
-        name=shadow_name(kind), mocap=True, pos=[1, 0, 0 if kind == 0 else BELOW_M]
-    )
-    _add_unseen(shadow, shadow_name(kind))
-
-
-def _add_object_material(spec: MjSpec, name: str, thing: TargetObject, wear: Picture) -> None:
-    if thing.texture is None:
-        _add_material(spec, name, wear)
-    else:
-        rows, columns = thing.texture.shape[:2]
-        scuffs = cv2.resize(wear, (columns, rows), interpolation=cv2.INTER_NEAREST)
-        picture = (thing.texture * (scuffs / 255)).astype(np.uint8)
-        _add_material(spec, name, picture, on_sides=thing.mesh is None)
-    spec.material(name).rgba = [*thing.rgb, 1]
-
-
-def _add_mesh(spec: MjSpec, name: str, mesh: Mesh) -> None:
-    texture: dict[str, Any] = {}
-    if mesh.texture_uv is not None:
-        texture = {
-            "usertexcoord": mesh.texture_uv.ravel(),
-            "userfacetexcoord": mesh.triangles.ravel(),
-        }
-    spec.add_mesh(
-        name=name,
-        uservert=mesh.vertices_m.ravel(),
-        userface=mesh.triangles.ravel(),
-        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,  # it need not be closed
-        **texture,
-    )
-
-
-def _worn(index: int) -> Picture:
-    """What an object's colour is multiplied with: white, or scuffed and dirty."""
-    side = 64
-    if index == 0:
-        return np.full((4, 4, 3), 255, np.uint8)
-    rng = np.random.default_rng(index)
-    dirt = cv2.resize(rng.uniform(0, 1, (8, 8)), (side, side), interpolation=cv2.INTER_CUBIC)
-    level = 255 - 70 * np.clip(dirt, 0, 1)
-    edge = np.minimum.outer(*(2 * [np.minimum(np.arange(side), np.arange(side)[::-1])]))
-    level = np.where(edge < rng.integers(1, 4), level * 0.75, level)
-    return np.repeat(level[..., None], 3, axis=2).astype(np.uint8)
-
-
-def _add_distractors(spec: MjSpec) -> None:
-    for name in DISTRACTORS:
-        _add_unseen(spec.worldbody, name)
-
-
-def _add_unseen(body: Any, name: str) -> None:
-    """A shape that is seen once a `SceneLook` shows it, and touches nothing."""
-    body.add_geom(
-        name=name,
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=[0.01, 0.01, 0.01],
-        mass=0,
-        group=HIDDEN_GROUP,
-        contype=0,
-        conaffinity=0,
-        castshadow=False,
-    )
-
-
 def _add_room(spec: MjSpec, room: Room, picture: Picture) -> None:
-    _add_material(spec, ROOM, picture)
+    add_material(spec, ROOM, picture)
     # Emission alone saturates the light on it: the photo is shown as it was taken.
     spec.material(ROOM).emission = 1
     dome = dome_mesh(room)

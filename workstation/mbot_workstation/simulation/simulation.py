@@ -11,17 +11,12 @@ from mbot_protocol.picture import Picture
 from mbot_workstation.simulation.engine import MjData, MjModel, mujoco
 from mbot_workstation.simulation.floor_textures import FloorTexture
 from mbot_workstation.simulation.motor import wheel_voltages
+from mbot_workstation.simulation.object_mjcf import BELOW_M, object_name, shadow_name
 from mbot_workstation.simulation.pose import ORIGIN, Pose
 from mbot_workstation.simulation.robot_mjcf import ROBOT, WHEELS
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.simulation.scene_mjcf import (
-    BELOW_M,
-    ROOM,
-    build_model,
-    object_name,
-    shadow_name,
-)
+from mbot_workstation.simulation.scene_mjcf import ROOM, build_model
 from mbot_workstation.simulation.scene_parameters import SceneParameters
 
 

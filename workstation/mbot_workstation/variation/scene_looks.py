@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mbot_workstation.simulation.floor_textures import FloorTexture, made_up_floor
+from mbot_workstation.simulation.object_mjcf import DISTRACTORS, OBJECT_TEXTURES
 from mbot_workstation.simulation.scene_look import Distractor, ObjectLook, SceneLook
-from mbot_workstation.simulation.scene_mjcf import DISTRACTORS, OBJECT_TEXTURES
 from mbot_workstation.simulation.target_object import RED_CUBE, Rgb, Shape, TargetObject
 
 MADE_UP_FLOORS = 24

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from mbot_workstation.simulation.camera_renderer import CameraRenderer
 from mbot_workstation.simulation.engine import mujoco
 from mbot_workstation.simulation.isp import IspSettings
+from mbot_workstation.simulation.object_mjcf import object_name
 from mbot_workstation.simulation.robot_mjcf import camera_quaternion
 from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.simulation.scene_mjcf import object_name
 from mbot_workstation.simulation.scene_parameters import Light, SceneParameters
 from mbot_workstation.simulation.simulation import SceneState, Simulation
 from mbot_workstation.simulation.target_object import Shape, TargetObject

@@ -1,0 +1,131 @@
+"""Objects to fetch and things that are none, as part of a MuJoCo model."""
+
+from typing import Any
+
+import cv2
+import numpy as np
+
+from mbot_protocol.picture import Picture
+from mbot_workstation.simulation.engine import MjSpec, mujoco
+from mbot_workstation.simulation.material_mjcf import add_material
+from mbot_workstation.simulation.robot_mjcf import HIDDEN_GROUP
+from mbot_workstation.simulation.target_object import Mesh, Shape, TargetObject
+
+DISTRACTORS = tuple(f"distractor {number}" for number in range(5))
+"""Things a look can put into the scene; nothing is there unless one does."""
+
+OBJECT_TEXTURES = 3
+"""A clean one, and two that are worn."""
+
+BELOW_M = -10.0
+"""Where objects wait that are not there."""
+
+_SHAPES = {
+    Shape.CUBE: mujoco.mjtGeom.mjGEOM_BOX,
+    Shape.BALL: mujoco.mjtGeom.mjGEOM_SPHERE,
+    Shape.CYLINDER: mujoco.mjtGeom.mjGEOM_CYLINDER,
+    Shape.MESH: mujoco.mjtGeom.mjGEOM_MESH,
+}
+
+
+def object_name(kind: int = 0) -> str:
+    """The name of an object's body and shape."""
+    return f"object {kind}"
+
+
+def shadow_name(kind: int = 0) -> str:
+    """The name of an object's shadow, likewise."""
+    return f"object {kind} shadow"
+
+
+def object_material(kind: int, wear: int) -> str:
+    """The name of an object's material, clean or worn."""
+    return f"object {kind} worn {wear}"
+
+
+def add_object(spec: MjSpec, kind: int, thing: TargetObject) -> None:
+    """Add an object and the shadow it casts where renderers draw none."""
+    name = object_name(kind)
+    for wear in range(OBJECT_TEXTURES):
+        _add_object_material(spec, object_material(kind, wear), thing, _worn(wear))
+    # All but the one to fetch are kept below the floor.
+    body = spec.worldbody.add_body(name=name, mocap=True, pos=[1, 0, 0 if kind == 0 else BELOW_M])
+    half, half_height = thing.width_m / 2, thing.height_m / 2
+    if thing.mesh is not None:
+        _add_mesh(spec, name, thing.mesh)
+    body.add_geom(
+        name=name,
+        type=_SHAPES[thing.shape],
+        size=[half, half_height, 0] if thing.shape is Shape.CYLINDER else [half] * 3,
+        pos=[0, 0, 0 if thing.mesh is not None else half_height],
+        meshname=name if thing.mesh is not None else "",
+        material=object_material(kind, 0),
+        mass=0,
+        contype=0,  # the task decides about touching; the object is taken away at once
+        conaffinity=0,
+    )
+    # For renderers without shadows; a body of its own, since a shadow does not turn with its thing.
+    shadow = spec.worldbody.add_body(
+        name=shadow_name(kind), mocap=True, pos=[1, 0, 0 if kind == 0 else BELOW_M]
+    )
+    _add_unseen(shadow, shadow_name(kind))
+
+
+def _add_object_material(spec: MjSpec, name: str, thing: TargetObject, wear: Picture) -> None:
+    if thing.texture is None:
+        add_material(spec, name, wear)
+    else:
+        rows, columns = thing.texture.shape[:2]
+        scuffs = cv2.resize(wear, (columns, rows), interpolation=cv2.INTER_NEAREST)
+        picture = (thing.texture * (scuffs / 255)).astype(np.uint8)
+        add_material(spec, name, picture, on_sides=thing.mesh is None)
+    spec.material(name).rgba = [*thing.rgb, 1]
+
+
+def _add_mesh(spec: MjSpec, name: str, mesh: Mesh) -> None:
+    texture: dict[str, Any] = {}
+    if mesh.texture_uv is not None:
+        texture = {
+            "usertexcoord": mesh.texture_uv.ravel(),
+            "userfacetexcoord": mesh.triangles.ravel(),
+        }
+    spec.add_mesh(
+        name=name,
+        uservert=mesh.vertices_m.ravel(),
+        userface=mesh.triangles.ravel(),
+        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,  # it need not be closed
+        **texture,
+    )
+
+
+def _worn(index: int) -> Picture:
+    """What an object's colour is multiplied with: white, or scuffed and dirty."""
+    side = 64
+    if index == 0:
+        return np.full((4, 4, 3), 255, np.uint8)
+    rng = np.random.default_rng(index)
+    dirt = cv2.resize(rng.uniform(0, 1, (8, 8)), (side, side), interpolation=cv2.INTER_CUBIC)
+    level = 255 - 70 * np.clip(dirt, 0, 1)
+    edge = np.minimum.outer(*(2 * [np.minimum(np.arange(side), np.arange(side)[::-1])]))
+    level = np.where(edge < rng.integers(1, 4), level * 0.75, level)
+    return np.repeat(level[..., None], 3, axis=2).astype(np.uint8)
+
+
+def add_distractors(spec: MjSpec) -> None:
+    """Add what looks can show."""
+    for name in DISTRACTORS:
+        _add_unseen(spec.worldbody, name)
+
+
+def _add_unseen(body: Any, name: str) -> None:
+    """A shape that is seen once a `SceneLook` shows it, and touches nothing."""
+    body.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[0.01, 0.01, 0.01],
+        mass=0,
+        group=HIDDEN_GROUP,
+        contype=0,
+        conaffinity=0,
+        castshadow=False,
+    )
