@@ -14,15 +14,14 @@ from mbot_agent.configuration import load
 from mbot_protocol.errors import ConfigurationError, MbotError, RefusedError
 from mbot_protocol.keys import STATUS
 from mbot_protocol.v1.messages_pb2 import Decision, Fault, Status
+from mbot_workstation.demo.demo_result import SUCCESS_TOUCHES, summarise
 from mbot_workstation.demo.demo_run import (
     ENOUGH_TOUCHES,
-    SUCCESS_TOUCHES,
     DemoSettings,
     blocking_faults,
     daemon_configuration,
     drive,
     run_demo,
-    summarise,
 )
 from mbot_workstation.link.robot_link import RobotLink
 from mbot_workstation.models.signing_key import SigningKey

@@ -11,7 +11,7 @@ from mbot_workstation.commands.simulation_options import calibration_option, obj
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from mbot_workstation.demo.demo_run import DemoResult
+    from mbot_workstation.demo.demo_result import DemoResult
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
