@@ -194,9 +194,10 @@ def test_one_that_dies_slowly_is_put_back_at_its_tenth_death(
     assert sent(started, releases.make(slow, 6, KEY))[0] == "installed"
     assert until(started.daemon.is_ready, 30)
     started.signal(signal.SIGKILL)
-    lives = "/opt/mbot-agent/lives"
-    assert until(lambda: started.machine.read(lives) == f"{slow} 1\n"), update_journal(started)
-    started.machine.write(lives, f"{slow} 9\n")
+    lives = started.machine.root / "opt/mbot-agent/lives"
+    assert until(lives.exists), update_journal(started)
+    assert lives.read_text() == f"{slow} 1\n"
+    lives.write_text(f"{slow} 9\n")
     assert until(started.daemon.is_ready, 30)
     started.signal(signal.SIGKILL)
     assert until(lambda: last(started)["phase"] == "rolled-back", 60), started.journal()
