@@ -118,6 +118,10 @@ def _dispatch(arguments: "argparse.Namespace", journal: "Journal") -> int:
         return _ask_updater(arguments.action, as_json=arguments.json)
     if arguments.action == "check":
         return _check(arguments.config, as_json=arguments.json)
+    from mbot_agent.process import small_memory
+
+    small_memory.let_unused_numpy_wait()
+
     from mbot_agent.configuration_files import complete
 
     configuration = complete(arguments.config)
@@ -127,8 +131,6 @@ def _dispatch(arguments: "argparse.Namespace", journal: "Journal") -> int:
         print(rehearse(configuration))
         return 0
     from importlib import import_module
-
-    from mbot_agent.process import small_memory
 
     small_memory.share_one_pool()
     with small_memory.without_openssl():

@@ -4,6 +4,7 @@ import hashlib
 import hmac
 import subprocess
 import sys
+from pathlib import Path
 
 from mbot_agent.process.small_memory import OPENSSL, without_openssl
 
@@ -47,6 +48,19 @@ def test_what_is_loaded_already_is_left_alone() -> None:
         "print('_hashlib' in sys.modules)"
     )
     assert told.splitlines() == ["True None", "False"]
+
+
+def test_numpys_unused_parts_are_loaded_by_who_uses_them(tmp_path: Path) -> None:
+    """A stand-in for numpy 1, which imports them with itself."""
+    numpy = tmp_path / "numpy"
+    numpy.mkdir()
+    (numpy / "__init__.py").write_text("from . import linalg, random\nprint('numpy')\n")
+    for name in ("linalg", "random"):
+        (numpy / f"{name}.py").write_text(f"print({name!r})\nnumber = 4\n")
+    uses = f"sys.path.insert(0, {str(tmp_path)!r})\nimport numpy\nprint(numpy.random.number)"
+    waits = "from mbot_agent.process.small_memory import let_unused_numpy_wait as wait\nwait()\n"
+    assert run(uses).split() == ["linalg", "random", "numpy", "4"]
+    assert run(waits + uses).split() == ["linalg", "numpy", "random", "4"]
 
 
 POOLS = """

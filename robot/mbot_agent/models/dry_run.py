@@ -130,6 +130,8 @@ def _start(child: "subprocess.Popen[bytes]") -> float:
 
 
 def _try(rate_hz: float, model_s: float) -> Report:
+    from random import Random
+
     import numpy as np
 
     from mbot_agent.models.confinement import confine
@@ -138,7 +140,6 @@ def _try(rate_hz: float, model_s: float) -> Report:
     from mbot_protocol.golden_frames import check_deviation
     from mbot_protocol.policy_contract import OBSERVATION_SHAPE
 
-    random = np.random.default_rng(0)
     os.write(sys.stdout.fileno(), READY)
     data = sys.stdin.buffer.read()
     _limit(model_s)
@@ -153,7 +154,11 @@ def _try(rate_hz: float, model_s: float) -> Report:
         memory = Memory(answer.state, to_steps(*frame.action).action)
     shape = OBSERVATION_SHAPE[1:]
     pictures = [np.full(shape, level, np.uint8) for level in (0, 128, 255)]
-    pictures += [random.integers(0, 256, shape, np.uint8) for _ in range(_PICTURES)]
+    noise = Random(0)
+    pictures += [
+        np.frombuffer(noise.randbytes(math.prod(shape)), np.uint8).reshape(shape)
+        for _ in range(_PICTURES)
+    ]
     # Not process_time: with RLIMIT_CPU set the kernel advances that by whole ticks only.
     began_s = time.thread_time()
     for picture in pictures:
