@@ -24,10 +24,11 @@ from gymnasium.spaces import Box
 from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv
 
 from mbot_workstation.simulation.engine import mujoco
+from mbot_workstation.simulation.object_mjcf import object_name
 from mbot_workstation.simulation.robot_mjcf import ROBOT_CAMERA
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.simulation.scene_mjcf import build_model, object_name
+from mbot_workstation.simulation.scene_mjcf import build_model
 from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.training.worlds.fast_physics import TRAINING_TIMESTEP_S
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
