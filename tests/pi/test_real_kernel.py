@@ -130,6 +130,7 @@ def test_it_drives_within_its_memory(bench: Bench, record_property: Record) -> N
 def test_a_plug_pulled_out_and_in_again_leaves_it_standing(bench: Bench) -> None:
     bench.machine.pull_out_board()
     assert bench.waits_for("board-lost"), bench.faults()
+    assert until(lambda: bench.daemon.status().last_stop.why, SLOWLY_S), "a long gap disarms"
     before_s = time.monotonic()
     bench.machine.plug_in_board()
     assert bench.waits_for(), bench.journal()

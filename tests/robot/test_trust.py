@@ -1,5 +1,6 @@
 """Rows of the fault table: replay, downgrade, other robot's model, unsigned: 0 accepted."""
 
+import sys
 import time
 from pathlib import Path
 
@@ -44,6 +45,14 @@ def test_a_signed_model_is_taken_and_its_signer_remembered(robot: Robot) -> None
     again = Robot(robot.directory).service.active_model
     assert again is not None
     assert (again.name, again.signed_by) == ("new", "anna")
+
+
+def test_the_first_push_waits_for_no_library(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delitem(sys.modules, "nacl.signing", raising=False)
+    Robot(tmp_path)
+    assert "nacl.signing" in sys.modules
 
 
 def test_an_unsigned_model_is_refused(robot: Robot) -> None:

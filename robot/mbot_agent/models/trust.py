@@ -3,6 +3,7 @@
 import logging
 import time
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
 from mbot_agent import configuration
@@ -62,6 +63,10 @@ class Trust:
         self._robot_id = robot_id
         self._floors = floors
         self._nonces = Nonces()
+        if self.keys:
+            # Now, or the reply to the first push would wait for it: half a second on a Pi Zero 2
+            # (estimated), several in an emulated PC under load, where the push gave up.
+            import_module("nacl.signing")
 
     def new_nonce(self) -> str:
         """For one push that is about to be signed."""
