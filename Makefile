@@ -36,11 +36,11 @@ demo-firmware: $(VENV)/.demo $(FIRMWARE)/mbot-deadman.elf ## The demo with the b
 test: $(VENV)/.all ## Run the tests that a change needs, 5 minutes
 	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile $(TEST)
 
-test-all: $(VENV)/.all ## Run all tests: those too that run real programs in real time, 22 minutes
+test-all: $(VENV)/.all ## Run all tests: those too that run real programs in real time, 18 minutes
 	@rm -rf $(REPORTS)
 	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile --junitxml $(REPORTS)/quick.xml
 	@mkdir -p $(REPORTS)
-	@$(IDLE) $(BIN)/pytest -m slow -n 2 --dist loadgroup --junitxml $(REPORTS)/slow.xml tests/workstation $(UNTIMED) \
+	@$(IDLE) $(BIN)/pytest -m slow -n 2 --dist loadgroup --timeout 600 --junitxml $(REPORTS)/slow.xml tests/workstation $(UNTIMED) \
 		> $(REPORTS)/slow.txt 2>&1 & untimed=$$!; trap "kill $$untimed" INT TERM; \
 	$(BIN)/pytest -m slow --ignore tests/workstation $(UNTIMED:%=--ignore %) --junitxml $(REPORTS)/programs.xml; \
 	timed=$$?; wait $$untimed; untimed=$$?; cat $(REPORTS)/slow.txt; exit $$((timed + untimed))
