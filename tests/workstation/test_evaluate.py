@@ -51,6 +51,15 @@ def test_the_same_trial_gives_the_same_episodes() -> None:
     assert evaluate("servo", trial(5, seed=9)) != first
 
 
+def test_two_seeds_have_no_episode_in_common() -> None:
+    """Robots count up from a trial's seed."""
+    first, other = (
+        {episode.reward for episode in evaluate("oracle", trial(6, seed, "1"))} for seed in (0, 1)
+    )
+    assert len(first) == len(other) == 6
+    assert first.isdisjoint(other)
+
+
 def test_each_robot_has_its_share_so_that_short_episodes_are_not_preferred() -> None:
     ended: list[int] = []
     results = evaluate("oracle", trial(20, stage="1"), ended.append)

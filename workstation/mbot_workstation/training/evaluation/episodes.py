@@ -81,7 +81,7 @@ class Trial:
         rooms: panoramas, shape (h, 2 h, 3).
         episodes: how many.
         seed: of robots, rooms, objects and noise. Every driver meets the same at the beginning of
-            its episodes.
+            its episodes; two seeds have none in common.
         workers: processes that simulate; None is one a core.
         robot, scene: what the preset starts from, and what is around it.
 
@@ -126,7 +126,7 @@ def evaluate_driver(
     robots = robots_of(trial)
     environment = FetchVecEnv(
         robots=robots,
-        seed=trial.seed,
+        seed=trial.seed * MOST_ROBOTS,  # robots count up from it: no two trials share one
         preset=trial.preset,
         lesson=trial.lesson,
         rooms=trial.rooms,
