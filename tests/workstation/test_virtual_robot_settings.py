@@ -35,7 +35,10 @@ def test_a_pi_camera_has_automatics_and_a_fixed_one_none() -> None:
         kind: robot_settings(VirtualRobotOptions(camera=kind), FILES).camera.isp
         for kind in CameraKind
     }
-    assert seen[CameraKind.PI] != seen[CameraKind.FIXED]
+    automatics = {
+        kind: (isp.auto_exposure > 0, isp.auto_white_balance > 0) for kind, isp in seen.items()
+    }
+    assert automatics == {CameraKind.PI: (True, True), CameraKind.FIXED: (False, False)}
 
 
 @pytest.mark.parametrize(

@@ -4,13 +4,13 @@ import math
 import os
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from msgspec import structs
 
 from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles, room_pictures
+from mbot_workstation.commands.virtual_robot import CameraKind, VirtualRobotOptions
 from mbot_workstation.firmware.firmware_file import find_firmware
 from mbot_workstation.recordings.recorded_drive import read_drive
 from mbot_workstation.simulation.camera_renderer import Shutter
@@ -30,9 +30,6 @@ from mbot_workstation.virtual.stand_in import VirtualRobotSettings
 from mbot_workstation.virtual.truth_track import TrackerSettings
 from mbot_workstation.virtual.virtual_session import Outputs
 
-if TYPE_CHECKING:
-    from mbot_workstation.commands.virtual_robot import VirtualRobotOptions
-
 FREE_FLOOR_M = 100.0
 """Where walls and border stand with --free-floor: four minutes straight ahead."""
 
@@ -43,7 +40,7 @@ _WITH_REPLAY = {
 
 
 def replay_settings(
-    options: "VirtualRobotOptions", recording: Path, camera: CameraModel
+    options: VirtualRobotOptions, recording: Path, camera: CameraModel
 ) -> ReplaySettings:
     """What a recording is played back with.
 
@@ -51,7 +48,7 @@ def replay_settings(
         MbotError: the recording cannot be read, or an option means nothing with it.
 
     """
-    usual = type(options)()
+    usual = VirtualRobotOptions()
     for one in fields(options):
         if one.name not in _WITH_REPLAY and getattr(options, one.name) != getattr(usual, one.name):
             name = one.name.replace("_", "-")
@@ -71,7 +68,7 @@ def replay_settings(
     )
 
 
-def robot_settings(options: "VirtualRobotOptions", files: CalibrationFiles) -> VirtualRobotSettings:
+def robot_settings(options: VirtualRobotOptions, files: CalibrationFiles) -> VirtualRobotSettings:
     """What a simulated robot is.
 
     Raises:
@@ -109,10 +106,10 @@ def robot_settings(options: "VirtualRobotOptions", files: CalibrationFiles) -> V
 
 
 def _camera(
-    options: "VirtualRobotOptions", camera: CameraModel, effects: RealWorldEffects
+    options: VirtualRobotOptions, camera: CameraModel, effects: RealWorldEffects
 ) -> CameraSettings:
 
-    automatic = options.camera == "pi"
+    automatic = options.camera is CameraKind.PI
     isp = isp_settings(PI_CAMERA.low if automatic else effects)
     width_px, height_px = _size(options.size) if options.size else _default_size(camera)
     return CameraSettings(
@@ -128,7 +125,7 @@ def _camera(
     )
 
 
-def outputs(options: "VirtualRobotOptions") -> Outputs:
+def outputs(options: VirtualRobotOptions) -> Outputs:
     """What a session leaves behind; raises ConfigurationError for noise out of range."""
     noise_mm, noise_deg = options.truth_noise
     if not 0 <= noise_mm <= 100 or not 0 <= noise_deg <= 30:
@@ -180,7 +177,7 @@ def _default_board() -> Path:
     return Path(os.environ.get("XDG_RUNTIME_DIR") or "/tmp") / "mbot-virtual-board"
 
 
-def _robot(nominal: RobotParameters, options: "VirtualRobotOptions") -> RobotParameters:
+def _robot(nominal: RobotParameters, options: VirtualRobotOptions) -> RobotParameters:
     """The robot, with what the options change about it."""
     motors = [nominal.left_motor, nominal.right_motor]
     for side, gain in enumerate((options.left_gain, options.right_gain)):
