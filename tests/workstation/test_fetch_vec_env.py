@@ -185,27 +185,6 @@ def test_a_killed_worker_is_named() -> None:
             environment.step(np.zeros((2, 2), np.float32))
 
 
-def test_drivers_are_told_where_the_middle_is() -> None:
-    """Robots begin in it; two whole turns to the right are undone by what they are told."""
-    with FetchVecEnv(1, 0, "ideal", "10", ROOMS, workers=1) as environment:
-        environment.reset()
-        row = np.arange(1)
-
-        def middle() -> complex:
-            (told,) = environment.sight(row).situations
-            return complex(told["middle_ahead_m"], told["middle_left_m"])
-
-        assert middle() == 0
-        for _ in range(4):
-            environment.step(np.ones((1, 2), np.float32))
-        behind = middle()
-        assert behind.real < -0.3
-        assert abs(behind.imag) < 0.02
-        environment.step(np.array([[0.3, -0.3]], np.float32))
-        assert abs(middle()) == pytest.approx(abs(behind), abs=0.05)
-        assert middle().imag < -0.1, "turned to the right: what was behind is now on its right side"
-
-
 def test_drivers_are_told_of_a_robot_that_changes_on_the_way() -> None:
     weak = (("left_gain", (0.5, 0.5)),)
     swap = Lesson("swap", 2.5, objects=10, changes=1.0, change_after=(2, 3), change_to=weak)

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from mbot_protocol.actions import WheelMaps
 from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.training.drivers import guide as guide_module
-from mbot_workstation.training.drivers.guide import CROSSING, REVOLUTION, SEARCH_SPEED, Guide
+from mbot_workstation.training.drivers.guide import REVOLUTION, SEARCH_SPEED, Guide
 from mbot_workstation.training.drivers.oracle import Oracle, middle
 from mbot_workstation.training.learning.advice_memory import BURN_IN, AdviceMemory
 from mbot_workstation.training.learning.collection import Collection
@@ -20,9 +19,7 @@ from mbot_workstation.training.learning.guidance import advice_loss, guide_weigh
 from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
 from mbot_workstation.training.learning.sequences import Sequences
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
-from mbot_workstation.training.worlds.lessons import lesson
 from mbot_workstation.training.worlds.robot_body import BODY_RECORD, body_record
-from mbot_workstation.training.worlds.rooms import evaluation_rooms
 from mbot_workstation.training.worlds.shared_arrays import STEP_RECORD
 from mbot_workstation.variation.effects import RealWorldEffects
 from mbot_workstation.variation.presets import KNOWN, preset
@@ -36,14 +33,12 @@ def situation(
     left_m: float,
     seen_left_rad: float | None = None,
     time_left_s: float = 50,
-    middle: tuple[float, float] = (0, 0),
 ) -> np.ndarray:
     if seen_left_rad is None:  # a robot that stands: it sees where the object is
         seen_left_rad = math.atan2(left_m, ahead_m - 0.06)
     record = np.zeros(1, STEP_RECORD)
     record["target_ahead_m"], record["target_left_m"] = ahead_m, left_m
     record["seen_left_rad"], record["time_left_s"] = seen_left_rad, time_left_s
-    record["middle_ahead_m"], record["middle_left_m"] = middle
     return record
 
 
@@ -121,91 +116,40 @@ def test_the_next_object_was_not_seen_before() -> None:
     np.testing.assert_allclose(guide.act(situation(0.3, 1.0, time_left_s=66))[0], SEARCH)
 
 
-def searched_in_vain(middle: tuple[float, float] = (2.0, 0.2)) -> Guide:
-    """Once around, and nothing but the middle to be seen."""
+def searched_in_vain() -> Guide:
+    """Once around."""
     guide = Guide(1, NOMINAL, remembers=2)
     for _ in range(REVOLUTION):
-        asked = guide.act(situation(-4.0, 0.0, middle=middle))
+        asked = guide.act(situation(-4.0, 0.0))
         np.testing.assert_allclose(asked[0], SEARCH)
         guide.drove(told(asked))
     return guide
 
 
-def test_after_a_revolution_in_vain_it_crosses_to_the_middle_and_searches_on() -> None:
+def test_after_a_revolution_in_vain_every_other_picture_is_taken_standing_still() -> None:
     guide = searched_in_vain()
-    for crossing in [*[True] * CROSSING, *[False] * REVOLUTION, True]:
-        asked = guide.act(situation(-4.0, 0.0, middle=(2.0, 0.2)))
-        if crossing:
-            left, right = told(asked)[0]
-            assert right > left > 0.7
-        else:
-            np.testing.assert_allclose(asked[0], SEARCH)
+    for stands in [True, False] * REVOLUTION:
+        asked = guide.act(situation(-4.0, 0.0))
+        np.testing.assert_allclose(asked[0], 0.0 if stands else SEARCH)
+        np.testing.assert_array_equal(told(asked), asked)
         guide.drove(told(asked))
 
 
-@pytest.mark.parametrize("middle", [(-2.0, 0.0), (1.0, 1.0), (0.2, 0.1)])
-def test_a_middle_that_is_near_or_not_in_view_is_not_crossed_to(
-    middle: tuple[float, float],
-) -> None:
+def test_a_search_ends_with_an_object_in_view_and_begins_anew_with_the_next_one() -> None:
     guide = searched_in_vain()
-    np.testing.assert_allclose(guide.act(situation(-4.0, 0.0, middle=middle))[0], SEARCH)
-    left, right = told(guide.act(situation(-4.0, 0.0, middle=(2.0, 0.2))))[0]
-    assert right > left > 0.7, "as soon as it is in view"
-
-
-def test_who_crosses_straight_past_an_object_has_not_noticed_it() -> None:
-    guide = searched_in_vain()
-    guide.drove(told(guide.act(situation(-4.0, 0.0, middle=(2.0, 0.0)))))
-    guide.act(situation(2.0, 0.8, middle=(2.0, 0.0)))
-    guide.drove(np.ones((1, 2), np.float32))
-    left, right = told(guide.act(situation(0.1, 2.0, middle=(2.0, 0.0))))[0]
-    assert left == pytest.approx(right, abs=0.05), "on to the middle, not back"
-
-
-def test_whoever_has_a_weak_motor_crosses_straight_past_with_it() -> None:
-    """The comparison is with its own straight way, in which the stronger wheel is told less."""
-    oracle = Oracle(1, replace(KNOWN, left_gain=0.5))
-    left, right = oracle.straight()[0]
-    assert left == pytest.approx(1.0, abs=0.01)
-    assert right == pytest.approx(0.5, abs=0.05)
-    oracle.drove(oracle.straight())
-    assert oracle._last_turn[0] == pytest.approx(0.0, abs=1e-5)  # pyright: ignore[reportPrivateUsage]
-
-
-def test_a_crossing_ends_with_an_object_in_view_and_with_the_next_one() -> None:
-    guide = searched_in_vain()
-    left, right = told(guide.act(situation(2.0, -0.5, middle=(2.0, 0.2))))[0]
+    left, right = told(guide.act(situation(2.0, -0.5)))[0]
     assert left > right, "to the object"
     guide = searched_in_vain()
-    guide.drove(told(guide.act(situation(-4.0, 0.0, middle=(2.0, 0.2)))))
-    asked = guide.act(situation(-4.0, 0.0, time_left_s=66, middle=(2.0, 0.2)))
-    np.testing.assert_allclose(asked[0], SEARCH)
+    for _ in range(REVOLUTION):
+        asked = guide.act(situation(-4.0, 0.0, time_left_s=66))
+        np.testing.assert_allclose(asked[0], SEARCH)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("crosses", [True, False])
-def test_crossings_find_objects_that_are_too_far_away_to_be_seen(
-    crosses: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Robots of all kinds whose eyes reach 2.8 m: all ten objects in 16 episodes."""
-    if not crosses:
-        monkeypatch.setattr(guide_module, "REVOLUTION", 10**6)
-    robots, ranges = np.arange(16), preset("randomised")
-    guide = Guide(16, ranges, remembers=6)
-    touched_all: list[bool] = []
-    with FetchVecEnv(16, 0, ranges, lesson("10"), evaluation_rooms([], 1)) as environment:
-        environment.reset()
-        while len(touched_all) < 16:
-            sight = environment.sight(robots)
-            seen = sight.situations.copy()
-            distance_m = np.hypot(seen["target_ahead_m"], seen["target_left_m"])
-            seen["seen_left_rad"][distance_m > 2.8] = math.pi
-            guide.become(sight.bodies)
-            actions = told(np.nan_to_num(guide.act(seen)))
-            guide.drove(actions)
-            _, _, ended, infos = environment.step(actions)
-            touched_all += [infos[robot]["touches"] == 10 for robot in np.flatnonzero(ended)]
-    assert sum(touched_all) >= 15 if crosses else sum(touched_all) <= 8
+def test_who_stands_on_before_an_object_has_not_noticed_it() -> None:
+    guide = searched_in_vain()
+    guide.act(situation(2.0, 0.1))
+    guide.drove(np.zeros((1, 2), np.float32))
+    np.testing.assert_allclose(guide.act(situation(0.1, 2.0))[0], SEARCH)
 
 
 def test_without_a_target_there_is_no_advice() -> None:

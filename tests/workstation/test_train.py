@@ -22,6 +22,7 @@ from torch.distributions import Normal
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands import train as command
+from mbot_workstation.training.learning import training_run
 from mbot_workstation.training.learning.checkpoint import read_state, read_weights, restore_learner
 from mbot_workstation.training.learning.curriculum import CurriculumState
 from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
@@ -52,6 +53,14 @@ TINY = TrainingConfig(
     row_every=64,
 )
 LIMIT_S = 60
+
+
+def test_neighbouring_seeds_have_no_robot_in_common(monkeypatch: pytest.MonkeyPatch) -> None:
+    first: list[int] = []
+    monkeypatch.setattr(training_run, "FetchVecEnv", lambda **told: first.append(told["seed"]))
+    for seed in range(4):
+        training_run._environment(replace(TINY, robots=16, seed=seed), stage=0, step=0)  # pyright: ignore[reportPrivateUsage]
+    assert np.diff(first).tolist() == [16, 16, 16], "robots count up from it"
 
 
 def run_to_end(run: RunDirectory, config: TrainingConfig) -> TrainingResult:
@@ -333,7 +342,7 @@ def configured(**given: Any) -> TrainingConfig:
 def test_without_options_a_policy_with_memory_learns_from_a_guide_on_any_robot() -> None:
     config = configured()
     assert config.lessons == ("rough",)
-    assert config.steps == command.GUIDED_STEPS
+    assert config.steps == command.STEPS
     assert config.learner.guided_decisions == command.GUIDED_DECISIONS
     assert config.learner.memory_units == command.MEMORY_UNITS == MEMORY_UNITS
 

@@ -3,9 +3,9 @@
 The oracle cannot be imitated: it turns straight to objects behind the robot, which no picture
 shows. The guide does what a policy with a memory could do: turn clockwise until the object comes
 into view, as the paper's policy does, then drive as the oracle would, also for a while after it
-was lost from sight. An object too far away to be noticed, 3 to 5 m, is in no picture of the turn
-however long it goes on: after a revolution for nothing the guide crosses to the arena's middle,
-from where nothing is much further than 2.5 m, and searches again.
+was lost from sight. After a revolution in vain it stands still between turns, so that every other
+picture is free of the turn's blur. It stays where it is: where there is no object, or a table ends,
+nothing tells a robot where it could look instead.
 
 It asks for full speed and the turn on top of it: the wheels keep the turn and give way together
 (`learning/full_speed.py`).
@@ -31,17 +31,6 @@ IN_VIEW_RAD = math.radians(27.0)
 REVOLUTION = 9
 """Decisions: once around, 396 degrees at the speed of the search."""
 
-CROSSING = 14
-"""Decisions of a crossing at most: 5.6 s, some 2 m. A longer one is broken by another search."""
-
-MIDDLE_M = 0.3
-"""A crossing ends this near to the middle.
-
-A guide that sees no further than 2.8 m touched all ten objects in 64 of 64 episodes on randomised
-robots with crossings to here, in 43 with crossings to 0.7 m, from where objects can be 3.2 m away,
-and in 8 with none (simulated, seed 0).
-"""
-
 
 class Guide:
     """Drives a number of robots.
@@ -66,7 +55,6 @@ class Guide:
         self._time_left_s = np.full(robots, -np.inf)
         self._driven = self._blind = np.zeros((robots, 2), np.float32)
         self._searched = np.zeros(robots, np.int64)
-        self._crossed = np.zeros(robots, np.int64)
 
     def become(self, bodies: NDArray[np.void]) -> None:
         """Say what the robots are like: BODY_RECORD, shape (robots,)."""
@@ -82,10 +70,7 @@ class Guide:
                 though a robot may have turned past one since.
 
         """
-        targets, middles = (
-            np.stack([situations[f"{what}_ahead_m"], situations[f"{what}_left_m"]], axis=1)
-            for what in ("target", "middle")
-        )
+        targets = np.stack([situations["target_ahead_m"], situations["target_left_m"]], axis=1)
         seen = np.abs(situations["seen_left_rad"]) <= IN_VIEW_RAD
         another = situations["time_left_s"] > self._time_left_s  # each object has its own time
         self._time_left_s = situations["time_left_s"].copy()
@@ -93,47 +78,28 @@ class Guide:
         self._unseen_for[~self._noticed] = self._remembers + 1
         self._unseen_for = np.where(seen, 0, self._unseen_for + 1)
         lost = self._unseen_for > self._remembers
-        crosses = self._crosses(another | (self._noticed & ~lost), middles)
-        searches = lost & ~crosses
-        aims = np.where((lost & crosses)[:, None], middles, targets)
-        aims[searches] = np.nan
+        anew = another | (self._noticed & ~lost)
+        self._searched = np.where(anew, 0, self._searched + 1)
+        aims = np.where(lost[:, None], np.nan, targets)
         actions = self._oracle.act(aims.astype(np.float64))
-        turn = np.full(len(targets), SEARCH_SPEED)
-        blind = np.where(
-            crosses[:, None], self._oracle.straight(), self._oracle.commands(turn, -turn)
-        )
-        actions[searches] = blind[searches]
+        blind = self._search()
+        actions[lost] = blind[lost]
         actions[np.isnan(targets[:, 0])] = np.nan
-        blind[lost] = actions[lost]
         self._driven, self._blind, self._noticed = actions, blind, self._noticed & ~lost
         at_full_speed = actions + 1 - actions.mean(axis=1, keepdims=True)
-        return np.where(searches[:, None], actions, at_full_speed)
+        return np.where(lost[:, None], actions, at_full_speed)
 
-    def _crosses(self, anew: NDArray[np.bool_], middles: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Who crosses, if its object is lost; shape (robots,).
-
-        A crossing begins after a revolution, once the middle is in view.
-
-        Args:
-            anew: whose object is another one, or was just in view and noticed: shape (robots,).
-            middles: where the middle is, metres ahead and to the left: shape (robots, 2).
-
-        """
-        ahead, left = middles.T
-        far = np.hypot(ahead, left) > MIDDLE_M
-        in_view = np.abs(np.arctan2(left, ahead)) <= IN_VIEW_RAD
-        self._searched = np.where(anew, 0, self._searched + 1)
-        goes_on = (self._crossed > 0) & (self._crossed < CROSSING)
-        crosses = ~anew & far & (goes_on | ((self._searched >= REVOLUTION) & in_view))
-        self._searched[crosses] = -1  # the next one is the first of a new search
-        self._crossed = np.where(crosses, self._crossed + 1, 0)
-        return crosses
+    def _search(self) -> Actions:
+        """What every robot would do if it saw nothing, shape (robots, 2)."""
+        stands = (self._searched >= REVOLUTION) & ((self._searched - REVOLUTION) % 2 == 0)
+        turn = np.where(stands, 0.0, SEARCH_SPEED)
+        return self._oracle.commands(turn, -turn)
 
     def drove(self, actions: Actions) -> None:
         """Say what was done instead: wheels lag, so the next advice depends on it.
 
         An object that passes through a picture of the search turn, far away and blurred, may go
-        unnoticed: who searches or crosses on can't be told to go back to it.
+        unnoticed: who searches on can't be told to go back to it.
         """
         self._oracle.drove(actions)
         self._noticed |= _distance(actions, self._driven) < _distance(actions, self._blind)

@@ -94,11 +94,6 @@ class Oracle:
         sides = zip((left, right), self._gains, strict=True)
         return np.stack([self._command(*side) for side in sides], axis=1).astype(np.float32)
 
-    def straight(self) -> Actions:
-        """The actions that drive every robot straight on as fast as it can, shape (robots, 2)."""
-        speed = np.minimum(*self._gains).astype(np.float64)
-        return self.commands(speed, speed)
-
     @property
     def _gains(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         return self._bodies["left_gain"], self._bodies["right_gain"]

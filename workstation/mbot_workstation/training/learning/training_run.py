@@ -118,7 +118,7 @@ def _environment(config: TrainingConfig, stage: int, step: int) -> FetchVecEnv:
     rooms = gather_rooms(config.photographs, config.made_up_rooms, TRAINING_ROOMS)
     return FetchVecEnv(
         robots=config.robots,
-        seed=config.seed + step,
+        seed=config.seed * config.robots + step,  # robots count up from it
         preset=config.ranges(),
         lesson=config.stages()[stage],
         rooms=rooms,

@@ -47,8 +47,11 @@ calibrated one may."""
 OVERSHOOT = 1.1
 """Of a robot's free speed, for its front is further out than its wheels."""
 
-CHANGING = ("left_gain", "right_gain", "speed_scale", "dead_band_scale", "friction_scale")
-"""Effects of a robot that changes on the way: a battery, a gear, another floor."""
+CHANGING = (
+    *("left_gain", "right_gain", "speed_scale", "dead_band_scale", "friction_scale"),
+    "camera_latency_ms",
+)
+"""Effects of a robot that changes on the way: a battery, a gear, another floor, a busy computer."""
 
 SLACK_S = 1e-6
 """Sums of decimal seconds are not exact."""

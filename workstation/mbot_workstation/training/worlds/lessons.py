@@ -41,8 +41,8 @@ class Lesson:
         objects: how many make a complete run.
         kinds: of robots; each episode draws one. What differs from the preset: ranges by the
             effect's name.
-        changes: share of episodes in which the robot's motors or its grip become other ones on the
-            way (`fetch_world.CHANGING`).
+        changes: share of episodes in which the robot's motors, its grip or its camera's latency
+            become other ones on the way (`fetch_world.CHANGING`).
         change_after: decisions until then, drawn evenly from this range.
         change_to: what it becomes, as a kind; None draws another robot of this lesson.
 
@@ -127,7 +127,7 @@ _WORN: Kind = (
     ("right_gain", (0.6, 1.1)),
     ("time_constant_scale", (50 / 90, 230 / 90)),
     ("friction_scale", (0.15, 1.0)),
-    ("camera_latency_ms", (30.0, 190.0)),
+    ("camera_latency_ms", (30.0, 250.0)),
     ("exposure_gain", (0.5, 1.6)),
     ("noise", (0.5, 5.5)),
 )
@@ -152,15 +152,16 @@ ROUGH_LESSON = Lesson(
         _CRISP,
         (("left_gain", (0.4, 0.7)),),
         (("right_gain", (0.4, 0.7)),),
-        (("camera_latency_ms", (100.0, 190.0)),),
+        (("camera_latency_ms", (100.0, 400.0)),),
         (("friction_scale", (0.15, 0.4)),),
         (("exposure_gain", (0.45, 1.7)), ("exposure_ms", (10.0, 60.0))),
     ),
     changes=0.15,
 )
-"""Robots worse than any unit measured, among usual ones: a weak motor, late pictures, a slippery
-floor, dim or glaring light and long exposures, or a bit of everything with slow wheels besides; and
-better ones, with hardly a lag or a dead band. For a policy that holds when a robot wears."""
+"""Robots worse than any unit measured, among usual ones: a weak motor, pictures as late as the
+paper's, a slippery floor, dim or glaring light and long exposures, or a bit of everything with slow
+wheels besides; and better ones, with hardly a lag or a dead band. For a policy that holds when a
+robot wears."""
 
 _BY_NAME = {lesson.name: lesson for lesson in (*LESSONS, BLUR_LESSON, ROUGH_LESSON)}
 
