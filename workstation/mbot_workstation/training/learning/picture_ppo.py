@@ -26,6 +26,7 @@ from mbot_workstation.training.learning.advice_memory import AdviceMemory
 from mbot_workstation.training.learning.collection import Collection
 from mbot_workstation.training.learning.guidance import advice_loss, guide_weight
 from mbot_workstation.training.learning.memory_policy import MemoryPolicy
+from mbot_workstation.training.learning.processor import has_short_floats
 from mbot_workstation.training.learning.sequences import (
     LearnedFrom,
     SequenceBuffer,
@@ -151,15 +152,16 @@ class PicturePPO(PPO):
             self._descend(list(threads.map(self._advice_gradients, parts)), batch.decisions)
 
     def _advice_gradients(self, part: Sequences) -> tuple[torch.Tensor, ...]:
-        wheels = self.policy.action_net(self._known(part))
+        # Of an advice the first two digits matter, of a likelihood ratio the fourth.
+        wheels = self.policy.action_net(self._known(part, short=has_short_floats(self.device)))
         loss = advice_loss(wheels, tensor(part.advice, self.device).flatten(0, 1))
         parameters = list(self.policy.parameters())
         # The value and the noise have no part in it: zeros.
         return torch.autograd.grad(loss, parameters, allow_unused=True, materialize_grads=True)
 
-    def _known(self, part: Sequences) -> torch.Tensor:
+    def _known(self, part: Sequences, short: bool = False) -> torch.Tensor:
         fields = (part.pictures, part.previous_actions, part.forgot, part.state)
-        return self.policy.unroll(*(tensor(field, self.device) for field in fields))
+        return self.policy.unroll(*(tensor(field, self.device) for field in fields), short=short)
 
     def _step(self, threads: ThreadPoolExecutor, batch: LearnedFrom) -> list[_Part]:
         """One gradient step."""
