@@ -111,14 +111,14 @@ def network_ms() -> dict[str, float]:
         policy.judge(known, torch.zeros(len(known), 2), torch.zeros(len(known), TRUTH))
         forward_s = time.perf_counter() - start_s
     batch = torch.randint(0, 255, (1, SETTINGS.batch, 64, 64, 3)).float()
-    nothing = [torch.zeros(1, SETTINGS.batch, 2), torch.zeros(1, SETTINGS.batch)]
-    nothing += [torch.zeros(SETTINGS.batch, policy.units), torch.zeros(SETTINGS.batch, TRUTH)]
+    lived = (torch.zeros(1, SETTINGS.batch, 2), torch.zeros(1, SETTINGS.batch))
+    state, truth = (torch.zeros(SETTINGS.batch, numbers) for numbers in (policy.units, TRUTH))
     actions = torch.zeros(SETTINGS.batch, 2)
     start_s = time.perf_counter()
     for _ in range(rounds // 10):
-        known = policy.unroll(batch, *nothing[:3])
+        known = policy.unroll(batch, *lived, state)
         wheels = Normal(policy.action_net(known), policy.log_std.exp())
-        loss = policy.value_of(known, nothing[3]).square().mean()
+        loss = policy.value_of(known, truth).square().mean()
         loss = loss - wheels.log_prob(actions).mean() - wheels.entropy().mean()
         policy.optimizer.zero_grad()
         loss.backward()

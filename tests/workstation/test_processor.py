@@ -33,9 +33,7 @@ thread.join()
 def test_freed_memory_is_not_fetched_again() -> None:
     keep = f"from {keep_freed_memory.__module__} import keep_freed_memory\nkeep_freed_memory()"
     pages = [
-        int(
-            subprocess.check_output([sys.executable, "-c", LAYERS.format(first)], timeout=60)
-        )
+        int(subprocess.check_output([sys.executable, "-c", LAYERS.format(first)], timeout=60))
         for first in ("", keep)
     ]
     assert pages[0] > 10_000, "81,920 pages of 4 KiB are allocated"

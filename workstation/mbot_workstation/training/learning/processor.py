@@ -15,8 +15,8 @@ def keep_freed_memory() -> None:
     """Let what is freed be used again instead of going back to the kernel.
 
     A layer's results are megabytes, and two threads that fetch such memory page by page for every
-    batch wait for each other: 225 instead of 138 us for a sample, both directions (measured on an
-    AMD EPYC, 2 cores).
+    batch wait for each other: 0.93 of the time of an update (`benchmarks/update.py`, best of 4 on 2
+    cores of an AMD EPYC; some runs without it took half as long again).
     """
     libc = ctypes.CDLL(None)
     if hasattr(libc, "mallopt"):  # glibc's
@@ -25,5 +25,5 @@ def keep_freed_memory() -> None:
 
 
 def has_short_floats(device: torch.device) -> bool:
-    """Whether it multiplies bfloat16 faster than float32: 105 instead of 138 us, likewise."""
+    """Whether it multiplies bfloat16 faster than float32: 0.72 of an update's time, likewise."""
     return device.type == "cpu" and bool(torch.cpu.get_capabilities().get("avx512_bf16"))
