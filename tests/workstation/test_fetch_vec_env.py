@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from stable_baselines3.common.evaluation import evaluate_policy
 
+from mbot_workstation.simulation.fetch_rules import DECISION_S
 from mbot_workstation.training.worlds.fetch_env import FetchEnv
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 from mbot_workstation.training.worlds.lessons import Lesson
@@ -196,6 +197,20 @@ def test_drivers_are_told_of_a_robot_that_changes_on_the_way() -> None:
             environment.step(np.zeros((2, 2), np.float32))
             told.append(environment.sight(rows).bodies["left_gain"].tolist())
     assert told == [[1.0, 1.0]] * 3 + [[0.5, 0.5]]
+
+
+def test_pictures_may_become_late_on_the_way() -> None:
+    late = (("camera_latency_ms", (300.0, 300.0)),)
+    swap = Lesson("swap", 2.5, objects=10, changes=1.0, change_after=(2, 3), change_to=late)
+    environment = FetchEnv("ideal", swap, ROOMS)
+    environment.reset(seed=0)
+    ages_s: list[float] = []
+    for decisions in range(1, 6):
+        environment.step(np.zeros(2, np.float32))
+        ages_s.append(decisions * DECISION_S - environment.world.glimpse.time_s)
+    environment.close()
+    assert ages_s[:2] == pytest.approx([0.0, 0.0], abs=1e-6)
+    assert ages_s[3:] == pytest.approx([0.3, 0.3], abs=1e-6)
 
 
 @pytest.mark.slow

@@ -19,7 +19,9 @@ from mbot_workstation.training.learning.guidance import advice_loss, guide_weigh
 from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
 from mbot_workstation.training.learning.sequences import Sequences
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.training.worlds.lessons import lesson
 from mbot_workstation.training.worlds.robot_body import BODY_RECORD, body_record
+from mbot_workstation.training.worlds.rooms import evaluation_rooms
 from mbot_workstation.training.worlds.shared_arrays import STEP_RECORD
 from mbot_workstation.variation.effects import RealWorldEffects
 from mbot_workstation.variation.presets import KNOWN, preset
@@ -150,6 +152,30 @@ def test_who_stands_on_before_an_object_has_not_noticed_it() -> None:
     guide.act(situation(2.0, 0.1))
     guide.drove(np.zeros((1, 2), np.float32))
     np.testing.assert_allclose(guide.act(situation(0.1, 2.0))[0], SEARCH)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("sight_m", "least", "most"), [(5.0, 15, 16), (2.8, 0, 8)])
+def test_who_stays_where_it_is_needs_eyes_that_reach_across_the_arena(
+    sight_m: float, least: int, most: int
+) -> None:
+    """Robots of all kinds: in how many of 16 episodes they fetch all ten objects."""
+    robots, ranges = np.arange(16), preset("randomised")
+    guide = Guide(16, ranges, remembers=6)
+    touched_all: list[bool] = []
+    with FetchVecEnv(16, 0, ranges, lesson("10"), evaluation_rooms([], 1)) as environment:
+        environment.reset()
+        while len(touched_all) < 16:
+            sight = environment.sight(robots)
+            seen = sight.situations.copy()
+            distance_m = np.hypot(seen["target_ahead_m"], seen["target_left_m"])
+            seen["seen_left_rad"][distance_m > sight_m] = math.pi
+            guide.become(sight.bodies)
+            actions = told(np.nan_to_num(guide.act(seen)))
+            guide.drove(actions)
+            _, _, ended, infos = environment.step(actions)
+            touched_all += [infos[robot]["touches"] == 10 for robot in np.flatnonzero(ended)]
+    assert least <= sum(touched_all) <= most
 
 
 def test_without_a_target_there_is_no_advice() -> None:

@@ -5,9 +5,12 @@ import numpy as np
 import pytest
 import torch
 
+from mbot_workstation.training.drivers.guide import Guide
+from mbot_workstation.training.learning.collection import Collection
 from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
 from mbot_workstation.training.learning.processor import has_short_floats, keep_freed_memory
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.variation.presets import preset
 
 LAYERS = """
 import resource, threading
@@ -40,10 +43,30 @@ def test_freed_memory_is_not_fetched_again() -> None:
     assert pages[1] < 100
 
 
-def test_short_floats_are_asked_of_the_processor_only() -> None:
+@pytest.mark.slow
+@pytest.mark.parametrize("has_them", [True, False])
+def test_only_rehearsals_are_short_and_only_where_it_pays(
+    has_them: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"avx512_bf16": has_them})
+    settings = LearnerSettings(16, batch=16, epochs=1, guided_decisions=10**6, rehearsals=1)
+    ways: list[bool] = []
+    with FetchVecEnv(robots=1, seed=1, preset="ideal", lesson="4", workers=1) as environment:
+        learner = make_learner(environment, settings, seed=0)
+        learner.collection = Collection(environment, lambda robots: Guide(robots, preset("ideal")))
+        unroll = learner.policy.unroll
+
+        def noted(*fields: torch.Tensor, short: bool) -> torch.Tensor:
+            ways.append(short)
+            return unroll(*fields, short=short)
+
+        monkeypatch.setattr(learner.policy, "unroll", noted)
+        learner.learn(16)
+    ppo, rehearsed = ways[: -learner.update_threads], ways[-learner.update_threads :]
+    assert ppo
+    assert not any(ppo)
+    assert rehearsed == [has_them] * learner.update_threads
     assert not has_short_floats(torch.device("cuda"))
-    flags = torch.cpu.get_capabilities()
-    assert has_short_floats(torch.device("cpu")) == bool(flags.get("avx512_bf16"))
 
 
 def test_features_of_short_floats_are_nearly_the_same() -> None:

@@ -115,7 +115,9 @@ class TrainOptions:
     workers: int | None = option(
         None, "Processes that simulate them; one a core if not given.", panel=_HOW, min=0
     )
-    seed: int = option(0, "The same seed gives the same run.", panel=_HOW)
+    seed: int = option(
+        0, "The same seed gives the same run on the same kind of processor.", panel=_HOW
+    )
     device: str = option(
         "auto",
         "Where the network learns: cpu, cuda, or auto, which takes a GPU if there is one.",

@@ -55,7 +55,8 @@ class PicturePPO(PPO):
 
     Attributes:
         update_threads: into how many parts a batch is split. It changes results only by rounding,
-            and does not depend on the machine, so that a seed gives the same run anywhere.
+            and does not depend on the machine. Rehearsals do: their features are bfloat16 where the
+            processor is faster at it, so that a seed gives another run there.
         collection: where rollouts come from; None is SB3's own loop, in which nothing is
             remembered.
         reward_scale: rewards are multiplied by it.
