@@ -5,8 +5,8 @@ shows. The guide does what a policy with a memory could do: turn clockwise until
 into view, as the paper's policy does, then drive as the oracle would, also for a while after it
 was lost from sight. After a revolution in vain it stands still between turns, so that every other
 picture is free of the turn's blur. It stays where it is: where there is no object, or a table ends,
-nothing tells a robot where it could look instead. So it needs eyes that reach across the arena, 5 m:
-whoever sees 2.8 m far misses objects in half of the episodes and more (`test_guidance.py`).
+nothing tells a robot where it could look instead. So it needs eyes that reach 5 m, across the
+arena; whoever sees 2.8 m misses objects in half of the episodes and more (`test_guidance.py`).
 
 It asks for full speed and the turn on top of it: the wheels keep the turn and give way together
 (`learning/full_speed.py`).
