@@ -1,14 +1,18 @@
 """A virtual robot's path, read while it is written."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.drives.driven_path import LONGEST_PATH, DrivenPath, PathFile, Place
+from mbot_protocol.mcore import Joystick
+from mbot_workstation.drives.driven_path import LONGEST_PATH, DrivenPath, PathFile, Place, Point
 from mbot_workstation.drives.live_view import MapLog
+from mbot_workstation.simulation.fetch_task import FetchResult
 from mbot_workstation.simulation.pose import Pose
+from mbot_workstation.virtual.live_world import WorldStatus
 from mbot_workstation.virtual.trajectory import TrajectoryWriter
 
 
@@ -42,12 +46,11 @@ def test_what_is_no_path_is_one_line(tmp_path: Path, wrong: bytes) -> None:
 
 
 def test_what_the_virtual_robot_writes_can_be_read_at_once(tmp_path: Path) -> None:
-    from types import SimpleNamespace as Some
-
     path = tmp_path / "path.jsonl"
     with TrajectoryWriter(path) as writer:
         pose, target = Pose(0.25, -0.5, 1.0), Pose(1.0, 1.5, 0.0)
-        writer.add(Some(time_s=3.0, robot=pose, target=target))  # type: ignore[arg-type]
+        result = FetchResult(0, (), 0, 0, False, 0.0, 0.0, 3.0)
+        writer.add(WorldStatus(3.0, pose, target, Joystick(0, 0), (0.0, 0.0), result, ended=False))
         (place,) = PathFile(path).read()
     assert (place.robot, place.yaw_rad, place.target) == ((0.25, -0.5), 1.0, (1.0, 1.5))
     assert place.unix_time_ns > 1_700_000_000 * 10**9
@@ -69,15 +72,17 @@ def test_a_map_grows_with_its_file(tmp_path: Path) -> None:
             self.places: list[Place] = []
             self.paths: list[object] = []
 
-        def log_place(self, _robot: str, place: Place) -> None:
+        def log_place(self, robot: str, place: Place) -> None:
+            assert robot == "mbot-1"
             self.places.append(place)
 
-        def log_path(self, _robot: str, _time_ns: int, strips: object) -> None:
+        def log_path(self, robot: str, time_ns: int, strips: Sequence[Sequence[Point]]) -> None:
+            assert (robot, time_ns) == ("mbot-1", self.places[-1].unix_time_ns)
             self.paths.append(strips)
 
     viewer, path = Viewer(), tmp_path / "path.jsonl"
     path.write_bytes(line(0.1))
-    one = MapLog(viewer, "mbot-1", path)  # type: ignore[arg-type]
+    one = MapLog(viewer, "mbot-1", path)
     one.log_new()
     one.log_new()
     assert (len(viewer.places), viewer.paths) == (1, [[[(0.1, 0.5)]]])

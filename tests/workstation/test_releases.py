@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import typer
+from google.protobuf.message import Message
 from typer.testing import CliRunner
 
 from mbot_protocol import release_manifest
@@ -21,6 +22,7 @@ from mbot_protocol.v1.messages_pb2 import (
     ReleaseUpdate,
 )
 from mbot_workstation.commands.update import UpdateOptions, update
+from mbot_workstation.link.robot_link import M
 from mbot_workstation.models.signing_key import SigningKey
 from mbot_workstation.releases import make_release, robot_wheels, send_release
 from mbot_workstation.releases.robot_wheels import TARGETS
@@ -162,7 +164,14 @@ class FakeLink:
         self.refuses = refuses
         self.received = b""
 
-    def query(self, topic: Topic, request: object, *_: object) -> object:
+    def query(
+        self, topic: Topic, request: Message | None, reply_type: type[M], timeout_s: float = 0.0
+    ) -> M:
+        reply = self.reply(topic, request)
+        assert isinstance(reply, reply_type)
+        return reply
+
+    def reply(self, topic: Topic, request: Message | None) -> Message:
         if topic is RELEASES:
             update = self.updates.pop(0) if len(self.updates) > 1 else self.updates[0]
             if update is None:
@@ -179,12 +188,12 @@ class FakeLink:
 def test_all_of_it_is_sent_and_refusals_come_back(release: Path) -> None:
     checked = send_release.check_release_file(release)
     link, seen = FakeLink(), list[tuple[int, int]]()
-    number = send_release.send(link, checked, lambda *both: seen.append(both))  # type: ignore[arg-type]
+    number = send_release.send(link, checked, lambda *both: seen.append(both))
     assert number == "a1"
     assert link.received == release.read_bytes()
     assert seen[-1] == (len(link.received), len(link.received))
     with pytest.raises(RefusedError, match="refused the release and runs on: armed"):
-        send_release.send(FakeLink(refuses="armed"), checked, lambda *_: None)  # type: ignore[arg-type]
+        send_release.send(FakeLink(refuses="armed"), checked, lambda *_: None)
 
 
 def test_the_outcome_is_waited_for_across_the_restart(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -197,7 +206,7 @@ def test_the_outcome_is_waited_for_across_the_restart(monkeypatch: pytest.Monkey
         ReleaseUpdate(request="a1", phase="rolled-back", detail="no READY"),
     )
     phases: list[str] = []
-    update = send_release.wait_for_outcome(link, "a1", phases.append)  # type: ignore[arg-type]
+    update = send_release.wait_for_outcome(link, "a1", phases.append)
     assert (update.phase, phases) == ("rolled-back", ["building"])
 
 
@@ -220,10 +229,10 @@ def test_an_updater_that_does_nothing_is_pointed_out(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(send_release, "TAKEN_UP_WITHIN_S", 0.0)
     link = FakeLink(ReleaseUpdate(request="old", phase="installed", goes_on=True))
     with pytest.raises(UnreachableError, match="its updater does nothing"):
-        send_release.wait_for_outcome(link, "a1", lambda _: None)  # type: ignore[arg-type]
+        send_release.wait_for_outcome(link, "a1", lambda _: None)
     monkeypatch.setattr(send_release, "LONGEST_SILENCE_S", 0.0)
     with pytest.raises(UnreachableError, match="does not say"):
-        send_release.wait_for_outcome(FakeLink(None), "a1", lambda _: None)  # type: ignore[arg-type]
+        send_release.wait_for_outcome(FakeLink(None), "a1", lambda _: None)
 
 
 def test_a_wheel_of_which_a_robot_keeps_nothing_is_not_pinned(

@@ -4,9 +4,10 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Protocol
 
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.drives.driven_path import DrivenPath, PathFile
+from mbot_workstation.drives.driven_path import DrivenPath, PathFile, Place, Point
 from mbot_workstation.drives.rerun_view import RerunView
 from mbot_workstation.link.robot_link import RobotLink
 from mbot_workstation.telemetry.stream import Sample, TelemetryStream
@@ -67,10 +68,22 @@ def log_sample(viewer: RerunView, robot: str, sample: Sample) -> None:
         )
 
 
+class Map(Protocol):
+    """What of a `RerunView` a map is drawn by."""
+
+    def log_place(self, robot: str, place: Place) -> None:
+        """Where a robot and its object are."""
+        ...
+
+    def log_path(self, robot: str, time_ns: int, strips: Sequence[Sequence[Point]]) -> None:
+        """The lines it has driven so far."""
+        ...
+
+
 class MapLog:
     """One robot's map, from the file in which its virtual world writes where everything is."""
 
-    def __init__(self, viewer: RerunView, robot: str, path: Path) -> None:
+    def __init__(self, viewer: Map, robot: str, path: Path) -> None:
         """Open the file; raises ConfigurationError."""
         self._viewer = viewer
         self._robot = robot

@@ -8,6 +8,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
+
+from google.protobuf.message import Message
 
 from mbot_protocol import release_archive, release_manifest
 from mbot_protocol.errors import ConfigurationError, RefusedError, UnreachableError
@@ -17,6 +20,7 @@ from mbot_protocol.keys import (
     RELEASE_CHUNK,
     RELEASE_COMMIT,
     RELEASES,
+    Topic,
 )
 from mbot_protocol.release_ledger import BUSY
 from mbot_protocol.release_manifest import ReleaseManifest
@@ -29,7 +33,7 @@ from mbot_protocol.v1.messages_pb2 import (
     ReleaseList,
     ReleaseUpdate,
 )
-from mbot_workstation.link.robot_link import RobotLink
+from mbot_workstation.link.robot_link import QUERY_TIMEOUT_S, M
 from mbot_workstation.wording import one_line
 
 CHUNK_TIMEOUT_S = 10.0
@@ -42,6 +46,25 @@ LONGEST_SILENCE_S = 240.0
 
 TAKEN_UP_WITHIN_S = 90.0
 LOOK_AGAIN_S = 1.0
+
+
+class Link(Protocol):
+    """What of a `RobotLink` is needed here."""
+
+    @property
+    def robot_id(self) -> str:
+        """Whose it is."""
+        ...
+
+    def query(
+        self,
+        topic: Topic,
+        request: Message | None,
+        reply_type: type[M],
+        timeout_s: float = QUERY_TIMEOUT_S,
+    ) -> M:
+        """Ask the robot and wait for its one reply."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +110,7 @@ def check_release_file(path: Path) -> CheckedRelease:
     return CheckedRelease(path, *found[0], manifest, size_bytes)
 
 
-def send(link: RobotLink, release: CheckedRelease, on_progress: Callable[[int, int], None]) -> str:
+def send(link: Link, release: CheckedRelease, on_progress: Callable[[int, int], None]) -> str:
     """Send a release; returns the number under which the robot installs it.
 
     Raises:
@@ -116,9 +139,7 @@ def send(link: RobotLink, release: CheckedRelease, on_progress: Callable[[int, i
     return push_id
 
 
-def wait_for_outcome(
-    link: RobotLink, push_id: str, on_phase: Callable[[str], None]
-) -> ReleaseUpdate:
+def wait_for_outcome(link: Link, push_id: str, on_phase: Callable[[str], None]) -> ReleaseUpdate:
     """Wait until the robot has installed, refused or rolled back what was sent.
 
     Raises:
@@ -151,7 +172,7 @@ def wait_for_outcome(
         time.sleep(LOOK_AGAIN_S)
 
 
-def _accepted(link: RobotLink, reply: PushReply) -> PushReply:
+def _accepted(link: Link, reply: PushReply) -> PushReply:
     if not reply.accepted:
         raise RefusedError(
             f"robot {link.robot_id} refused the release and runs on: {one_line(reply.reason)}"
