@@ -5,6 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 FIRMWARE := out/firmware
 REPORTS := out/tests
+BOOKWORM := out/bookworm
 # Slow tests to which the clock does not matter, so that they can run behind those in real time:
 # programs whose times nothing depends on, parsers, and a board in simulated time.
 UNTIMED := tests/test_first_hour.py \
@@ -17,7 +18,7 @@ IDLE := $(if $(shell command -v chrt),chrt --idle 0,nice -n 19)
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 .DEFAULT_GOAL := help
-.PHONY: help dist deb pins demo calibrate-demo demo-firmware test test-all test-pi check protocol firmware benchmark reliability reliability-quick policy-pages mutants fuzz lock clean
+.PHONY: help dist deb pins demo calibrate-demo demo-firmware test test-all test-bookworm test-pi test-kernel check protocol firmware benchmark reliability reliability-quick policy-pages mutants fuzz lock clean
 
 help: ## Show this help
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -45,6 +46,14 @@ test-all: $(VENV)/.all ## Run all tests: those too that run real programs in rea
 	$(BIN)/pytest -m slow --ignore tests/workstation $(UNTIMED:%=--ignore %) --junitxml $(REPORTS)/programs.xml; \
 	timed=$$?; wait $$untimed; untimed=$$?; cat $(REPORTS)/slow.txt; test $$timed = 0 -a $$untimed = 0
 	$(BIN)/python benchmarks/reliability.py --quick --of $(REPORTS) -o out/reliability.md
+
+test-bookworm: $(BOOKWORM)/.there ## The daemon's quick tests beside numpy 1 and an older OpenCV, as on Raspberry Pi OS Bookworm; a minute
+	PYTHONPATH=$(BOOKWORM) $(BIN)/pytest -m "not slow" -n 2 --dist loadfile tests/robot tests/protocol
+
+$(BOOKWORM)/.there: $(VENV)/.all deploy/constraints-bookworm.txt
+	@rm -rf $(BOOKWORM)
+	$(PIP) install --no-deps --target $(BOOKWORM) -r deploy/constraints-bookworm.txt
+	@touch $@
 
 test-pi: $(VENV)/.all ## Install on booted Bookworm and Trixie machines and break things there, updates included; wants root, 30 minutes
 	@PYTHON=$(PYTHON) sh deploy/workstation-libraries.sh machines

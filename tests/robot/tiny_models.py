@@ -57,6 +57,8 @@ def counting_model(name: str = "counting") -> bytes:
         helper.make_node("Mul", ["count", "eighth"], ["left"]),
         helper.make_node("Gather", ["previous_action", "axis"], ["right"], axis=1),
         helper.make_node("Concat", ["left", "right"], ["action"], axis=1),
+        # Bookworm's OpenCV fails where a model does not look at its picture at all.
+        helper.make_node("Cast", ["observation"], ["unused"], to=TensorProto.FLOAT),
     ]
     constants = {
         "one": np.ones((1, 1, 1), np.float32),

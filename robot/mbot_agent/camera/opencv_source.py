@@ -16,7 +16,9 @@ FFMPEG = "ffmpeg:"
 """In front of an address that FFmpeg is to open: rtsp://, https://, a film over http://."""
 
 os.environ["OPENCV_FFMPEG_CAPTURE_OPTIONS"] = "max_redirects;0"
-"""Who answers at the address must not send us to another one, on this computer for instance."""
+"""Who answers at the address must not send us to another one, on this computer for instance. FFmpeg
+5.1, in Bookworm's OpenCV, does not know this option, and by RTSP every FFmpeg goes where it is sent
+(both measured)."""
 
 
 class OpenCvSource:
