@@ -39,12 +39,14 @@ STUDIES = {
 ANSWERS: dict[str, Sequence[str]] = {
     "nominal": (*EVALUATE, "oracle", "random", "--episodes", "100", "--json"),
     "varied": (*EVALUATE, "--preset=randomised", "--preset=any-room", "--episodes=100", "--json"),
+    "many": (*EVALUATE, "--preset=randomised", "--episodes=300", "--seed=1", "--json"),
     "presets": (*EVALUATE, "--preset", "all", "--episodes", "16", "--json"),
     "memory": (sys.executable, "benchmarks/memory.py", POLICY, "--json"),
     "adaptation": (
         *(sys.executable, "benchmarks/adaptation.py", POLICY),
         *("--plot", "docs/images/adaptation.png"),
     ),
+    "nothing": (sys.executable, "benchmarks/nothing_there.py", POLICY, "servo"),
 }
 
 
@@ -114,7 +116,7 @@ def share(found: dict[str, Any]) -> str:
 def lesson_page(pictures: Path) -> str:
     """docs/results/lesson-10.md."""
     told = {name: answer(name, command) for name, command in ANSWERS.items()}
-    adaptation = told.pop("adaptation")
+    tables = {name: told.pop(name).split("\n\n", 1)[1].strip() for name in ("adaptation", "nothing")}
     found = {name: json.loads(text) for name, text in told.items()}
     judged = json.loads(answer("pictures", (*EVALUATE, "--pictures", str(pictures), "--json")))
     rewards = [(a["preset"], a["reward"], b["reward"]) for a, b in pairs(found["presets"])]
@@ -137,7 +139,7 @@ def lesson_page(pictures: Path) -> str:
             for name, ours, servo in rewards
             if ours["mean"] < servo["mean"]
         ],
-        adaptation=adaptation.split("\n\n", 1)[1].strip(),
+        **tables,
         pictures=[
             {
                 "contestant": one["policy"],
