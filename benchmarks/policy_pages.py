@@ -116,7 +116,8 @@ def share(found: dict[str, Any]) -> str:
 def lesson_page(pictures: Path) -> str:
     """docs/results/lesson-10.md."""
     told = {name: answer(name, command) for name, command in ANSWERS.items()}
-    tables = {name: told.pop(name).split("\n\n", 1)[1].strip() for name in ("adaptation", "nothing")}
+    texts = [(name, told.pop(name)) for name in ("adaptation", "nothing")]
+    tables = {name: text.split("\n\n", 1)[1].strip() for name, text in texts}
     found = {name: json.loads(text) for name, text in told.items()}
     judged = json.loads(answer("pictures", (*EVALUATE, "--pictures", str(pictures), "--json")))
     rewards = [(a["preset"], a["reward"], b["reward"]) for a, b in pairs(found["presets"])]
