@@ -3,10 +3,12 @@
 The oracle cannot be imitated: it turns straight to objects behind the robot, which no picture
 shows. The guide does what a policy with a memory could do: turn clockwise until the object comes
 into view, as the paper's policy does, then drive as the oracle would, also for a while after it
-was lost from sight. After a revolution in vain it stands still between turns, so that every other
-picture is free of the turn's blur. It stays where it is: where there is no object, or a table ends,
-nothing tells a robot where it could look instead. So it needs eyes that reach 5 m, across the
-arena; whoever sees 2.8 m misses objects in half of the episodes and more (`test_guidance.py`).
+was lost from sight. However long it searches, it turns on and stays where it is: where there is no
+object, or a table ends, nothing tells a robot where it could look instead. So it needs eyes that
+reach 5 m, across the arena; whoever sees 2.8 m misses objects in half of the episodes and more
+(`test_guidance.py`). Nor does it stand still between turns, for pictures without blur: who has lost
+count does half of both, too little to turn a worn robot (seen in failed searches of a policy that
+was taught so).
 
 It asks for full speed and the turn on top of it: the wheels keep the turn and give way together
 (`learning/full_speed.py`).
@@ -28,9 +30,6 @@ object is in at least one picture of 55 degrees."""
 
 IN_VIEW_RAD = math.radians(27.0)
 """Half the camera's horizontal field of view."""
-
-REVOLUTION = 9
-"""Decisions: once around, 396 degrees at the speed of the search."""
 
 
 class Guide:
@@ -55,7 +54,6 @@ class Guide:
         self._noticed = np.zeros(robots, np.bool_)
         self._time_left_s = np.full(robots, -np.inf)
         self._driven = self._blind = np.zeros((robots, 2), np.float32)
-        self._searched = np.zeros(robots, np.int64)
 
     def become(self, bodies: NDArray[np.void]) -> None:
         """Say what the robots are like: BODY_RECORD, shape (robots,)."""
@@ -79,22 +77,15 @@ class Guide:
         self._unseen_for[~self._noticed] = self._remembers + 1
         self._unseen_for = np.where(seen, 0, self._unseen_for + 1)
         lost = self._unseen_for > self._remembers
-        anew = another | (self._noticed & ~lost)
-        self._searched = np.where(anew, 0, self._searched + 1)
         aims = np.where(lost[:, None], np.nan, targets)
         actions = self._oracle.act(aims.astype(np.float64))
-        blind = self._search()
+        turn = np.full(len(targets), SEARCH_SPEED)
+        blind = self._oracle.commands(turn, -turn)
         actions[lost] = blind[lost]
         actions[np.isnan(targets[:, 0])] = np.nan
         self._driven, self._blind, self._noticed = actions, blind, self._noticed & ~lost
         at_full_speed = actions + 1 - actions.mean(axis=1, keepdims=True)
         return np.where(lost[:, None], actions, at_full_speed)
-
-    def _search(self) -> Actions:
-        """What every robot would do if it saw nothing, shape (robots, 2)."""
-        stands = (self._searched >= REVOLUTION) & ((self._searched - REVOLUTION) % 2 == 0)
-        turn = np.where(stands, 0.0, SEARCH_SPEED)
-        return self._oracle.commands(turn, -turn)
 
     def drove(self, actions: Actions) -> None:
         """Say what was done instead: wheels lag, so the next advice depends on it.
