@@ -72,7 +72,12 @@ def test_the_rough_lesson_shows_usual_robots_and_worse_ones() -> None:
     assert max(robot.camera_latency_ms for robot in robots) > usual.high.camera_latency_ms
     inside = [usual.low.left_gain <= min(robot.left_gain, robot.right_gain) for robot in robots]
     assert sum(inside) > 100
-    assert all(usual.low.fov_scale <= robot.fov_scale <= usual.high.fov_scale for robot in robots)
+    tilts_deg = [abs(robot.camera_pitch_deg) for robot in robots]
+    assert 10 < sum(tilt_deg > usual.high.camera_pitch_deg for tilt_deg in tilts_deg) < 60
+    assert max(tilts_deg) > 5
+    vignetting = [robot.vignetting for robot in robots]
+    assert usual.low.vignetting <= min(vignetting)
+    assert max(vignetting) <= usual.high.vignetting
 
 
 def test_a_rough_robot_changes_in_some_episodes_on_the_way_and_into_one_of_its_kind() -> None:

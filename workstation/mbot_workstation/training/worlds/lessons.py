@@ -141,6 +141,13 @@ _CRISP: Kind = (
     ("time_constant_scale", (60 / 90, 1.0)),
 )
 
+_BADLY_MOUNTED: Kind = (
+    ("camera_pitch_deg", (-6.0, 6.0)),
+    ("camera_yaw_deg", (-5.0, 5.0)),
+    ("camera_roll_deg", (-4.0, 4.0)),
+    ("fov_scale", (0.85, 1.15)),
+)
+
 ROUGH_LESSON = Lesson(
     "rough",
     2.50,
@@ -155,13 +162,14 @@ ROUGH_LESSON = Lesson(
         (("camera_latency_ms", (100.0, 400.0)),),
         (("friction_scale", (0.15, 0.4)),),
         (("exposure_gain", (0.45, 1.7)), ("exposure_ms", (10.0, 60.0))),
+        _BADLY_MOUNTED,
     ),
     changes=0.15,
 )
 """Robots worse than any unit measured, among usual ones: a weak motor, pictures as late as the
-paper's, a slippery floor, dim or glaring light and long exposures, or a bit of everything with slow
-wheels besides; and better ones, with hardly a lag or a dead band. For a policy that holds when a
-robot wears."""
+paper's, a slippery floor, dim or glaring light and long exposures, a camera that is not where it
+should be, or a bit of everything with slow wheels besides; and better ones, with hardly a lag or a
+dead band. For a policy that holds when a robot wears."""
 
 _BY_NAME = {lesson.name: lesson for lesson in (*LESSONS, BLUR_LESSON, ROUGH_LESSON)}
 
