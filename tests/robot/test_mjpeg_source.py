@@ -264,6 +264,32 @@ def test_nobody_sends_us_to_another_address(prefix: str) -> None:
     assert (asked == []) is (not prefix or ffmpeg_can_stay())
 
 
+def test_ffmpeg_goes_where_rtsp_sends_it() -> None:
+    """No option keeps it from that; deploy/config.toml and docs/security.md say so."""
+    asked: list[bytes] = []
+
+    def moved(connection: socket.socket, request: bytes) -> None:
+        while request:
+            number = re.search(rb"CSeq: \d+", request)
+            assert number is not None
+            status = b"200 OK" if request.startswith(b"OPTIONS") else b"302 Moved"
+            head = b"RTSP/1.0 " + status + b"\r\n" + number[0]
+            connection.sendall(head + f"\r\nLocation: {rtsp(elsewhere)}\r\n\r\n".encode())
+            request = connection.recv(4096)
+
+    def rtsp(address: str) -> str:
+        return address.replace("http:", "rtsp:")
+
+    with (
+        server(lambda _, request: asked.append(request)) as elsewhere,
+        server(moved) as url,
+        pytest.raises(CameraError),
+        frame_source(Camera(source=f"ffmpeg:{rtsp(url)}")),
+    ):
+        pass
+    assert asked
+
+
 @pytest.mark.parametrize("prefix", ["", "ffmpeg:"])
 def test_a_password_is_shown_to_the_camera_and_to_nobody_else(
     prefix: str, caplog: pytest.LogCaptureFixture
