@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 from mbot_workstation.simulation.fetch_task import Happening
+from mbot_workstation.simulation.pose import ORIGIN, Pose
 from mbot_workstation.training.worlds.fetch_world import FetchWorld
 
 HAPPENINGS = tuple(Happening)
@@ -15,7 +16,8 @@ def fetch_info(world: FetchWorld, happening: Happening = Happening.NOTHING) -> d
     Keys: `touches` of the episode; `time_left_s` for this object; `happening` of the last step, as
     text; `border`, whether that was border contact; `lesson`, its name; `target_ahead_m` and
     `target_left_m`, where the object is as seen from the robot, for oracles and plots;
-    `seen_left_rad`, in which direction the observation shows it, or would if it were in view.
+    `seen_left_rad`, in which direction the observation shows it, or would if it were in view; NaN
+    for one that is older than the object.
     """
     ahead_m, left_m = target_from_robot(world)
     return {
@@ -32,8 +34,17 @@ def fetch_info(world: FetchWorld, happening: Happening = Happening.NOTHING) -> d
 
 def target_from_robot(world: FetchWorld) -> tuple[float, float]:
     """How far ahead of the robot's axle and to its left the object is, in metres."""
-    target, robot = world.target, world.robot
-    dx, dy = target.x_m - robot.x_m, target.y_m - robot.y_m
+    return _from_robot(world, world.target)
+
+
+def middle_from_robot(world: FetchWorld) -> tuple[float, float]:
+    """The same of the arena's middle."""
+    return _from_robot(world, ORIGIN)
+
+
+def _from_robot(world: FetchWorld, place: Pose) -> tuple[float, float]:
+    robot = world.robot
+    dx, dy = place.x_m - robot.x_m, place.y_m - robot.y_m
     cos, sin = math.cos(robot.yaw_rad), math.sin(robot.yaw_rad)
     return cos * dx + sin * dy, cos * dy - sin * dx
 
@@ -41,7 +52,10 @@ def target_from_robot(world: FetchWorld) -> tuple[float, float]:
 def seen_left_rad(world: FetchWorld) -> float:
     """Where the object was from the camera when the observation was taken, left positive.
 
-    Pictures are old: in a turn this is not where the object is now.
+    Pictures are old: in a turn this is not where the object is now, and after a touch they may
+    still show the one that was touched; NaN then.
     """
+    if world.glimpse.time_s < world.object_since_s:
+        return math.nan
     ahead_m, left_m = world.simulation.object_from_robot(world.glimpse.state)
     return math.atan2(left_m, ahead_m - world.simulation.robot.camera_mount.ahead_m)

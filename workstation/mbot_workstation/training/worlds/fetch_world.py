@@ -154,6 +154,11 @@ class FetchWorld:
         return self._task.rules.time_limit_s - self._task.object_s
 
     @property
+    def object_since_s(self) -> float:
+        """When the object was put where it is, since the episode's start."""
+        return self._now_s - self._task.object_s - SLACK_S
+
+    @property
     def robot(self) -> Pose:
         """Where the robot is."""
         return self._pose
