@@ -3,8 +3,9 @@
     python benchmarks/memory.py models/red-cube.onnx --episodes 16 --panorama studio.jpg
 
 zeroed: the state is zeroed before every decision, the last action is told. blind: so is the last
-action. shuffled: before every decision each robot gets another one's state. A policy that only
-carries a memory along does as well without it.
+action. shuffled: before every decision each robot gets another one's state. frozen: from an
+episode's 20th decision on each gets the state of then. A policy that only carries a memory along
+does as well without it.
 """
 
 import argparse
@@ -13,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbot_workstation.training.drivers.contestants import Driver
 from mbot_workstation.training.drivers.onnx_policy import OnnxPolicy
@@ -21,6 +23,9 @@ from mbot_workstation.training.evaluation.provenance import provenance
 from mbot_workstation.training.worlds.lessons import lesson
 from mbot_workstation.training.worlds.rooms import evaluation_rooms
 from mbot_workstation.variation.presets import preset
+
+FROZEN_AFTER = 20
+"""Decisions, 8 s: as long as a policy has for its first object."""
 
 PRESETS = ("nominal", "handicap", "late", "slippery", "any-room")
 
@@ -37,11 +42,29 @@ def shuffled(policy: OnnxPolicy) -> None:
     policy.state[:] = np.roll(policy.state, 1, axis=1)
 
 
-TAKEN_AWAY: dict[str, Callable[[OnnxPolicy], None]] = {
-    "as it is": lambda _: None,
-    "zeroed": zeroed,
-    "blind": blind,
-    "shuffled": shuffled,
+class Frozen:
+    """Holds each robot's state once it has made so many decisions."""
+
+    def __init__(self) -> None:
+        self._decisions: NDArray[np.int64] = np.zeros(0, np.int64)
+        self._kept: NDArray[np.float32] = np.zeros(0, np.float32)
+
+    def __call__(self, policy: OnnxPolicy) -> None:
+        if self._kept.shape != policy.state.shape:
+            self._kept, self._decisions = policy.state.copy(), np.zeros(policy.state.shape[1], int)
+        begins = ~policy.state.any(axis=(0, 2))
+        self._decisions = np.where(begins, 0, self._decisions + 1)
+        held = self._decisions > FROZEN_AFTER
+        self._kept = np.where(held[:, None], self._kept, policy.state)
+        policy.state[:] = self._kept
+
+
+TAKEN_AWAY: dict[str, Callable[[], Callable[[OnnxPolicy], None]]] = {
+    "as it is": lambda: lambda _: None,
+    "zeroed": lambda: zeroed,
+    "blind": lambda: blind,
+    "shuffled": lambda: shuffled,
+    "frozen": Frozen,
 }
 
 
@@ -60,7 +83,8 @@ def main() -> None:
     for name in PRESETS:
         trial = Trial(lesson("10"), preset(name), rooms, options.episodes)
         found[name] = {}
-        for what, take_away in TAKEN_AWAY.items():
+        for what, make in TAKEN_AWAY.items():
+            take_away = make()
             policy = OnnxPolicy.load(options.policy)
             policy.act(np.zeros((robots_of(trial), 64, 64, 3), np.uint8))
             policy.forget()

@@ -59,7 +59,7 @@ def test_neighbouring_seeds_have_no_robot_in_common(monkeypatch: pytest.MonkeyPa
     first: list[int] = []
     monkeypatch.setattr(training_run, "FetchVecEnv", lambda **told: first.append(told["seed"]))
     for seed in range(4):
-        training_run._environment(replace(TINY, robots=16, seed=seed), stage=0, step=0)  # pyright: ignore[reportPrivateUsage]
+        training_run.environment_of(replace(TINY, robots=16, seed=seed))
     assert np.diff(first).tolist() == [16, 16, 16], "robots count up from it"
 
 

@@ -101,11 +101,15 @@ steps, in small batches. Finer filters than the paper's see more of the far obje
 
 
 def make_learner(
-    environment: VecEnv, settings: LearnerSettings, seed: int, device: str = "cpu"
+    environment: VecEnv,
+    settings: LearnerSettings,
+    seed: int,
+    device: str = "cpu",
+    policy: type[MemoryPolicy] = MemoryPolicy,
 ) -> PicturePPO:
     """An untrained learner; the seed settles its weights and its exploration."""
     learner = PicturePPO(
-        MemoryPolicy,
+        policy,
         environment,
         learning_rate=settings.learning_rate_at,
         n_steps=settings.steps_per_robot,

@@ -85,11 +85,11 @@ def train(
     start = read_state(checkpoints[-1]) if checkpoints else None
     step = start.step if start else 0
     _note_code(run, step)
-    environment = _environment(config, start.curriculum.index if start else 0, step)
+    environment = environment_of(config, start.curriculum.index if start else 0, step)
     writer = TensorBoardOutputFormat(str(run.tensorboard))
     try:
         learner = make_learner(environment, config.learner, config.seed, config.device)
-        learner.collection = Collection(environment, _guides(config), config.seed + step)
+        learner.collection = Collection(environment, guides_of(config), config.seed + step)
         if start:
             restore_learner(checkpoints[-1], learner, with_optimizer=True)
             start.random.restore()
@@ -116,7 +116,8 @@ def train(
         environment.close()
 
 
-def _environment(config: TrainingConfig, stage: int, step: int) -> FetchVecEnv:
+def environment_of(config: TrainingConfig, stage: int = 0, step: int = 0) -> FetchVecEnv:
+    """Where a run learns from this lesson and this decision on."""
     rooms = gather_rooms(config.photographs, config.made_up_rooms, TRAINING_ROOMS)
     return FetchVecEnv(
         robots=config.robots,
@@ -130,7 +131,8 @@ def _environment(config: TrainingConfig, stage: int, step: int) -> FetchVecEnv:
     )
 
 
-def _guides(config: TrainingConfig) -> Callable[[int], Guide] | None:
+def guides_of(config: TrainingConfig) -> Callable[[int], Guide] | None:
+    """Makes a run's guide for so many robots; None without one."""
     if config.learner.guided_decisions <= 0:
         return None
     remembers = GUIDE_REMEMBERS if config.learner.memory_units else 0
