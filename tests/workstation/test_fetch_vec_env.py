@@ -191,26 +191,6 @@ def test_a_killed_worker_is_named() -> None:
             environment.step(np.zeros((2, 2), np.float32))
 
 
-def test_drivers_are_told_where_the_middle_is() -> None:
-    with FetchVecEnv(1, 0, "ideal", "10", ROOMS, workers=1) as environment:
-        environment.reset()
-        row = np.arange(1)
-
-        def middle() -> complex:
-            (told,) = environment.sight(row).situations
-            return complex(told["middle_ahead_m"], told["middle_left_m"])
-
-        assert middle() == 0
-        for _ in range(4):
-            environment.step(np.ones((1, 2), np.float32))
-        behind = middle()
-        assert behind.real < -0.3
-        assert abs(behind.imag) < 0.02
-        environment.step(np.array([[0.3, -0.3]], np.float32))
-        assert abs(middle()) == pytest.approx(abs(behind), abs=0.05)
-        assert middle().imag < -0.1, "turned to the right: what was behind is now on its right side"
-
-
 def test_a_picture_of_the_object_before_says_nothing_of_the_next_one() -> None:
     """Pictures are 300 ms old: until then after a touch they show what was touched."""
     age_s = 0.3

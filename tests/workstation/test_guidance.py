@@ -36,14 +36,12 @@ def situation(
     left_m: float,
     seen_left_rad: float | None = None,
     time_left_s: float = 50,
-    middle_left_m: float = 0.0,
 ) -> np.ndarray:
     if seen_left_rad is None:  # a robot that stands: it sees where the object is
         seen_left_rad = math.atan2(left_m, ahead_m - 0.06)
     record = np.zeros(1, STEP_RECORD)
     record["target_ahead_m"], record["target_left_m"] = ahead_m, left_m
     record["seen_left_rad"], record["time_left_s"] = seen_left_rad, time_left_s
-    record["middle_left_m"] = middle_left_m
     return record
 
 
@@ -64,32 +62,11 @@ def test_a_turn_is_asked_for_on_top_of_full_speed() -> None:
         assert right - left == pytest.approx(asked[0, 1] - asked[0, 0], abs=1e-6)
 
 
-def test_what_the_camera_cannot_see_is_searched_by_turning() -> None:
+def test_what_the_camera_cannot_see_is_searched_clockwise() -> None:
     assert SEARCH[0] == pytest.approx(-SEARCH[1])
     assert SEARCH[0] > 0.2
     for ahead_m, left_m in ((-1.0, 0.1), (0.5, 1.0), (0.5, -1.0), (0.1, 0.5)):
         np.testing.assert_allclose(advice(ahead_m, left_m), SEARCH)
-
-
-def test_a_search_begins_towards_the_middle_and_goes_on_as_it_began() -> None:
-    guide = Guide(1, NOMINAL)
-    first = guide.act(situation(-1.0, 0.1, middle_left_m=1.0))
-    np.testing.assert_allclose(first[0], SEARCH[::-1])
-    guide.drove(first)
-    on_the_other_side = situation(-1.0, 0.1, middle_left_m=-1.0)
-    np.testing.assert_allclose(guide.act(on_the_other_side)[0], SEARCH[::-1])
-    guide.drove(SEARCH[None])
-    np.testing.assert_allclose(guide.act(situation(-1.0, 0.1, middle_left_m=1.0))[0], SEARCH)
-    next_one = situation(-1.0, 0.1, time_left_s=66, middle_left_m=1.0)
-    np.testing.assert_allclose(guide.act(next_one)[0], SEARCH[::-1])
-
-
-def test_who_drives_on_instead_of_searching_is_to_begin() -> None:
-    guide = Guide(1, NOMINAL)
-    for middle_left_m, turn in ((1.0, SEARCH[::-1]), (-1.0, SEARCH)):
-        asked = guide.act(situation(-1.0, 0.1, middle_left_m=middle_left_m))[0]
-        np.testing.assert_allclose(asked, turn)
-        guide.drove(np.array([[0.9, 0.8]], np.float32))
 
 
 def test_to_a_picture_of_the_object_before_there_is_no_advice() -> None:
@@ -97,8 +74,7 @@ def test_to_a_picture_of_the_object_before_there_is_no_advice() -> None:
     guide.drove(told(guide.act(situation(0.2, 0.0, time_left_s=50))))
     assert np.isnan(guide.act(situation(-1.0, 0.5, math.nan, time_left_s=66))).all()
     guide.drove(np.array([[0.9, 1.0]], np.float32))
-    asked = guide.act(situation(-1.0, 0.5, time_left_s=65, middle_left_m=1.0))
-    np.testing.assert_allclose(asked[0], SEARCH[::-1], err_msg="its search begins")
+    np.testing.assert_allclose(guide.act(situation(-1.0, 0.5, time_left_s=65))[0], SEARCH)
 
 
 def test_what_it_sees_is_driven_at() -> None:

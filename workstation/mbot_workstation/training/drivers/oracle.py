@@ -89,11 +89,6 @@ class Oracle:
         turns = [self._speed(actions[:, side], gain) for side, gain in enumerate(self._gains)]
         self._last_turn = turns[1] - turns[0]
 
-    @property
-    def last_turn(self) -> NDArray[np.float64]:
-        """Right wheel's speed minus the left one's in the last decision, shape (robots,)."""
-        return self._last_turn
-
     def commands(self, left: NDArray[np.float64], right: NDArray[np.float64]) -> Actions:
         """The actions that give the wheels these speeds, shape (robots, 2)."""
         sides = zip((left, right), self._gains, strict=True)

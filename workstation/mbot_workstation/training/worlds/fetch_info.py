@@ -4,7 +4,6 @@ import math
 from typing import Any
 
 from mbot_workstation.simulation.fetch_task import Happening
-from mbot_workstation.simulation.pose import ORIGIN, Pose
 from mbot_workstation.training.worlds.fetch_world import FetchWorld
 
 HAPPENINGS = tuple(Happening)
@@ -34,17 +33,8 @@ def fetch_info(world: FetchWorld, happening: Happening = Happening.NOTHING) -> d
 
 def target_from_robot(world: FetchWorld) -> tuple[float, float]:
     """How far ahead of the robot's axle and to its left the object is, in metres."""
-    return _from_robot(world, world.target)
-
-
-def middle_from_robot(world: FetchWorld) -> tuple[float, float]:
-    """The same of the arena's middle."""
-    return _from_robot(world, ORIGIN)
-
-
-def _from_robot(world: FetchWorld, place: Pose) -> tuple[float, float]:
-    robot = world.robot
-    dx, dy = place.x_m - robot.x_m, place.y_m - robot.y_m
+    target, robot = world.target, world.robot
+    dx, dy = target.x_m - robot.x_m, target.y_m - robot.y_m
     cos, sin = math.cos(robot.yaw_rad), math.sin(robot.yaw_rad)
     return cos * dx + sin * dy, cos * dy - sin * dx
 

@@ -12,7 +12,6 @@ import numpy as np
 from mbot_workstation.simulation.fetch_task import Happening
 from mbot_workstation.training.worlds.fetch_info import (
     HAPPENINGS,
-    middle_from_robot,
     seen_left_rad,
     target_from_robot,
 )
@@ -182,5 +181,4 @@ class _Share:
             *target_from_robot(world),
             seen_left_rad(world),
             self._episode_lesson[index],
-            *middle_from_robot(world),
         )

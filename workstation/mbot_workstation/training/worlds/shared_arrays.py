@@ -25,12 +25,10 @@ STEP_RECORD = np.dtype(
         ("target_left_m", np.float32),
         ("seen_left_rad", np.float32),
         ("lesson", np.int32),
-        ("middle_ahead_m", np.float32),
-        ("middle_left_m", np.float32),
     ]
 )
 """What a step of one robot brought: `Outcome` and `fetch_info`, the enumeration and the lesson by
-number; and where the arena's middle is, as the target is told."""
+number."""
 
 
 @dataclass(frozen=True, slots=True)
