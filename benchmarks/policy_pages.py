@@ -37,9 +37,9 @@ STUDIES = {
     "tolerance": (),
 }
 ANSWERS: dict[str, Sequence[str]] = {
+    "many": (*EVALUATE, "--preset=randomised", "--episodes=300", "--seed=1", "--json"),
     "nominal": (*EVALUATE, "oracle", "random", "--episodes", "100", "--json"),
     "varied": (*EVALUATE, "--preset=randomised", "--preset=any-room", "--episodes=100", "--json"),
-    "many": (*EVALUATE, "--preset=randomised", "--episodes=300", "--seed=1", "--json"),
     "presets": (*EVALUATE, "--preset", "all", "--episodes", "16", "--json"),
     "memory": (sys.executable, "benchmarks/memory.py", POLICY, "--json"),
     "adaptation": (
