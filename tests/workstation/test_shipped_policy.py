@@ -36,9 +36,8 @@ def test_it_is_no_worse_than_the_paper() -> None:
     assert score(evaluate(SHIPPED, trial)).reward.mean >= 19.8
 
 
-def test_the_one_for_late_pictures_bears_the_papers_latency() -> None:
-    """400 ms, of which models/README.md says 19.71 (24 episodes)."""
+def test_it_bears_pictures_as_late_as_the_papers() -> None:
+    """400 ms, of which docs/results/latency.md says 19.83 (50 episodes)."""
     (late,) = [one for one in study_plan("latency").conditions if one.label == "400 ms"]
     trial = Trial(lesson("10"), late.effects, evaluation_rooms([]), episodes=16)
-    policy = str(CHECKOUT / "models" / "red-cube-late.onnx")
-    assert score(evaluate(policy, trial)).reward.mean >= 19.5
+    assert score(evaluate(SHIPPED, trial)).reward.mean >= 19.5
