@@ -3,9 +3,9 @@
     python benchmarks/memory.py models/red-cube.onnx --episodes 16 --panorama studio.jpg
 
 zeroed: the state is zeroed before every decision, the last action is told. blind: so is the last
-action. shuffled: before every decision each robot gets another one's state. frozen: from an
-episode's 20th decision on each gets the state of then. A policy that only carries a memory along
-does as well without it.
+action. shuffled: before every decision each robot gets another one's state. frozen: the
+state is held as it was after an episode's first 20 decisions. A policy that only carries a memory
+along does as well without it.
 """
 
 import argparse
@@ -25,7 +25,7 @@ from mbot_workstation.training.worlds.rooms import evaluation_rooms
 from mbot_workstation.variation.presets import preset
 
 FROZEN_AFTER = 20
-"""Decisions, 8 s: as long as a policy has for its first object."""
+"""Decisions, 8 s: what the paper's policy takes for an object."""
 
 PRESETS = ("nominal", "handicap", "late", "slippery", "any-room")
 
@@ -43,7 +43,7 @@ def shuffled(policy: OnnxPolicy) -> None:
 
 
 class Frozen:
-    """Holds each robot's state once it has made so many decisions."""
+    """Holds each robot's state once it has made so many decisions; a state of zeros begins anew."""
 
     def __init__(self) -> None:
         self._decisions: NDArray[np.int64] = np.zeros(0, np.int64)
@@ -59,12 +59,12 @@ class Frozen:
         policy.state[:] = self._kept
 
 
-TAKEN_AWAY: dict[str, Callable[[], Callable[[OnnxPolicy], None]]] = {
-    "as it is": lambda: lambda _: None,
-    "zeroed": lambda: zeroed,
-    "blind": lambda: blind,
-    "shuffled": lambda: shuffled,
-    "frozen": Frozen,
+TAKEN_AWAY: dict[str, Callable[[OnnxPolicy], None]] = {
+    "as it is": lambda _: None,
+    "zeroed": zeroed,
+    "blind": blind,
+    "shuffled": shuffled,
+    "frozen": Frozen(),
 }
 
 
@@ -83,8 +83,7 @@ def main() -> None:
     for name in PRESETS:
         trial = Trial(lesson("10"), preset(name), rooms, options.episodes)
         found[name] = {}
-        for what, make in TAKEN_AWAY.items():
-            take_away = make()
+        for what, take_away in TAKEN_AWAY.items():
             policy = OnnxPolicy.load(options.policy)
             policy.act(np.zeros((robots_of(trial), 64, 64, 3), np.uint8))
             policy.forget()

@@ -1,6 +1,6 @@
 """What a learned memory is worth against stacking: a policy that is shown its last four decisions.
 
-    python benchmarks/stacking.py runs/first --decisions 450560      # 20 minutes on 2 cores
+    python benchmarks/stacking.py runs/first --decisions 450560
 
 Trained as that run was, by its configuration and schedule, until so many decisions; but where the
 run's policy has a GRU, this one has what the network makes of the last four pictures and the
@@ -51,23 +51,14 @@ class StackingPolicy(MemoryPolicy):
         """Numbers a robot remembers: features and the action before them, newest first."""
         return WINDOW * DECISION
 
-    def unroll(
-        self,
-        pictures: torch.Tensor,
-        previous_actions: torch.Tensor,
-        forgot: torch.Tensor,
-        state: torch.Tensor,
-        short: bool = False,
+    def _recall_all(
+        self, met: torch.Tensor, forgot: torch.Tensor, state: torch.Tensor
     ) -> torch.Tensor:
-        """What the policy knows in every decision, as `MemoryPolicy.unroll`."""
-        with torch.autocast(pictures.device.type, torch.bfloat16, enabled=short):
-            features = self._features(pictures.flatten(0, 1)).float()
-        decisions = torch.cat([features, previous_actions.flatten(0, 1)], dim=1)
         states: list[torch.Tensor] = []
-        for decision, begins in zip(decisions.unflatten(0, forgot.shape), forgot, strict=True):
+        for decision, begins in zip(met, forgot, strict=True):
             state = _shifted(state * (1.0 - begins).unsqueeze(1), decision)
             states.append(state)
-        return torch.cat([features, torch.tanh(self.stacked(torch.cat(states)))], dim=1)
+        return torch.tanh(self.stacked(torch.cat(states)))
 
     def _recall(self, before: Before) -> tuple[torch.Tensor, torch.Tensor]:
         features = self._features(before.pictures)

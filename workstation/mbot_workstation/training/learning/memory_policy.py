@@ -189,25 +189,37 @@ class MemoryPolicy(ActorCriticPolicy):
         length, n = forgot.shape
         with torch.autocast(pictures.device.type, torch.bfloat16, enabled=short):
             features = self._features(pictures.flatten(0, 1)).float()
-        if self.memory is None:
+        if not self._units:
             return features
-        inputs = torch.cat([features, previous_actions.flatten(0, 1)], dim=1).unflatten(
-            0, (length, n)
-        )
+        met = torch.cat([features, previous_actions.flatten(0, 1)], dim=1)
+        recalled = self._recall_all(met.unflatten(0, (length, n)), forgot, state)
+        return torch.cat([features, recalled], dim=1)
+
+    def _recall_all(
+        self, met: torch.Tensor, forgot: torch.Tensor, state: torch.Tensor
+    ) -> torch.Tensor:
+        """What is recalled in every decision of some sequences, shape (length * n, units).
+
+        Args:
+            met: features and the action before, shape (length, n, features + 2).
+            forgot, state: as for `unroll`.
+
+        """
         cell = self.memory
+        assert cell is not None
         weights = (cell.weight_ih, cell.weight_hh, cell.bias_ih, cell.bias_hh)
         # From one forgetting to the next in one call: a call a decision costs as much as all the
         # convolutions, and holds Python's lock, which the other thread waits for (measured).
         cuts = torch.nonzero(forgot.any(dim=1)).flatten().tolist()
         states: list[torch.Tensor] = []
-        for begin, end in itertools.pairwise(sorted({0, *cuts, length})):
+        for begin, end in itertools.pairwise(sorted({0, *cuts, len(met)})):
             state = state * (1.0 - forgot[begin]).unsqueeze(1)
             seen, state = torch.gru(
-                inputs[begin:end], state[None], weights, True, 1, 0.0, True, False, False
+                met[begin:end], state[None], weights, True, 1, 0.0, True, False, False
             )
             state = state[0]
             states.append(seen)
-        return torch.cat([features, torch.cat(states).flatten(0, 1)], dim=1)
+        return torch.cat(states).flatten(0, 1)
 
     def value_of(self, known: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
         """Values, shape (n,), of what is known, shape (n, features + units), and the truth."""

@@ -42,10 +42,10 @@ def target_from_robot(world: FetchWorld) -> tuple[float, float]:
 def seen_left_rad(world: FetchWorld) -> float:
     """Where the object was from the camera when the observation was taken, left positive.
 
-    Pictures are old: in a turn this is not where the object is now, and after a touch they may
-    still show the one that was touched; NaN then.
+    Pictures are old: in a turn this is not where the object is now. NaN while they still show the
+    one that was touched.
     """
-    if world.glimpse.time_s < world.object_since_s:
+    if not world.glimpse_shows_target:
         return math.nan
     ahead_m, left_m = world.simulation.object_from_robot(world.glimpse.state)
     return math.atan2(left_m, ahead_m - world.simulation.robot.camera_mount.ahead_m)

@@ -154,9 +154,12 @@ class FetchWorld:
         return self._task.rules.time_limit_s - self._task.object_s
 
     @property
-    def object_since_s(self) -> float:
-        """When the object was put where it is, since the episode's start."""
-        return self._now_s - self._task.object_s - SLACK_S
+    def glimpse_shows_target(self) -> bool:
+        """Whether the object was there already when the camera looked.
+
+        Pictures are old: after a touch they may still show the object that was touched.
+        """
+        return self.glimpse.time_s > self._now_s - self._task.object_s - SLACK_S
 
     @property
     def robot(self) -> Pose:
