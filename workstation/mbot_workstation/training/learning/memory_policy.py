@@ -188,7 +188,7 @@ class MemoryPolicy(ActorCriticPolicy):
         """
         length, n = forgot.shape
         with torch.autocast(pictures.device.type, torch.bfloat16, enabled=short):
-            features = self._features(pictures.flatten(0, 1)).float()
+            features = self._features(pictures.flatten(0, 1), short).float()
         if not self._units:
             return features
         met = torch.cat([features, previous_actions.flatten(0, 1)], dim=1)
@@ -233,8 +233,8 @@ class MemoryPolicy(ActorCriticPolicy):
         state = self.memory(torch.cat([features, before.previous_actions], dim=1), before.state)
         return torch.cat([features, state], dim=1), state
 
-    def _features(self, pictures: torch.Tensor) -> torch.Tensor:
-        return self.features_extractor(pictures.float())
+    def _features(self, pictures: torch.Tensor, short: bool = False) -> torch.Tensor:
+        return self.features_extractor(pictures.to(torch.bfloat16 if short else torch.float32))
 
     def _build(self, lr_schedule: Any) -> None:
         super()._build(lr_schedule)

@@ -83,6 +83,11 @@ class PictureNetwork(BaseFeaturesExtractor):
         hidden = _leaky(self.second(hidden))
         if self.third is not None:
             hidden = hidden + _leaky(self.third(hidden))
+        if hidden.requires_grad:
+            # Convolutions keep their results as pictures are kept, channels last; what comes back
+            # through `flatten` is not. Every layer would go through two orders at once: a fifth of
+            # an update's time (measured).
+            hidden.register_hook(_channels_last)
         features = _leaky(self.dense(hidden.flatten(1)))
         if self.mixing is not None:
             features = features + _leaky(self.mixing(features))
@@ -101,6 +106,10 @@ class PictureNetwork(BaseFeaturesExtractor):
 
 def _leaky(hidden: torch.Tensor) -> torch.Tensor:
     return functional.leaky_relu(hidden, LEAKY_SLOPE)
+
+
+def _channels_last(gradient: torch.Tensor) -> torch.Tensor:
+    return gradient.contiguous(memory_format=torch.channels_last)
 
 
 def first_stride(filter_px: int) -> int:

@@ -179,6 +179,8 @@ class PicturePPO(PPO):
         """One step of the optimiser by the sum of several parts' gradients over all samples."""
         parameters = list(self.policy.parameters())
         for parameter, *parts in zip(parameters, *gradients, strict=True):
+            # Stacked in the parameter's order of memory: some come with channels last, and the
+            # fused optimiser takes numbers as they lie.
             parameter.grad = torch.stack(parts).sum(0) / samples
         torch.nn.utils.clip_grad_norm_(parameters, self.max_grad_norm)
         self.policy.optimizer.step()
