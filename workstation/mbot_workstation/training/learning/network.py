@@ -85,8 +85,8 @@ class PictureNetwork(BaseFeaturesExtractor):
             hidden = hidden + _leaky(self.third(hidden))
         if hidden.requires_grad:
             # Convolutions keep their results as pictures are kept, channels last; what comes back
-            # through `flatten` is not. Every layer would go through two orders at once: a fifth of
-            # an update's time (measured).
+            # through `flatten` is not, and every layer would go through two orders at once
+            # (docs/results/training.md has what that costs).
             hidden.register_hook(_channels_last)
         features = _leaky(self.dense(hidden.flatten(1)))
         if self.mixing is not None:
