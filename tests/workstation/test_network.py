@@ -76,3 +76,40 @@ def test_every_weight_learns(network: PictureNetwork) -> None:
     for name, parameter in network.named_parameters():
         assert parameter.grad is not None, name
         assert bool(parameter.grad.abs().sum() > 0), name
+
+
+@pytest.mark.parametrize("deeper", [False, True])
+def test_gradients_are_those_of_the_outputs(deeper: bool) -> None:
+    """By differences, in float64."""
+    torch.manual_seed(3)
+    network = PictureNetwork(SPACE, deeper=deeper).double()
+    batch, heed = pictures(4).double(), torch.randn(4, 256).double()
+    (network(batch) * heed).sum().backward()
+    with torch.no_grad():
+        for weight in (network.first.weight, network.second.weight):
+            assert weight.grad is not None
+            way = 1e-6 * torch.randn_like(weight)
+            weight.add_(way)
+            ahead = (network(batch) * heed).sum()
+            weight.sub_(2 * way)
+            behind = (network(batch) * heed).sum()
+            weight.add_(way)
+            expected = float((weight.grad * way).sum())
+            assert float(ahead - behind) / 2 == pytest.approx(expected, rel=1e-3)
+
+
+def test_gradients_come_back_in_the_order_of_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    orders: list[bool] = []
+    leaky_relu = nn.functional.leaky_relu
+
+    def watched(hidden: torch.Tensor, slope: float) -> torch.Tensor:
+        result = leaky_relu(hidden, slope)
+        if result.ndim == 4:
+            result.register_hook(
+                lambda found: orders.append(found.is_contiguous(memory_format=torch.channels_last))
+            )
+        return result
+
+    monkeypatch.setattr(nn.functional, "leaky_relu", watched)
+    PictureNetwork(SPACE, deeper=True)(pictures(4)).sum().backward()
+    assert orders == [True] * 3
