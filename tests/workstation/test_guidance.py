@@ -304,3 +304,18 @@ def test_rehearsing_moves_the_wheels_and_the_memory() -> None:
     assert not torch.equal(before["action_net.bias"], after["action_net.bias"])
     assert not torch.equal(before["memory.bias_hh"], after["memory.bias_hh"])
     assert "_memory" in learner._excluded_save_params()  # pyright: ignore[reportPrivateUsage]
+
+
+@pytest.mark.slow
+def test_fewer_epochs_while_the_guide_counts_for_more_than_half() -> None:
+    settings = LearnerSettings(
+        steps_per_robot=16, batch=16, epochs=3, guided_decisions=64, guided_epochs=1
+    )
+    with FetchVecEnv(robots=1, seed=1, preset="ideal", lesson="4", workers=1) as environment:
+        learner = make_learner(environment, settings, seed=0)
+        learner.collection = Collection(environment, lambda robots: Guide(robots, preset("ideal")))
+        learner.learn(16)  # its weight is 3/4
+        updates = [learner._n_updates]  # pyright: ignore[reportPrivateUsage]
+        learner.learn(16, reset_num_timesteps=False)  # 1/2
+        updates.append(learner._n_updates)  # pyright: ignore[reportPrivateUsage]
+    assert updates == [1, 1 + 3]

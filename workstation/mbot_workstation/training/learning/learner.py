@@ -41,6 +41,8 @@ class LearnerSettings:
             costs reward, and had 0.05 left after 1.5 million decisions, too little to find
             anything out (measured).
         guided_decisions: for how long a guide's advice counts; 0 is PPO alone, as in the paper.
+        guided_epochs: in place of `epochs` while the guide's advice counts for more than half,
+            which rehearsals teach besides; None is as many.
         rehearsals: batches of remembered advice learned from in every update meanwhile.
         rehearsal_batch: decisions of each.
         memory_units: numbers that the policy remembers from decision to decision; 0 is the
@@ -64,6 +66,7 @@ class LearnerSettings:
     noise: float = INITIAL_NOISE
     final_noise: float = 0.1
     guided_decisions: int = 0
+    guided_epochs: int | None = None
     rehearsals: int = 0
     rehearsal_batch: int = 512
     memory_units: int = MEMORY_UNITS
@@ -95,7 +98,9 @@ FINE_TUNING = LearnerSettings(
 an episode: with 2,048 decisions an update and batches of 256 PPO made such a policy worse, with
 8,192 and 1,024 better (measured)."""
 
-GUIDED = replace(FINE_TUNING, learning_rate=5e-4, rehearsals=128, first_filter_px=6)
+GUIDED = replace(
+    FINE_TUNING, learning_rate=5e-4, guided_epochs=2, rehearsals=128, first_filter_px=6
+)
 """The guide soon makes a trained policy of it; its advice is no matter of luck and bears larger
 steps, in small batches. Finer filters than the paper's see more of the far objects (network.py)."""
 
@@ -131,6 +136,7 @@ def make_learner(
     learner.reward_scale = settings.reward_scale
     learner.noise_at = settings.noise_at
     learner.guided_decisions = settings.guided_decisions
+    learner.guided_epochs = settings.guided_epochs or settings.epochs
     learner.rehearsals = settings.rehearsals
     learner.rehearsal_batch = settings.rehearsal_batch
     return learner

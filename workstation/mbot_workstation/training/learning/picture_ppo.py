@@ -63,6 +63,7 @@ class PicturePPO(PPO):
         noise_at: the exploration noise when this share of the planned decisions remains; None
             lets PPO learn it, as stable-baselines3 does.
         guided_decisions: for how many decisions a guide's advice counts, falling linearly.
+        guided_epochs: in place of `n_epochs` while it counts for more than half.
         rehearsals: batches of remembered advice that every update learns from besides.
         rehearsal_batch: decisions of each.
 
@@ -73,6 +74,7 @@ class PicturePPO(PPO):
     reward_scale = 1.0
     noise_at: Callable[[float], float] | None = None
     guided_decisions = 0
+    guided_epochs = 1
     rehearsals = 0
     rehearsal_batch = 256
 
@@ -98,15 +100,17 @@ class PicturePPO(PPO):
         """Learn from the rollout, as PPO.train; the losses go to the logger."""
         self.policy.set_training_mode(True)
         self._update_learning_rate(self.policy.optimizer)
+        guided = guide_weight(self.num_timesteps, self.guided_decisions)
+        epochs = self.guided_epochs if guided > 0.5 else self.n_epochs
         parts: list[_Part] = []
         with ThreadPoolExecutor(self.update_threads) as threads:
-            for _ in range(self.n_epochs):
+            for _ in range(epochs):
                 for batch in self.rollout_buffer.sequences(self.batch_size):
                     parts += self._step(threads, batch)
                 self._n_updates += 1
-            if guide_weight(self.num_timesteps, self.guided_decisions) > 0 and self.rehearsals:
+            if guided > 0 and self.rehearsals:
                 self._rehearse(threads)
-        self._log(parts)
+        self._log(parts, epochs)
 
     def _setup_learn(self, *args: Any, **options: Any) -> tuple[int, BaseCallback]:
         begun = super()._setup_learn(*args, **options)
@@ -220,8 +224,8 @@ class PicturePPO(PPO):
                 clipped=(torch.abs(ratio - 1) > reach).float().sum(),
             )
 
-    def _log(self, parts: list[_Part]) -> None:
-        samples = self.n_epochs * self.rollout_buffer.buffer_size * self.n_envs
+    def _log(self, parts: list[_Part], epochs: int) -> None:
+        samples = epochs * self.rollout_buffer.buffer_size * self.n_envs
         for name in ("policy_loss", "value_loss", "divergence", "clipped"):
             total = torch.stack([getattr(part, name) for part in parts]).sum()
             self.logger.record(f"train/{name}", float(total) / samples)
