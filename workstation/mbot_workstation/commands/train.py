@@ -142,6 +142,7 @@ def train(options: TrainOptions) -> None:
     Examples:
 
     - `workstation train --name first`
+    - `workstation train --name quick --lesson 10 --steps 409600`
     - `workstation train --panorama kitchen.jpg --panorama hall.jpg --seed 3`
     - `workstation train --calibration calibration/mbot-1`
     - `workstation train --object models/objects/green-ball.toml --from models/red-cube-run`
