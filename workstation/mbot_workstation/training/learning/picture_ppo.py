@@ -63,7 +63,7 @@ class PicturePPO(PPO):
         noise_at: the exploration noise when this share of the planned decisions remains; None
             lets PPO learn it, as stable-baselines3 does.
         guided_decisions: for how many decisions a guide's advice counts, falling linearly.
-        guided_epochs: in place of `n_epochs` while it counts for more than half.
+        guided_epochs: in place of `n_epochs` while it counts for more than half; None is as many.
         rehearsals: batches of remembered advice that every update learns from besides.
         rehearsal_batch: decisions of each.
 
@@ -74,7 +74,7 @@ class PicturePPO(PPO):
     reward_scale = 1.0
     noise_at: Callable[[float], float] | None = None
     guided_decisions = 0
-    guided_epochs = 1
+    guided_epochs: int | None = None
     rehearsals = 0
     rehearsal_batch = 256
 
@@ -101,7 +101,9 @@ class PicturePPO(PPO):
         self.policy.set_training_mode(True)
         self._update_learning_rate(self.policy.optimizer)
         guided = guide_weight(self.num_timesteps, self.guided_decisions)
-        epochs = self.guided_epochs if guided > 0.5 else self.n_epochs
+        epochs = self.n_epochs
+        if guided > 0.5 and self.guided_epochs is not None:
+            epochs = self.guided_epochs
         parts: list[_Part] = []
         with ThreadPoolExecutor(self.update_threads) as threads:
             for _ in range(epochs):
