@@ -9,7 +9,7 @@ from mbot_workstation.simulation.pose import ORIGIN
 from mbot_workstation.training.worlds.lessons import (
     BLUR_LESSON,
     LESSONS,
-    PASS_EPISODES,
+    PAPER_MARK,
     ROUGH_LESSON,
     lesson,
     named,
@@ -38,14 +38,14 @@ def test_the_first_object_is_close_and_in_view() -> None:
 @pytest.mark.parametrize("stage", LESSONS, ids=lambda stage: stage.name)
 def test_passing_takes_420_episodes_at_nine_tenths_of_the_largest_reward(stage) -> None:
     enough = 0.9 * stage.largest_reward + 1e-9
-    assert passed(stage, [enough] * PASS_EPISODES)
-    assert not passed(stage, [enough] * (PASS_EPISODES - 1))
-    assert not passed(stage, [enough - 0.01] * PASS_EPISODES)
-    assert passed(stage, [-1.0] * 500 + [enough] * PASS_EPISODES), "only the last ones count"
+    assert passed(stage, [enough] * PAPER_MARK.episodes)
+    assert not passed(stage, [enough] * (PAPER_MARK.episodes - 1))
+    assert not passed(stage, [enough - 0.01] * PAPER_MARK.episodes)
+    assert passed(stage, [-1.0] * 500 + [enough] * PAPER_MARK.episodes), "only the last ones count"
 
 
 def test_one_object_of_ten_does_not_pass() -> None:
-    assert not passed(LESSONS[8], [1.9] * PASS_EPISODES)
+    assert not passed(LESSONS[8], [1.9] * PAPER_MARK.episodes)
 
 
 def test_the_blur_lesson_is_the_last_one_with_an_exposure_time() -> None:

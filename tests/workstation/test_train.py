@@ -39,6 +39,7 @@ from mbot_workstation.training.learning.run_directory import RunDirectory
 from mbot_workstation.training.learning.training_config import TrainingConfig, read_config
 from mbot_workstation.training.learning.training_run import TrainingResult, begin_run, train
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.training.worlds.lessons import GUIDED_MARK, PAPER_MARK
 
 from ..until import until
 
@@ -341,7 +342,8 @@ def configured(**given: Any) -> TrainingConfig:
 
 def test_without_options_a_policy_with_memory_learns_from_a_guide_on_any_robot() -> None:
     config = configured()
-    assert config.lessons == ("rough",)
+    assert config.lessons == ("10", "rough")
+    assert config.pass_mark == GUIDED_MARK
     assert config.steps == command.STEPS
     assert config.learner.guided_decisions == command.GUIDED_DECISIONS
     assert config.learner.memory_units == command.MEMORY_UNITS == MEMORY_UNITS
@@ -351,6 +353,7 @@ def test_the_papers_way_is_ten_lessons_without_guide_or_memory() -> None:
     config = configured(guide=0, memory=0)
     assert config.lessons == tuple(str(number) for number in range(1, 11))
     assert config.learner == LearnerSettings(memory_units=0)
+    assert config.pass_mark == PAPER_MARK
     with pytest.raises(ConfigurationError, match="add --from RUN"):
         configured(guide=0, lesson=["rough"])
 
@@ -377,6 +380,7 @@ def test_for_another_colour_the_parents_first_layer_is_turned(
     told = configured(parent=finished.path, object=file, memory=0)
     assert told.hue_turn_deg == pytest.approx(131, abs=1)
     assert told.steps == command.NEW_OBJECT_STEPS
+    assert told.lessons == ("rough",)
     assert told.learner.guided_decisions == command.NEW_OBJECT_GUIDED
     assert told.learner.first_filter_px == 8  # as the parent's, not as the guide's pupils have it
     config = replace(TINY, parent=told.parent, hue_turn_deg=told.hue_turn_deg)

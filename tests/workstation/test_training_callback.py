@@ -1,6 +1,7 @@
 """When lessons are passed on, when a run ends, and what is saved of it."""
 
 import threading
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -14,7 +15,7 @@ from mbot_workstation.training.learning.progress_log import read_progress
 from mbot_workstation.training.learning.run_directory import RunDirectory
 from mbot_workstation.training.learning.training_callback import TrainingCallback
 from mbot_workstation.training.learning.training_config import TrainingConfig
-from mbot_workstation.training.worlds.lessons import PASS_EPISODES, Lesson
+from mbot_workstation.training.worlds.lessons import PAPER_MARK, Lesson, PassMark
 
 CONFIG = TrainingConfig(
     steps=1000, lessons=("1", "2"), target_reward=2.0, checkpoint_every=64, row_every=100
@@ -25,13 +26,15 @@ GOOD, BAD = 3.0, -1.0
 class Learning:
     """SB3's side of a run: calls the callback, and has nothing to save but a file's name."""
 
-    def __init__(self, path: Path, start: CheckpointState | None = None) -> None:
+    def __init__(
+        self, path: Path, start: CheckpointState | None = None, config: TrainingConfig = CONFIG
+    ) -> None:
         self.run = RunDirectory(path)
         self.lessons: list[str] = []
         self.stop = threading.Event()
         path.mkdir(exist_ok=True)
         self.callback = TrainingCallback(
-            self.run, CONFIG, cast(Any, self), LineDisplay(), self.stop, start
+            self.run, config, cast(Any, self), LineDisplay(), self.stop, start
         )
         self.saved: list[int] = []
         self._model = SimpleNamespace(
@@ -68,19 +71,27 @@ def learning(tmp_path: Path) -> Learning:
 
 def in_last_lesson(learning: Learning) -> None:
     """With a progress row behind it, the one in which the lesson began."""
-    assert learning.decide(100, *[GOOD] * PASS_EPISODES)
+    assert learning.decide(100, *[GOOD] * PAPER_MARK.episodes)
     assert learning.callback.lesson == "2"
 
 
 def test_the_robots_get_the_next_lesson_when_enough_episodes_were_good(learning: Learning) -> None:
-    assert learning.decide(10, *[GOOD] * (PASS_EPISODES - 1))
+    assert learning.decide(10, *[GOOD] * (PAPER_MARK.episodes - 1))
     assert learning.decide(11, GOOD, lesson="2")  # another lesson's counts for none
     assert learning.lessons == []
     assert learning.decide(12, GOOD)
     assert learning.lessons == ["2"]
-    assert learning.decide(13, *[GOOD] * PASS_EPISODES)  # begun before the change
-    assert learning.decide(14, *[GOOD] * PASS_EPISODES, lesson="2")
+    assert learning.decide(13, *[GOOD] * PAPER_MARK.episodes)  # begun before the change
+    assert learning.decide(14, *[GOOD] * PAPER_MARK.episodes, lesson="2")
     assert learning.lessons == ["2"], "the last one has no next"
+
+
+def test_a_run_may_set_a_lower_mark(tmp_path: Path) -> None:
+    learning = Learning(tmp_path / "run", config=replace(CONFIG, pass_mark=PassMark(2, 0.9)))
+    assert learning.decide(10, GOOD)
+    assert learning.lessons == []
+    assert learning.decide(11, GOOD)
+    assert learning.lessons == ["2"]
 
 
 def test_the_target_counts_in_the_last_lesson_only(learning: Learning) -> None:

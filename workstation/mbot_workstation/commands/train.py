@@ -48,9 +48,9 @@ class TrainOptions:
     )
     lesson: list[str] | None = option(
         None,
-        "One, a range such as 1-10, or several. rough (any robot, also a worn one; any arena) if "
-        "not given; from nothing with --guide 0 all ten, one after the other. There is blur as "
-        "well, for trained models.",
+        "One, a range such as 1-10, or several. If not given, 10 and then rough (any robot, also "
+        "a worn one; any arena), rough alone with --from; from nothing with --guide 0 all ten. "
+        "There is blur as well, for trained models.",
         panel=_WHAT,
         metavar="NAME",
     )
@@ -243,6 +243,7 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
     from mbot_workstation.commands.simulation_options import photographs
     from mbot_workstation.training.learning.learner import FINE_TUNING, GUIDED
     from mbot_workstation.training.learning.training_config import TrainingConfig
+    from mbot_workstation.training.worlds.lessons import GUIDED_MARK
 
     rooms = photographs(options.panorama, options.calibration)
     default = TrainingConfig()
@@ -271,7 +272,8 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
         object_file=str(options.object.resolve()) if options.object else "",
         lessons=_lessons(options.lesson)
         if options.lesson
-        else (("rough",) if guided or further else default.lessons),
+        else (("rough",) if further else ("10", "rough") if guided else default.lessons),
+        pass_mark=GUIDED_MARK if guided else default.pass_mark,
         panoramas=tuple(str(path.resolve()) for path in rooms),
         shipped_photographs=not rooms,
         made_up_rooms=(0 if rooms else MADE_UP_ROOMS)

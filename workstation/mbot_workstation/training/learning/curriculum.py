@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mbot_workstation.training.worlds.lessons import PASS_EPISODES, Lesson, passed
+from mbot_workstation.training.worlds.lessons import PAPER_MARK, Lesson, PassMark, passed
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,11 @@ class CurriculumState:
 
 
 def after_episode(
-    state: CurriculumState, lessons: Sequence[Lesson], lesson_name: str, reward: float
+    state: CurriculumState,
+    lessons: Sequence[Lesson],
+    lesson_name: str,
+    reward: float,
+    mark: PassMark = PAPER_MARK,
 ) -> CurriculumState:
     """Where a run stands after an episode.
 
@@ -33,13 +37,14 @@ def after_episode(
         lesson_name: the episode's. When a lesson is passed, other robots are still in the middle
             of its episodes; those no longer count.
         reward: the episode's sum.
+        mark: what passing a lesson takes.
 
     """
     episodes = state.episodes + 1
     if lesson_name != lessons[state.index].name:
         return CurriculumState(state.index, state.rewards, episodes)
-    rewards = (*state.rewards, reward)[-PASS_EPISODES:]
-    if state.index + 1 < len(lessons) and passed(lessons[state.index], rewards):
+    rewards = (*state.rewards, reward)[-mark.episodes :]
+    if state.index + 1 < len(lessons) and passed(lessons[state.index], rewards, mark):
         return CurriculumState(state.index + 1, (), episodes)
     return CurriculumState(state.index, rewards, episodes)
 

@@ -112,7 +112,9 @@ class TrainingCallback(BaseCallback):
         reward = float(episode["r"])
         self._progress.add(Episode(reward, int(episode["l"]), int(info["touches"])))
         before = self.curriculum.index
-        self.curriculum = after_episode(self.curriculum, self._stages, info["lesson"], reward)
+        self.curriculum = after_episode(
+            self.curriculum, self._stages, info["lesson"], reward, self._config.pass_mark
+        )
         if self.curriculum.index != before:
             self._environment.set_lesson(self._stages[self.curriculum.index])
 

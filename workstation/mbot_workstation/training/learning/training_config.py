@@ -14,7 +14,7 @@ from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.training.learning.learner import LearnerSettings
 from mbot_workstation.training.learning.progress_log import ROW_EVERY
-from mbot_workstation.training.worlds.lessons import LESSONS, Lesson, lesson
+from mbot_workstation.training.worlds.lessons import LESSONS, PAPER_MARK, Lesson, PassMark, lesson
 from mbot_workstation.training.worlds.rooms import TRAINING_PHOTOGRAPHS
 from mbot_workstation.variation.effects import EffectRanges
 from mbot_workstation.variation.presets import KNOWN, preset
@@ -36,6 +36,7 @@ class TrainingConfig:
             nominal one.
         object_file: what there is to fetch; empty is the red cube.
         lessons: names, in their order.
+        pass_mark: on with the next one when this is reached.
         panoramas: files of the rooms to train in.
         shipped_photographs: whether the project's own are among them.
         made_up_rooms: how many generated rooms are added.
@@ -61,6 +62,7 @@ class TrainingConfig:
     calibration: CalibrationFiles | None = None
     object_file: str = ""
     lessons: tuple[str, ...] = ALL_LESSONS
+    pass_mark: PassMark = PAPER_MARK
     panoramas: tuple[str, ...] = ()
     shipped_photographs: bool = False
     made_up_rooms: int = 6
