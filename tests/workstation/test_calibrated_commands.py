@@ -5,14 +5,11 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 import serial
-import typer
-from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.mcore import BAUD_RATE, Joystick
@@ -41,6 +38,7 @@ from mbot_workstation.virtual.mcore_board import McoreBoard
 from mbot_workstation.virtual.stand_in import VirtualRobotSettings
 
 from .calibrations import CAMERA, LIGHT, MOTION
+from .called import called
 from .small_world import ROOMS
 
 
@@ -54,12 +52,6 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "mbot-1"
 
 
-def call(command: Callable[..., None], *arguments: str | Path) -> Any:
-    app = typer.Typer(pretty_exceptions_enable=False)
-    app.command()(command)
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch) -> list[VirtualRobotSettings]:
     """What `workstation virtual-robot` would run, instead of running it."""
@@ -71,7 +63,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[VirtualRobotSettings]:
 def test_the_virtual_robot_is_the_calibrated_one(
     folder: Path, started: list[VirtualRobotSettings]
 ) -> None:
-    assert call(virtual_robot, "--calibration", folder).exit_code == 0
+    assert called(virtual_robot, "--calibration", folder).exit_code == 0
     (made,) = started
     assert made.robot == read_files(folder).robot
     assert made.scene == read_files(folder).scene
@@ -86,7 +78,7 @@ def test_an_option_counts_more_than_the_calibration(
     folder: Path, started: list[VirtualRobotSettings]
 ) -> None:
     options = ("--right-gain", "0.5", "--dead-band", "51", "--distortion", "-0.2", "0.1")
-    assert call(virtual_robot, "--calibration", folder, *options).exit_code == 0
+    assert called(virtual_robot, "--calibration", folder, *options).exit_code == 0
     robot = started[0].robot
     assert (robot.left_motor.gain, robot.right_motor.gain) == (1.06, 0.5)
     assert robot.left_motor.dead_band == robot.right_motor.dead_band == pytest.approx(0.2)
@@ -96,7 +88,7 @@ def test_an_option_counts_more_than_the_calibration(
 
 
 def test_without_a_calibration_it_is_the_nominal_one(started: list[VirtualRobotSettings]) -> None:
-    assert call(virtual_robot).exit_code == 0
+    assert called(virtual_robot).exit_code == 0
     nominal = VirtualRobotSettings()
     assert (started[0].robot, started[0].scene) == (nominal.robot, nominal.scene)
     assert (started[0].latency_s, started[0].camera.isp.gains) == (0.0, (1, 1, 1))
@@ -107,23 +99,23 @@ def test_without_a_calibration_it_is_the_nominal_one(started: list[VirtualRobotS
 def test_a_broken_calibration_is_named(folder: Path, command: Callable[..., None]) -> None:
     (folder / "motion.toml").write_text("track_m = 115")
     contestant = ("servo",) if command is evaluate else ()
-    result = call(command, *contestant, "--calibration", folder)
+    result = called(command, *contestant, "--calibration", folder)
     assert isinstance(result.exception, ConfigurationError)
     assert "motion.toml: left_motor is missing" in str(result.exception)
 
 
 def test_a_policy_is_evaluated_on_the_calibrated_robot_in_its_room(folder: Path) -> None:
     options = ("--lesson", "1", "--episodes", "1", "--workers", "1", "--json")
-    result = call(evaluate, "oracle", "--calibration", folder, *options)
+    result = called(evaluate, "oracle", "--calibration", folder, *options)
     assert result.exit_code == 0, result.exception
     (line,) = json.loads(result.stdout)
     assert line["preset"] == "nominal"
-    ideal = call(evaluate, "oracle", "--calibration", folder, "--preset", "ideal")
+    ideal = called(evaluate, "oracle", "--calibration", folder, "--preset", "ideal")
     assert "'ideal' is no real robot" in str(ideal.exception)
 
 
 def test_a_run_that_goes_on_keeps_its_own_calibration(folder: Path, tmp_path: Path) -> None:
-    result = call(train_command, "--resume", tmp_path, "--calibration", folder)
+    result = called(train_command, "--resume", tmp_path, "--calibration", folder)
     assert "--panorama, --calibration and --object" in str(result.exception)
 
 

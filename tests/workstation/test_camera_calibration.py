@@ -2,18 +2,16 @@ import json
 import threading
 import time
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-import typer
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 from numpy.typing import NDArray
-from typer.testing import CliRunner
 
 from mbot_protocol.calibration import read_camera
 from mbot_protocol.camera_model import CameraModel
@@ -36,6 +34,7 @@ from mbot_workstation.targets.specifications import Board
 from mbot_workstation.virtual.mjpeg_server import MjpegServer
 
 from .board_pictures import photograph, poses, shaken, wobbling
+from .called import output_of
 
 FULL = CameraModel(2028, 1520, 1935.5, 1930.0, 1030.2, 742.6, (-0.08, 0.03, 0.0008, -0.0006, 0.0))
 """The robot's camera in its usual mode, somewhat off its nominal values."""
@@ -297,14 +296,7 @@ def saved(folder: Path, made: Sequence[NDArray]) -> list[Path]:
     return paths
 
 
-def run(*arguments: str) -> str:
-    app = typer.Typer()
-    app.command()(camera_command)
-    result = CliRunner().invoke(app, list(arguments))
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    assert result.exit_code == 0, result.output
-    return result.output
+run = partial(output_of, camera_command)
 
 
 @pytest.mark.slow

@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol.errors import MbotError
-from mbot_workstation.models.signing_key import SigningKey
-from mbot_workstation.releases import debian_package, make_release
+from mbot_workstation.releases import debian_package
 from mbot_workstation.releases.debian_package import make_package
 from mbot_workstation.releases.robot_wheels import TARGETS
+
+from .small_release import small_release
 
 CHECKOUT = Path(__file__).parents[2]
 SCRIPTS = CHECKOUT / "deploy/debian"
@@ -19,17 +20,7 @@ TARGET = next(target for target in TARGETS if target.name == "trixie-arm64")
 
 @pytest.fixture
 def archive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    (tmp_path / "cache").mkdir()
-    monkeypatch.setattr(make_release, "fetch_wheels", lambda *_: tmp_path / "cache")
-    import zipfile
-
-    wheel = tmp_path / "mbot_agent-0.1.0-py3-none-any.whl"
-    with zipfile.ZipFile(wheel, "w") as file:
-        file.writestr(zipfile.ZipInfo("a.py"), "x = 1\n")
-    key = SigningKey.ephemeral("releases")
-    return make_release.make_release(
-        TARGET, wheel, "0.1+7_a", 7, 7, [key], tmp_path, tmp_path, None
-    )
+    return small_release(tmp_path, monkeypatch, TARGET, "0.1+7_a")
 
 
 def package(archive: Path, folder: Path) -> Path:

@@ -1,13 +1,12 @@
 import json
+from functools import partial
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-import typer
 from hypothesis import given
 from hypothesis import strategies as st
-from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands.evaluate import evaluate as command
@@ -25,6 +24,8 @@ from mbot_workstation.training.evaluation.evaluation_report import Line, draw, s
 from mbot_workstation.training.worlds.lessons import lesson
 from mbot_workstation.variation.effects import IDEAL
 from mbot_workstation.variation.presets import preset
+
+from .called import output_of
 
 ROOMS = [generate_room(7, width_px=256)]
 
@@ -135,12 +136,7 @@ def test_shares_are_of_the_oracle_under_the_same_preset(tmp_path: Path) -> None:
     assert (tmp_path / "bars.png").read_bytes().startswith(b"\x89PNG")
 
 
-def invoke(*arguments: str) -> str:
-    app = typer.Typer()
-    app.command()(command)
-    result = CliRunner().invoke(app, list(arguments), catch_exceptions=False)
-    assert result.exit_code == 0, result.output
-    return result.output
+invoke = partial(output_of, command)
 
 
 @pytest.mark.slow

@@ -2,7 +2,6 @@ import json
 import os
 import shutil
 from pathlib import Path
-from typing import Any
 
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read when onnxruntime is imported
 
@@ -10,8 +9,6 @@ import cv2
 import numpy as np
 import pytest
 import torch
-import typer
-from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.policy_contract import FULL_VIEW, PolicyMetadata
@@ -35,6 +32,7 @@ from mbot_workstation.training.worlds.example_frames import (
     example_frames,
 )
 
+from .called import output_of
 from .samples import decision, picture
 
 SHIPPED = Path(__file__).parents[2] / "models" / "red-cube.onnx"
@@ -64,14 +62,6 @@ def model_file(model: bytes, tmp_path: Path) -> Path:
     path = tmp_path / "learned.onnx"
     path.write_bytes(model)
     return path
-
-
-def invoke(command: Any, *arguments: str) -> str:
-    app = typer.Typer()
-    app.command()(command)
-    result = CliRunner().invoke(app, list(arguments), catch_exceptions=False)
-    assert result.exit_code == 0, result.output
-    return result.output
 
 
 def test_the_microscope_shows_what_torch_computes(model: bytes) -> None:
@@ -106,7 +96,7 @@ def test_any_policy_shows_where_it_looks(tmp_path: Path) -> None:
     assert seen.saliency[:6].max() < 1e-3
     path = tmp_path / "servo.onnx"
     path.write_bytes(servo)
-    assert "wrote" in invoke(explain, str(path), "-o", str(tmp_path / "servo.png"))
+    assert "wrote" in output_of(explain, str(path), "-o", str(tmp_path / "servo.png"))
 
 
 def test_what_a_policy_remembers_is_told_from_what_it_sees() -> None:
@@ -168,7 +158,7 @@ def test_the_example_frames_show_what_they_say() -> None:
 
 def test_without_frames_the_papers_three_are_explained(model_file: Path, tmp_path: Path) -> None:
     output = tmp_path / "out.png"
-    told = invoke(explain, str(model_file), "-o", str(output))
+    told = output_of(explain, str(model_file), "-o", str(output))
     assert all(name in told for name in (NO_OBJECT, OBJECT_LEFT, OBJECT_CENTRAL))
     image = cv2.imread(str(output))
     assert image is not None
@@ -179,7 +169,7 @@ def test_frames_of_any_size_are_explained(model_file: Path, tmp_path: Path) -> N
     for name, shape in (("small", (64, 64, 3)), ("camera", (240, 320, 3))):
         cv2.imwrite(str(tmp_path / f"{name}.png"), np.full(shape, 90, np.uint8))
     files = [str(tmp_path / "small.png"), str(tmp_path / "camera.png")]
-    told = invoke(
+    told = output_of(
         explain, str(model_file), "--frames", *files, "-o", str(tmp_path / "o.png"), "--json"
     )
     assert '"small"' in told
@@ -194,7 +184,7 @@ def test_a_recording_is_explained(model_file: Path, tmp_path: Path) -> None:
             made = decision(number)
             recording.write(made)
             recording.write(picture(made.unix_time_ns))
-    told = invoke(
+    told = output_of(
         explain,
         *(str(model_file), "--recording", str(path), "--count", "3"),
         *("-o", str(tmp_path / "o.png")),
@@ -212,7 +202,7 @@ def test_what_cannot_be_explained_is_named(model_file: Path, tmp_path: Path) -> 
         (("-o", str(tmp_path / "missing" / "o.png")), "there is no folder"),
     ):
         with pytest.raises(ConfigurationError, match=message):
-            invoke(explain, str(model_file), *arguments)
+            output_of(explain, str(model_file), *arguments)
 
 
 def test_maps_are_laid_out_in_rows() -> None:
@@ -229,12 +219,12 @@ def test_the_training_curve_is_drawn(tmp_path: Path) -> None:
     header = "step,wall_s,lesson,mean_reward,mean_length,mean_touches,episodes"
     progress.write_text(header + "\n")
     with pytest.raises(ConfigurationError, match="no row"):
-        invoke(training_curve, str(tmp_path))
+        output_of(training_curve, str(tmp_path))
     rows = [f"{40_000 * n},{30 * n},{min(n, 10)},{2 * n},{300 - 9 * n},1,50" for n in range(1, 11)]
     progress.write_text("\n".join([header, *rows]) + "\n")
-    invoke(training_curve, str(tmp_path))
+    output_of(training_curve, str(tmp_path))
     alone = (tmp_path / "curve.png").read_bytes()
     assert alone.startswith(b"\x89PNG")
     shutil.copytree(tmp_path, tmp_path / "second")
-    invoke(training_curve, str(tmp_path), str(tmp_path / "second"))
+    output_of(training_curve, str(tmp_path), str(tmp_path / "second"))
     assert (tmp_path / "curve.png").read_bytes() != alone

@@ -3,6 +3,7 @@ import hashlib
 import json
 import os
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read when onnxruntime is imported
@@ -11,10 +12,8 @@ import numpy as np
 import onnx
 import pytest
 import torch
-import typer
 from onnx import numpy_helper
 from stable_baselines3.common.vec_env import DummyVecEnv
-from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError, ContractError
 from mbot_protocol.golden_frames import PROPERTY
@@ -41,6 +40,8 @@ from mbot_workstation.training.learning.trained_policy import PROVENANCE, traine
 from mbot_workstation.training.learning.training_config import TrainingConfig
 from mbot_workstation.training.learning.training_run import begin_run
 from mbot_workstation.training.worlds.fetch_env import FetchEnv
+
+from .called import output_of
 
 PICTURES = np.random.default_rng(5).integers(0, 256, (40, 64, 64, 3)).astype(np.uint8)
 CONFIG = TrainingConfig(panoramas=("/somewhere/private/hall.jpg",), seed=4)
@@ -84,12 +85,7 @@ def properties(model: onnx.ModelProto) -> dict[str, str]:
     return {entry.key: entry.value for entry in model.metadata_props}
 
 
-def invoke(*arguments: str) -> str:
-    app = typer.Typer()
-    app.command()(export)
-    result = CliRunner().invoke(app, list(arguments), catch_exceptions=False)
-    assert result.exit_code == 0, result.output
-    return result.output
+invoke = partial(output_of, export)
 
 
 FLOAT32 = 1e-4

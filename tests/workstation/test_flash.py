@@ -5,10 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 import serial
-import typer
 from hypothesis import given
 from hypothesis import strategies as st
-from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError, RefusedError, UnreachableError
 from mbot_workstation.commands.flash import flash
@@ -16,11 +14,9 @@ from mbot_workstation.firmware import flashing as firmware_flash
 from mbot_workstation.firmware.flashing import Image, read_image
 
 from ..robot.fake_board import FakeBoard
+from .called import output_of
 
 STOCK, OURS = "06.01.107", "mbot-deadman 1"
-
-app = typer.Typer()
-app.command()(flash)
 
 
 def hex_file(path: Path, content: bytes) -> Path:
@@ -66,12 +62,7 @@ class Bench:
 
     def flash(self, *options: str) -> str:
         """Run the command; returns what it printed, raises what it raised."""
-        words = ["--port", self.board.path, "--hex", str(self.image), *options]
-        result = CliRunner().invoke(app, words)
-        if result.exception is not None and not isinstance(result.exception, SystemExit):
-            raise result.exception
-        assert result.exit_code == 0, result.output
-        return result.output
+        return output_of(flash, "--port", self.board.path, "--hex", self.image, *options)
 
 
 class RenamedBoard(FakeBoard):

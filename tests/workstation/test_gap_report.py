@@ -3,13 +3,12 @@
 import json
 import math
 import re
+from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
-import typer
-from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.calibration_files.calibration_folder import (
@@ -30,6 +29,7 @@ from mbot_workstation.simulation.parameter_table import PARAMETERS
 from mbot_workstation.training.studies.tolerance_file import write_tolerances
 
 from .calibrations import BODY, CAMERA, LIGHT, MOTION
+from .called import output_of
 from .driven_robot import session
 from .gap_samples import FITTED, TRUE, compared_runs, report, tolerances
 
@@ -214,12 +214,7 @@ def test_a_recording_that_is_not_there_is_named(tmp_path: Path) -> None:
         build([tmp_path / "missing"], None, None, None)
 
 
-def run_command(*arguments: str) -> str:
-    app = typer.Typer()
-    app.command()(gap_report)
-    result = CliRunner().invoke(app, list(arguments), catch_exceptions=False)
-    assert result.exit_code == 0, result.output
-    return result.stdout
+run_command = partial(output_of, gap_report)
 
 
 @pytest.fixture(scope="module")
@@ -272,12 +267,9 @@ def test_a_robot_without_calibration_is_reported_as_such(
 
 
 def test_bad_input_is_named(recording: Path, tmp_path: Path) -> None:
-    app = typer.Typer()
-    app.command()(gap_report)
-
     def fails(*arguments: str) -> str:
         with pytest.raises(ConfigurationError) as error:
-            CliRunner().invoke(app, list(arguments), catch_exceptions=False)
+            run_command(*arguments)
         return str(error.value)
 
     assert "no calibration folder" in fails(str(recording), "--calibration", str(tmp_path / "x"))

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-import typer
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
 from mbot_protocol.errors import ConfigurationError, MbotError
 from mbot_workstation.calibration_files.calibration_folder import (
@@ -29,6 +28,7 @@ from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.training.evaluation import trim_trial
 from mbot_workstation.training.evaluation.episodes import Estimate, Trial
 
+from .called import called
 from .mujoco_truth import record_simulated
 from .planar_robot import PlanarRobot, Session, Tracker, record
 
@@ -104,9 +104,7 @@ def answering(monkeypatch: pytest.MonkeyPatch, found: Identification) -> None:
 
 
 def invoke(*arguments: str | Path) -> Result:
-    app = typer.Typer()
-    app.command()(identify)
-    result = CliRunner().invoke(app, [str(a) for a in arguments])
+    result = called(identify, *arguments)
     if isinstance(result.exception, MbotError):
         raise result.exception
     return result

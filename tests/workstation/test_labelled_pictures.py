@@ -5,13 +5,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import typer
-from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands.evaluate import evaluate
 from mbot_workstation.training.evaluation.labelled_pictures import Share, judge, read_labelled
 from mbot_workstation.training.evaluation.picture_report import picture_fields
+
+from .called import output_of
 
 SIZE = (320, 240)
 
@@ -34,25 +34,18 @@ ROWS = [("left.png", 15.0, 60), ("right.png", -15.0, 230), ("ahead.png", 0.5, 14
 
 def test_the_servo_turns_the_right_way_and_is_not_fooled(tmp_path: Path) -> None:
     folder = write_folder(tmp_path, [*ROWS, ("none.png", None, 0)])
-    app = typer.Typer()
-    app.command()(evaluate)
-    result = CliRunner().invoke(app, ["servo", "--pictures", str(folder), "--json"])
-    assert result.exit_code == 0, result.output
-    (score,) = json.loads(result.output)
+    (score,) = json.loads(output_of(evaluate, "servo", "--pictures", folder, "--json"))
     assert [score[name]["of"] for name in ("wrong_way", "not_ahead", "fooled")] == [2, 1, 1]
     assert not any(score[name]["pictures"] for name in ("wrong_way", "not_ahead", "fooled"))
-    words = CliRunner().invoke(app, ["servo", "--pictures", str(folder)]).output
+    words = output_of(evaluate, "servo", "--pictures", folder)
     assert "0 of 2" in words
     assert "drove on at nothing" in words
 
 
 def test_another_object_is_refused_beside_pictures(tmp_path: Path) -> None:
-    app = typer.Typer()
-    app.command()(evaluate)
-    told = ["servo", "--pictures", str(tmp_path), "--object", "models/objects/green-ball.toml"]
-    result = CliRunner().invoke(app, told)
-    assert isinstance(result.exception, ConfigurationError)
-    assert "--object does nothing with --pictures" in str(result.exception)
+    told = ("servo", "--pictures", tmp_path, "--object", "models/objects/green-ball.toml")
+    with pytest.raises(ConfigurationError, match="--object does nothing with --pictures"):
+        output_of(evaluate, *told)
 
 
 def test_mistakes_are_counted_by_kind_and_named() -> None:

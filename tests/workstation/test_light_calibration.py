@@ -1,17 +1,15 @@
 import json
 import math
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-import typer
 from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from typer.testing import CliRunner
 
 from mbot_protocol.camera_model import nominal_pi_camera
 from mbot_protocol.errors import ConfigurationError
@@ -27,6 +25,7 @@ from mbot_workstation.calibration_files.calibration_folder import read_calibrati
 from mbot_workstation.commands.calibrate_light import light as light_command
 from mbot_workstation.simulation.scene_parameters import Light
 
+from .called import output_of
 from .card_pictures import HEIGHT_PX, WIDTH_PX, Facing, photographs
 
 LAMP = Light(direction=(0.45, -0.6, -0.66), ambient=0.45)
@@ -163,14 +162,7 @@ def saved(folder: Path, pictures: Sequence[NDArray]) -> list[str]:
     return [str(path) for path in paths]
 
 
-def run(*arguments: str) -> str:
-    app = typer.Typer()
-    app.command()(light_command)
-    result = CliRunner().invoke(app, list(arguments))
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    assert result.exit_code == 0, result.output
-    return result.output
+run = partial(output_of, light_command)
 
 
 @pytest.mark.slow

@@ -1,15 +1,13 @@
 import json
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-import typer
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.calibration.room.panorama_checks import read_tags
@@ -26,6 +24,8 @@ from mbot_workstation.calibration_files.calibration_folder import read_calibrati
 from mbot_workstation.commands.panorama import panorama as panorama_command
 from mbot_workstation.simulation.room import load_room
 from mbot_workstation.simulation.room_generator import generate_room
+
+from .called import output_of
 
 
 @cache
@@ -48,14 +48,7 @@ def written(path: Path, picture: NDArray, *, tags: str = "") -> Path:
     return path
 
 
-def run(*arguments: str) -> str:
-    app = typer.Typer()
-    app.command()(panorama_command)
-    result = CliRunner().invoke(app, list(arguments))
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    assert result.exit_code == 0, result.output
-    return result.output
+run = partial(output_of, panorama_command)
 
 
 def test_a_room_is_checked_resized_kept_and_shown(tmp_path: Path) -> None:

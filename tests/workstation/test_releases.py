@@ -7,9 +7,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-import typer
 from google.protobuf.message import Message
-from typer.testing import CliRunner
 
 from mbot_protocol import release_manifest
 from mbot_protocol.errors import ConfigurationError, RefusedError, UnreachableError
@@ -26,6 +24,8 @@ from mbot_workstation.link.robot_link import M
 from mbot_workstation.models.signing_key import SigningKey
 from mbot_workstation.releases import make_release, robot_wheels, send_release
 from mbot_workstation.releases.robot_wheels import TARGETS
+
+from .called import output_of
 
 KEY, SPARE = SigningKey.ephemeral("first"), SigningKey.ephemeral("spare")
 
@@ -213,15 +213,11 @@ def test_the_outcome_is_waited_for_across_the_restart(monkeypatch: pytest.Monkey
 def test_the_command_ends_with_the_outcome(release: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     link = FakeLink(ReleaseUpdate(request="a1", phase="installed", detail="0.1+a runs"))
     monkeypatch.setattr(UpdateOptions, "link", lambda _: contextlib.nullcontext(link))
-    app = typer.Typer()
-    app.command()(update)
-    done = CliRunner().invoke(app, [str(release), "--json"])
-    assert done.exit_code == 0
-    assert json.loads(done.stdout)["outcome"] == "installed"
+    assert json.loads(output_of(update, release, "--json"))["outcome"] == "installed"
     link.updates[0] = ReleaseUpdate(request="a1", phase="rolled-back", detail="no READY; 0 runs")
-    done = CliRunner().invoke(app, [str(release)])
-    assert isinstance(done.exception, RefusedError)
-    assert str(done.exception) == "mbot-1 does not run 0.1+a: rolled-back: no READY; 0 runs"
+    with pytest.raises(RefusedError) as error:
+        output_of(update, release)
+    assert str(error.value) == "mbot-1 does not run 0.1+a: rolled-back: no READY; 0 runs"
 
 
 def test_an_updater_that_does_nothing_is_pointed_out(monkeypatch: pytest.MonkeyPatch) -> None:

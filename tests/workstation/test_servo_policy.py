@@ -2,6 +2,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read when onnxruntime is imported
@@ -11,12 +12,10 @@ import numpy as np
 import onnx
 import onnxruntime
 import pytest
-import typer
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
-from typer.testing import CliRunner
 
 from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError
@@ -31,6 +30,8 @@ from mbot_protocol.policy_contract import (
 from mbot_workstation.commands.make_servo_policy import make_servo_policy
 from mbot_workstation.models.check import check_model
 from mbot_workstation.models.servo_policy import ServoGains, servo_model
+
+from .called import output_of
 
 GAINS = ServoGains()
 SEARCH = (GAINS.search_speed, -GAINS.search_speed)
@@ -205,12 +206,7 @@ def test_another_view_is_another_scale_of_bearings() -> None:
     assert np.subtract(*narrow(picture)) < np.subtract(*POLICY(picture))
 
 
-def run(*arguments: str) -> str:
-    app = typer.Typer()
-    app.command()(make_servo_policy)
-    result = CliRunner().invoke(app, list(arguments), catch_exceptions=False)
-    assert result.exit_code == 0, result.output
-    return result.output
+run = partial(output_of, make_servo_policy)
 
 
 def test_command_writes_the_model(tmp_path: Path) -> None:

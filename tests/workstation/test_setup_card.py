@@ -6,7 +6,6 @@ import subprocess
 import sys
 import tarfile
 import tomllib
-import zipfile
 from pathlib import Path
 
 import pytest
@@ -16,10 +15,12 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands import setup_card as command
 from mbot_workstation.models.key_folder import KeyFolder
 from mbot_workstation.models.signing_key import SigningKey
-from mbot_workstation.releases import boot_card, make_release
+from mbot_workstation.releases import boot_card
 from mbot_workstation.releases.boot_card import CardContent, configured, own_configuration, prepare
 from mbot_workstation.releases.boot_hook import hook
 from mbot_workstation.releases.robot_wheels import TARGETS
+
+from .small_release import small_release
 
 PROGRAM = (sys.executable, "-c", "from mbot_workstation.main import main; main()", "setup-card")
 assert command
@@ -48,15 +49,7 @@ KEY = SigningKey.ephemeral("rosa").public.line
 
 @pytest.fixture
 def release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    (tmp_path / "cache").mkdir()
-    monkeypatch.setattr(make_release, "fetch_wheels", lambda *_: tmp_path / "cache")
-    wheel = tmp_path / "mbot_agent-0.1.0-py3-none-any.whl"
-    with zipfile.ZipFile(wheel, "w") as file:
-        file.writestr(zipfile.ZipInfo("a.py"), "x = 1\n")
-    key = SigningKey.ephemeral("releases")
-    return make_release.make_release(
-        TARGETS[0], wheel, "0.1", 7, 7, [key], tmp_path, tmp_path, None
-    )
+    return small_release(tmp_path, monkeypatch, TARGETS[0], "0.1")
 
 
 @pytest.fixture

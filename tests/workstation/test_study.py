@@ -1,10 +1,9 @@
+from functools import partial
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-import typer
-from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.calibration_files.calibration_folder import (
@@ -29,14 +28,9 @@ from mbot_workstation.variation.perturbed_robot import perturbed_robot
 from mbot_workstation.variation.presets import NOMINAL
 
 from .calibrations import LIGHT, MOTION
+from .called import output_of
 
-
-def invoke(*arguments: str) -> str:
-    app = typer.Typer()
-    app.command()(study)
-    result = CliRunner().invoke(app, list(arguments), catch_exceptions=False)
-    assert result.exit_code == 0, result.output
-    return result.output
+invoke = partial(output_of, study)
 
 
 def test_results_go_beside_the_first_policy_and_never_into_the_documents(tmp_path: Path) -> None:
