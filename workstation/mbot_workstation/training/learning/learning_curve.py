@@ -36,9 +36,10 @@ def draw_curves(runs: Mapping[str, Sequence[ProgressRow]], path: Path) -> None:
     figure = Figure(figsize=(8, 6.5), layout="constrained")
     axes: Any = figure.subplots(3, 1, sharex=True, gridspec_kw={"height_ratios": [3, 3, 1.6]})
     lessons = list(dict.fromkeys(row.lesson for rows in runs.values() for row in rows))
-    for (name, rows), colour in zip(runs.items(), itertools.cycle(_COLOURS), strict=False):
+    titles = [f"{name}: {rows[-1].wall_s / 60:.0f} minutes" for name, rows in runs.items()]
+    for title, rows, colour in zip(titles, runs.values(), itertools.cycle(_COLOURS), strict=False):
         steps = [row.step / 1e6 for row in rows]
-        look: dict[str, Any] = {"color": colour, "marker": "o", "markersize": 3, "label": name}
+        look: dict[str, Any] = {"color": colour, "marker": "o", "markersize": 3, "label": title}
         axes[0].plot(steps, [row.mean_reward for row in rows], **look)
         axes[1].plot(steps, [row.mean_length for row in rows], **look)
         at = [lessons.index(row.lesson) for row in rows]
@@ -47,9 +48,7 @@ def draw_curves(runs: Mapping[str, Sequence[ProgressRow]], path: Path) -> None:
     _mark(axes[1], "episode, decisions", PAPER_LENGTH)
     axes[2].set_yticks(range(len(lessons)), lessons, fontsize=8 if len(lessons) > 5 else 10)
     axes[2].set_ylabel("lesson")
-    ends = [rows[-1] for rows in runs.values()]
-    took = (f"{end.step:,} in {end.wall_s / 60:.0f} minutes" for end in ends)
-    axes[2].set_xlabel(f"decisions (millions); {', '.join(took)}")
+    axes[2].set_xlabel("decisions (millions)")
     for panel in axes:
         panel.grid(alpha=0.3)
         panel.spines[["top", "right"]].set_visible(False)
@@ -57,12 +56,12 @@ def draw_curves(runs: Mapping[str, Sequence[ProgressRow]], path: Path) -> None:
     axes[0].set_ylim(bottom=min(0.0, lowest) - 0.5)
     axes[1].set_ylim(bottom=0)
     axes[2].set_xlim(left=0)
-    if note := mark_note(ends[0].lesson):
+    if note := mark_note(next(iter(runs.values()))[-1].lesson):
         axes[0].set_title(note, fontsize=9)
     if len(runs) > 1:
         axes[0].legend(loc="lower right", bbox_to_anchor=(1, 0.1), fontsize=8)
     else:
-        figure.suptitle(next(iter(runs)))
+        figure.suptitle(titles[0])
     save_figure(figure, path)
 
 

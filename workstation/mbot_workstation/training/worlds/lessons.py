@@ -38,8 +38,8 @@ out of lesson 9 after one object of ten, while the paper spent 700,000 steps on 
 """
 
 GUIDED_MARK = PassMark(episodes=160, share=0.8)
-"""Sooner, since a guide teaches the rest on any robot: at some 130,000 decisions of lesson 10 (one
-run, docs/results/training.md). The paper's mark would keep it there for three times as many."""
+"""Sooner, since a guide teaches the rest on any robot: within 160,000 decisions of lesson 10 (two
+runs, docs/results/training.md)."""
 
 
 Kind = tuple[tuple[str, tuple[float, float]], ...]
