@@ -10,6 +10,7 @@ from mbot_workstation.simulation.pose import Pose
 from mbot_workstation.simulation.robot_mjcf import ROBOT_CAMERA
 from mbot_workstation.simulation.room_generator import generate_room
 from mbot_workstation.simulation.scene_look import (
+    Distractor,
     ObjectLook,
     SceneDresser,
     SceneLook,
@@ -73,6 +74,36 @@ def test_distractors_come_and_go() -> None:
     assert (stage.picture(nominal) == before).all()
 
 
+def test_distractors_are_drawn_where_they_stand() -> None:
+    stage = Stage()
+    nominal = nominal_look(SceneParameters())
+    before = stage.picture(nominal)
+
+    def changed_columns(*centre_m: float) -> list[int]:
+        thing = Distractor("box", (0.1, 0.1, 0.2), centre_m, 0.0, (0.0, 1.0, 0.0))
+        picture = stage.picture(replace(nominal, distractors=(thing,)))
+        return np.flatnonzero((picture != before).any(axis=(0, 2))).tolist()
+
+    left, right = changed_columns(2.0, 0.6, 0.2), changed_columns(2.0, -0.6, 0.2)
+    assert left
+    assert max(left) < SIDE // 2 < min(right)
+    assert len(left) < SIDE // 4 < len(changed_columns(0.5, 0.0, 0.2)), "near things are large"
+    assert changed_columns(-2.0, 0.0, 0.2) == [], "it is behind the robot"
+
+
+def test_a_shadow_falls_away_from_the_light() -> None:
+    stage = Stage()
+    dark = replace(nominal_look(SceneParameters()), shadow=0.6)
+
+    def shadow_column(light_left: float) -> float:
+        lit = replace(dark, light_direction=(0.0, light_left, -0.5))
+        fallen, none = stage.picture(lit), stage.picture(replace(lit, shadow=0.0))
+        return float(np.argwhere((fallen != none).any(axis=2))[:, 1].mean())
+
+    assert shadow_column(1.0) < SIDE / 2 - 2
+    assert shadow_column(-1.0) > SIDE / 2 + 2
+
+
 @given(st.integers(0, 2**32))
 def test_drawn_looks_stay_what_they_say(seed: int) -> None:
     look = draw_look(np.random.default_rng(seed))
@@ -83,7 +114,7 @@ def test_drawn_looks_stay_what_they_say(seed: int) -> None:
     assert red > 2 * max(green, blue), "the object is red, whichever red"
     for thing in look.distractors:
         x, y, z = thing.centre_m
-        stands_outside = max(abs(x), abs(y)) > 2.1 and np.hypot(x, y) > 3.0
+        stands_outside = max(abs(x), abs(y)) > 3.0
         lies_flat = z + thing.half_size_m[2] < 0.005
         assert stands_outside or lies_flat, "nothing is in a robot's way"
         assert stands_outside or thing.shape == "box"

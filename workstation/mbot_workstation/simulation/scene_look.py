@@ -138,6 +138,9 @@ class SceneDresser:
         self._walls = [i for name, i in names.items() if name.startswith("wall ")]
         self._feet = [i for name, i in names.items() if name.startswith("foot ")]
         self._distractors = [names[name] for name in DISTRACTORS]
+        # MuJoCo leaves out the pose of a shape that was compiled in its body's own, also later.
+        for moved in (*self._distractors, *(part.shadow for part in self._objects)):
+            model.geom_sameframe[moved] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
         self._light: int = model.light("window").id
 
     def wear(

@@ -153,7 +153,9 @@ def _behind_the_wall(rng: np.random.Generator, objects: Sequence[TargetObject]) 
 
 def _other_colour(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Distractor:
     """A cube or a ball of the object's size, but of other colours; outside the arena."""
-    angle, away = rng.uniform(-math.pi, math.pi), rng.uniform(ARENA_M * 1.02, ARENA_M * 1.3)
+    angle = rng.uniform(-math.pi, math.pi)
+    to_border = ARENA_M / max(abs(math.cos(angle)), abs(math.sin(angle)))
+    away = to_border * rng.uniform(1.02, 1.3)
     half = rng.uniform(0.04, 0.12)
     shape = "box" if rng.random() < 0.6 else "ball"
     place = (away * math.cos(angle), away * math.sin(angle), half)
