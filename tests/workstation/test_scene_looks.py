@@ -79,16 +79,16 @@ def test_distractors_are_drawn_where_they_stand() -> None:
     nominal = nominal_look(SceneParameters())
     before = stage.picture(nominal)
 
-    def changed_columns(*centre_m: float) -> list[int]:
-        thing = Distractor("box", (0.1, 0.1, 0.2), centre_m, 0.0, (0.0, 1.0, 0.0))
+    def changed_columns(x_m: float, y_m: float) -> list[int]:
+        thing = Distractor("box", (0.1, 0.1, 0.2), (x_m, y_m, 0.2), 0.0, (0.0, 1.0, 0.0))
         picture = stage.picture(replace(nominal, distractors=(thing,)))
         return np.flatnonzero((picture != before).any(axis=(0, 2))).tolist()
 
-    left, right = changed_columns(2.0, 0.6, 0.2), changed_columns(2.0, -0.6, 0.2)
+    left, right = changed_columns(2.0, 0.6), changed_columns(2.0, -0.6)
     assert left
     assert max(left) < SIDE // 2 < min(right)
-    assert len(left) < SIDE // 4 < len(changed_columns(0.5, 0.0, 0.2)), "near things are large"
-    assert changed_columns(-2.0, 0.0, 0.2) == [], "it is behind the robot"
+    assert len(left) < SIDE // 4 < len(changed_columns(0.5, 0.0)), "near things are large"
+    assert changed_columns(-2.0, 0.0) == [], "it is behind the robot"
 
 
 def test_a_shadow_falls_away_from_the_light() -> None:
