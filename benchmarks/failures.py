@@ -9,25 +9,51 @@ picture is that of the last decision. Means tell how often a policy fails; these
 import argparse
 from collections import deque
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 
-from mbot_workstation.training.drivers.contestants import driver
-from mbot_workstation.training.evaluation.episodes import MOST_ROBOTS
-from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.training.drivers.contestants import Driver, driver
+from mbot_workstation.training.evaluation.episodes import Trial, evaluate_driver, robots_of
 from mbot_workstation.training.worlds.lessons import lesson
 from mbot_workstation.training.worlds.rooms import evaluation_rooms
 from mbot_workstation.variation.presets import preset
 
 COLUMNS, ROWS = 8, 4
 SIDE_PX = 160
-UNKNOWN = np.full((MOST_ROBOTS, 2), np.nan)
+
+Pictures = deque[np.ndarray]
 
 
-def sheet(pictures: "deque[np.ndarray]") -> np.ndarray:
-    """The pictures, BGR as OpenCV writes them, the last one at the end."""
+class Watched:
+    """A driver whose pictures are kept: the last ones of every episode, robot by robot."""
+
+    def __init__(self, driven: Driver, robots: int) -> None:
+        self.episodes: list[list[Pictures]] = [[] for _ in range(robots)]
+        self._driven = driven
+        self._seen = [self._nothing() for _ in range(robots)]
+
+    def driver(self) -> Driver:
+        return Driver(self._act, self._forget)
+
+    def _act(self, pictures: np.ndarray, targets: np.ndarray) -> np.ndarray:
+        for seen, picture in zip(self._seen, pictures, strict=True):
+            seen.append(picture.copy())
+        return self._driven.act(pictures, targets)
+
+    def _forget(self, ended: np.ndarray) -> None:
+        self._driven.forget(ended)
+        for robot in np.flatnonzero(ended):
+            self.episodes[robot].append(self._seen[robot])
+            self._seen[robot] = self._nothing()
+
+    @staticmethod
+    def _nothing() -> Pictures:
+        return deque(maxlen=COLUMNS * ROWS)
+
+
+def sheet(pictures: Pictures) -> np.ndarray:
+    """The pictures in one, BGR as OpenCV writes it, the last one at the end."""
     black = [np.zeros_like(pictures[-1])] * (COLUMNS * ROWS - len(pictures))
     rows = np.stack([*black, *pictures]).reshape(ROWS, COLUMNS, *pictures[-1].shape)
     whole = np.vstack([np.hstack(row) for row in rows])[..., ::-1]
@@ -44,35 +70,19 @@ def main() -> None:
     parser.add_argument("-o", "--into", type=Path, default=Path("out/failures"))
     told = parser.parse_args()
     told.into.mkdir(parents=True, exist_ok=True)
-    task, ranges = lesson("10"), preset(told.preset)
-    driven = driver(told.model, MOST_ROBOTS, told.seed, ranges)
-    environment = FetchVecEnv(
-        robots=MOST_ROBOTS,
-        seed=told.seed * MOST_ROBOTS,
-        preset=ranges,
-        lesson=task,
-        rooms=evaluation_rooms([]),
-    )
-    seen = [deque[np.ndarray](maxlen=COLUMNS * ROWS) for _ in range(MOST_ROBOTS)]
-    left = [len(range(robot, told.episodes, MOST_ROBOTS)) for robot in range(MOST_ROBOTS)]
-    try:
-        pictures: Any = environment.reset()
-        while any(left):
-            for robot, picture in enumerate(pictures):
-                seen[robot].append(picture.copy())
-            pictures, _, ended, infos = environment.step(driven.act(pictures, UNKNOWN))
-            driven.forget(ended)
-            for robot in np.flatnonzero(ended):
-                how = infos[robot]
-                if left[robot] and how["touches"] < task.objects:
-                    episode = len(range(robot, told.episodes, MOST_ROBOTS)) - left[robot] + 1
-                    file = told.into / f"robot-{robot}-episode-{episode}-{how['happening']}.png"
-                    cv2.imwrite(str(file), sheet(seen[robot]))
-                    print(f"{file}: {how['touches']} of {task.objects} touched, {how['happening']}")
-                left[robot] -= left[robot] > 0
-                seen[robot].clear()
-    finally:
-        environment.close()
+    rooms = evaluation_rooms([])
+    trial = Trial(lesson("10"), preset(told.preset), rooms, told.episodes, told.seed)
+    robots = robots_of(trial)
+    watched = Watched(driver(told.model, robots, trial.seed, trial.preset), robots)
+    results = iter(evaluate_driver(watched.driver(), trial))
+    for robot, episodes in enumerate(watched.episodes):
+        share = len(range(robot, trial.episodes, robots))  # a quick robot drives more, uncounted
+        for number, pictures in enumerate(episodes[:share], 1):
+            result = next(results)
+            if not result.completed:
+                file = told.into / f"robot-{robot}-episode-{number}.png"
+                cv2.imwrite(str(file), sheet(pictures))
+                print(f"{file}: {result.touches} touched in {result.decisions} decisions")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
 import colorsys
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -79,8 +80,8 @@ def test_distractors_are_drawn_where_they_stand() -> None:
     nominal = nominal_look(SceneParameters())
     before = stage.picture(nominal)
 
-    def changed_columns(x_m: float, y_m: float) -> list[int]:
-        thing = Distractor("box", (0.1, 0.1, 0.2), (x_m, y_m, 0.2), 0.0, (0.0, 1.0, 0.0))
+    def changed_columns(x_m: float, y_m: float, yaw_rad: float = 0.0) -> list[int]:
+        thing = Distractor("box", (0.02, 0.1, 0.2), (x_m, y_m, 0.2), yaw_rad, (0.0, 1.0, 0.0))
         picture = stage.picture(replace(nominal, distractors=(thing,)))
         return np.flatnonzero((picture != before).any(axis=(0, 2))).tolist()
 
@@ -88,6 +89,7 @@ def test_distractors_are_drawn_where_they_stand() -> None:
     assert left
     assert max(left) < SIDE // 2 < min(right)
     assert len(left) < SIDE // 4 < len(changed_columns(0.5, 0.0)), "near things are large"
+    assert len(changed_columns(2.0, 0.0, math.pi / 2)) < len(changed_columns(2.0, 0.0)), "edge on"
     assert changed_columns(-2.0, 0.0) == [], "it is behind the robot"
 
 

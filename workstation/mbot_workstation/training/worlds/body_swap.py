@@ -26,17 +26,8 @@ _OF_BODIES = (
     "body_subtreemass",
     "body_inertia",
     "body_invweight0",
-    "body_sameframe",
 )
-_OF_GEOMS = (
-    "geom_size",
-    "geom_aabb",
-    "geom_rbound",
-    "geom_pos",
-    "geom_quat",
-    "geom_friction",
-    "geom_sameframe",
-)
+_OF_GEOMS = ("geom_size", "geom_aabb", "geom_rbound", "geom_pos", "geom_quat", "geom_friction")
 _OF_JOINTS = ("jnt_pos", "jnt_axis", "qpos0", "qpos_spring")
 _OF_DOFS = (
     "dof_armature",
