@@ -12,6 +12,7 @@ import pytest
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.simulation.frame_edges import FrameEdges
 from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_workstation.simulation.target_object import RED_CUBE, Shape, TargetObject
 from mbot_workstation.training.learning.git_state import git_state
 from mbot_workstation.training.learning.learning_curve import draw_curves, mark_note
 from mbot_workstation.training.learning.policy_source import find_source
@@ -27,6 +28,7 @@ from mbot_workstation.training.worlds.rooms import (
     TRAINING_ROOMS,
     evaluation_rooms,
     gather_rooms,
+    training_rooms,
 )
 from mbot_workstation.training.worlds.sensor import NOISE_SHARE, observation_processor
 from mbot_workstation.training.worlds.shared_arrays import SharedMemory
@@ -48,9 +50,22 @@ def test_rooms_are_the_photographs_then_made_up_ones(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_every_second_room_to_train_in_has_a_wall_of_the_objects_colour() -> None:
+    plain = gather_rooms([], 4, TRAINING_ROOMS)
+    green_ball = TargetObject("ball", Shape.BALL, colour_srgb=(30, 150, 50))
+    for thing, strongest in ((RED_CUBE, 0), (green_ball, 1)):
+        rooms = training_rooms([], 4, [thing])
+        changed = [(ours != theirs).any(axis=-1) for ours, theirs in zip(rooms, plain, strict=True)]
+        assert [bool(where.any()) for where in changed] == [True, False, True, False]
+        for room, where in zip(rooms[::2], changed[::2], strict=True):
+            assert 0.02 < where.mean() < 0.1, "a wall, less what stands before it"
+            assert np.median(room[where], axis=0).argmax() == strongest
+
+
+@pytest.mark.slow
 def test_nobody_is_tried_in_a_room_trained_in(tmp_path: Path) -> None:
     assert [path.stem for path in TRAINING_PHOTOGRAPHS] == ["apartment", "hall", "lab", "venice"]
-    trained_in = gather_rooms(TRAINING_PHOTOGRAPHS, 4, TRAINING_ROOMS)
+    trained_in = training_rooms(TRAINING_PHOTOGRAPHS, 4, [RED_CUBE])
     tried_in = evaluation_rooms([])
     assert len(tried_in) == 6
     kept_back = gather_rooms([], 6, CHOICE_ROOMS)

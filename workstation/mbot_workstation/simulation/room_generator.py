@@ -47,13 +47,16 @@ class Panel:
     glow: bool = False
 
 
-def generate_room(seed: int, width_px: int = 1024, room: Room | None = None) -> Picture:
+def generate_room(
+    seed: int, width_px: int = 1024, room: Room | None = None, wall_rgb: Colour | None = None
+) -> Picture:
     """Draw a room.
 
     Args:
         seed: which room.
         width_px: width of the picture, a multiple of 4.
         room: where the walls are and from how high it is seen; nominal when None.
+        wall_rgb: of the wall at +x; when None it is as the seed says.
 
     Returns:
         Shape (width_px / 2, width_px, 3), RGB.
@@ -68,7 +71,7 @@ def generate_room(seed: int, width_px: int = 1024, room: Room | None = None) -> 
 
     wall, along_m, range_m = _hit_walls(yaw, room.distance_m)
     height_m = room.photo_height_m + slope * range_m
-    picture = _walls(rng, wall, along_m, height_m)
+    picture = _walls(rng, wall, along_m, height_m, wall_rgb)
     for panel in _furnish(rng, room.distance_m):
         _draw(picture, panel, wall, along_m, height_m)
     _draw_floor_and_ceiling(rng, picture, yaw, slope, height_m, room.photo_height_m)
@@ -91,11 +94,14 @@ def _walls(
     wall: NDArray[np.int64],
     along_m: NDArray[np.float64],
     height_m: NDArray[np.float64],
+    painted: Colour | None,
 ) -> NDArray[np.float64]:
     base = rng.uniform(165, 225) + rng.uniform(-14, 14, 3)
     colours = np.clip(base + rng.uniform(-18, 18, (4, 1)), 90, 240)
     if rng.random() < 0.5:  # one wall painted
         colours[rng.integers(4)] = rng.uniform(70, 190, 3)
+    if painted is not None:
+        colours[0] = painted
     picture = np.repeat(colours[wall][None], height_m.shape[0], axis=0)
     # Corners and the floor's edge get less light.
     corner = np.clip((np.abs(along_m).max() - np.abs(along_m)) / 1.5, 0, 1)

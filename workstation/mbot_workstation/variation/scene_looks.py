@@ -126,14 +126,14 @@ def _on_the_wall(rng: np.random.Generator, objects: Sequence[TargetObject]) -> D
     bottom, height = rng.uniform(0.35, 1.2), rng.uniform(0.15, 0.7)
     size = (0.02, rng.uniform(0.08, 0.5), height / 2)
     place = (away * math.cos(angle), away * math.sin(angle), bottom + height / 2)
-    return Distractor("box", size, place, angle, _its_colour(rng, objects))
+    return Distractor("box", size, place, angle, like_an_object(rng, objects))
 
 
 def _on_the_floor(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Distractor:
     """Paper, tape, a mat: flat, so that a robot can drive over it."""
     x, y = rng.uniform(-2.6, 2.6, 2)
     size = (rng.uniform(0.03, 0.5), rng.uniform(0.01, 0.12), FLAT_M / 2)
-    colour = _its_colour(rng, objects) if rng.random() < 0.5 else _other(rng, objects)
+    colour = like_an_object(rng, objects) if rng.random() < 0.5 else _other(rng, objects)
     return Distractor(
         "box", size, (float(x), float(y), FLAT_M / 2), rng.uniform(0, math.pi), colour
     )
@@ -143,7 +143,7 @@ def _behind_the_wall(rng: np.random.Generator, objects: Sequence[TargetObject]) 
     """Chairs' legs, bottles, balls, cupboards: standing where no robot gets to."""
     angle, away = rng.uniform(-math.pi, math.pi), rng.uniform(ARENA_M * 1.45, ARENA_M * 1.6)
     place = away * math.cos(angle), away * math.sin(angle)
-    colour = _its_colour(rng, objects) if rng.random() < 0.6 else _other(rng, objects)
+    colour = like_an_object(rng, objects) if rng.random() < 0.6 else _other(rng, objects)
     if rng.random() < 0.5:
         radius, half = rng.uniform(0.015, 0.05), rng.uniform(0.3, 0.9)
         return Distractor("post", (radius, radius, half), (*place, half), 0.0, colour)
@@ -164,7 +164,7 @@ def _other_colour(rng: np.random.Generator, objects: Sequence[TargetObject]) -> 
     )
 
 
-def _its_colour(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Rgb:
+def like_an_object(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Rgb:
     """A colour like an object's, more loosely than its own."""
     thing = objects[int(rng.integers(len(objects))) if len(objects) > 1 else 0]
     return _as_its(thing, rng.uniform(-0.05, 0.05), rng.uniform(0.5, 1.0), rng.uniform(0.3, 1.0))

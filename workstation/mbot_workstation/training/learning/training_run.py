@@ -21,7 +21,7 @@ from mbot_workstation.training.learning.run_directory import RunDirectory, write
 from mbot_workstation.training.learning.training_callback import TrainingCallback
 from mbot_workstation.training.learning.training_config import TrainingConfig
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
-from mbot_workstation.training.worlds.rooms import TRAINING_ROOMS, gather_rooms
+from mbot_workstation.training.worlds.rooms import training_rooms
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +118,7 @@ def train(
 
 def environment_of(config: TrainingConfig, stage: int = 0, step: int = 0) -> FetchVecEnv:
     """Where a run learns from this lesson and this decision on."""
-    rooms = gather_rooms(config.photographs, config.made_up_rooms, TRAINING_ROOMS)
+    rooms = training_rooms(config.photographs, config.made_up_rooms, config.scene.objects)
     return FetchVecEnv(
         robots=config.robots,
         seed=config.seed * config.robots + step,  # robots count up from it

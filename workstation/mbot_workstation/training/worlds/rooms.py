@@ -3,9 +3,13 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from mbot_protocol.picture import Picture
 from mbot_workstation.simulation.room import load_room
 from mbot_workstation.simulation.room_generator import generate_room
+from mbot_workstation.simulation.target_object import TargetObject
+from mbot_workstation.variation.scene_looks import like_an_object
 
 TRAINING_ROOMS = 1000
 EVALUATION_ROOMS = 2000
@@ -30,6 +34,24 @@ def gather_rooms(panoramas: Sequence[Path], made_up: int, first_seed: int) -> li
     """
     photographs = [load_room(path) for path in panoramas]
     return [*photographs, *(generate_room(first_seed + number) for number in range(made_up))]
+
+
+def training_rooms(
+    photographs: Sequence[Path], made_up: int, objects: Sequence[TargetObject]
+) -> list[Picture]:
+    """Rooms to train in: the photographs, then made-up ones, every second with a wall of an
+    object's colour. Homes have such walls, and a policy that has seen none drives at them.
+
+    Raises:
+        ConfigurationError: a photograph is unusable.
+
+    """
+    rooms = gather_rooms(photographs, 0, TRAINING_ROOMS)
+    for number in range(made_up):
+        seed = TRAINING_ROOMS + number
+        wall = np.multiply(255, like_an_object(np.random.default_rng(seed), objects)).tolist()
+        rooms.append(generate_room(seed, wall_rgb=tuple(wall) if number % 2 == 0 else None))
+    return rooms
 
 
 def evaluation_rooms(panoramas: Sequence[Path], made_up: int | None = None) -> list[Picture]:
