@@ -411,7 +411,7 @@ MUTANTS = (
     Mutant(
         "a file is renamed before it is synced",
         f"{PROTOCOL}/atomic_file.py",
-        "            if durable:\n                os.fsync(file)",
+        "            os.fsync(file)",
         "            if False:\n                os.fsync(file)",
         "tests/protocol/test_atomic_file.py::"
         "test_a_power_cut_at_any_call_leaves_the_old_file_or_the_new_one",

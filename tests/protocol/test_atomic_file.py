@@ -58,10 +58,13 @@ def test_a_call_that_fails_leaves_the_old_file_and_no_litter(
     path: Path, disk: FaultyDisk, number: int, code: int
 ) -> None:
     before = content(path)
+    seen: list[State] = []
+    disk.watch = lambda: seen.extend(disk.after_power_cut())
     disk.fault = fails_at(number, code)
     with pytest.raises(OSError, match=os.strerror(code)):
         atomic_file.replace(path, NEW)
     assert content(path) == before
+    assert {state.get("file") for state in seen} <= {before, NEW}, "after a power cut meanwhile"
     assert [one for one in path.parent.iterdir() if one != path] == []
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from mbot_agent.models import model_engine
 from mbot_agent.models.model_engine import Engine, OnnxRuntime, OpenCvDnn
+from mbot_agent.models.policy import Policy
 from mbot_protocol.errors import ContractError
 from mbot_protocol.model_declaration import read_declaration
 from mbot_protocol.policy_contract import PolicyMetadata
@@ -100,15 +101,17 @@ def test_old_opencv_is_given_no_dense_layer_that_it_cannot_read(for_armv6: bytes
 
 
 def test_opencv_remembers_as_onnxruntime_does(for_armv6: bytes) -> None:
-    """80 pictures of noise, each from the state that the same engine left."""
-    noise = np.random.default_rng(3)
-    pictures = noise.integers(0, 256, (80, 1, 64, 64, 3)).astype(np.uint8)
+    """The drive of 80 pictures that the policy brings, each from what the same engine left."""
+    golden = Policy(SHIPPED.read_bytes()).golden_frames()
+    assert (len(golden), sum(frame.fresh for frame in golden)) == (80, 2)
 
     def drive(one: Engine) -> np.ndarray:
         state, before, actions = np.zeros((1, 1, 128), np.float32), np.zeros((1, 2)), []
-        for picture in pictures:
+        for frame in golden:
+            if frame.fresh:
+                state, before = np.zeros_like(state), np.zeros((1, 2))
             feeds = {
-                "observation": picture,
+                "observation": frame.picture[None],
                 "previous_action": before.astype(np.float32),
                 "state_in": state,
             }

@@ -29,7 +29,7 @@ def replace(path: Path, data: bytes, *, mode: int = 0o666) -> None:
         OSError: it has not; the file is what it was before.
 
     """
-    temporary = _written(path, data, mode, durable=True)
+    temporary = _written(path, data, mode)
     before = _content(path)
     try:
         os.rename(temporary, path)
@@ -40,7 +40,7 @@ def replace(path: Path, data: bytes, *, mode: int = 0o666) -> None:
         _sync_directory(path.parent)
     except OSError:
         # The rename has happened, but who knows whether it will be there tomorrow. Refusing means
-        # that the old content has to be back now.
+        # that the old content has to be back now, and whole, should the power fail before the next.
         _put_back(path, before, mode)
         raise
 
@@ -67,8 +67,8 @@ def remove(path: Path) -> None:
         os.unlink(path)
 
 
-def _written(path: Path, data: bytes, mode: int, *, durable: bool) -> Path:
-    """A new temporary file beside `path` with this content."""
+def _written(path: Path, data: bytes, mode: int) -> Path:
+    """A new temporary file beside `path` with this content, which has reached the disk."""
     temporary = path.with_name(f"{path.name}.{os.getpid()}.{time.monotonic_ns()}{TEMPORARY}")
     try:
         file = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
@@ -76,8 +76,7 @@ def _written(path: Path, data: bytes, mode: int, *, durable: bool) -> Path:
             rest = memoryview(data)
             while rest:
                 rest = rest[os.write(file, rest) :]
-            if durable:
-                os.fsync(file)
+            os.fsync(file)
         finally:
             os.close(file)
     except OSError:
@@ -98,7 +97,7 @@ def _put_back(path: Path, content: bytes | None, mode: int) -> None:
         if content is None:
             os.unlink(path)
         else:
-            os.rename(_written(path, content, mode, durable=False), path)
+            os.rename(_written(path, content, mode), path)
 
 
 def _discard(temporary: Path) -> None:
