@@ -15,6 +15,7 @@ from mbot_workstation.training.worlds.lessons import (
     named,
     passed,
 )
+from mbot_workstation.variation.effects import IDEAL
 from mbot_workstation.variation.presets import KNOWN, PRESETS
 
 
@@ -109,3 +110,17 @@ def test_ranges_of_lessons_are_spelt_out() -> None:
     for wrong in ("10-9", "0-3", "8-11", "-3", "3-", "blur-10"):
         with pytest.raises(ValueError, match="rising range"):
             named([wrong])
+
+
+def test_rough_robots_are_also_better_than_any_down_to_ideal_ones() -> None:
+    """In whatever delays a wheel or blurs a picture; each between nothing and what is known."""
+    delays = {
+        "action_latency_ms", "action_jitter_ms", "compensation_scale", "dead_band_scale",
+        "time_constant_scale", "camera_latency_ms", "frame_interval_ms", "exposure_ms",
+        "readout_ms", "noise",
+    }  # fmt: skip
+    better = [kind for kind in ROUGH_LESSON.kinds if delays <= {name for name, _ in kind}]
+    assert len(better) == 1
+    for name, (low, high) in better[0]:
+        assert low == getattr(IDEAL, name)
+        assert high <= getattr(KNOWN, name)
