@@ -79,6 +79,7 @@ FORBIDDEN = {
     "Scan": (node("Scan"), "'Scan'"),
     "Expand": (node("Expand"), "'Expand'"),
     "no such operator": (node("\x1b[31mEvil"), "'.x1b.31mEvil'"),
+    "no operator": (lambda model: model.graph.node[0].ClearField("op_type"), "has no operator"),
     "another domain": (node("Add", "com.microsoft"), "'com.microsoft'"),
     "graph inside": (attribute("body", EMPTY_GRAPH), "a graph inside"),
     "graphs inside": (attribute("bodies", [EMPTY_GRAPH]), "graphs inside"),

@@ -118,6 +118,12 @@ def _location(walk: _Walk, _: int, value: int, __: memoryview) -> None:
         walk.refuse("the model's weights are in another file: export it as one")
 
 
+def _node(walk: _Walk, wire_type: int, value: int, content: memoryview) -> None:
+    _inside(lambda: _NODE, "a node")(walk, wire_type, value, content)
+    if all(number != _OPERATOR for number, *_ in fields(content)):
+        walk.refuse("a node of the model has no operator: export it again")
+
+
 def _tensor(walk: _Walk, wire_type: int, value: int, content: memoryview) -> None:
     """A tensor has at least a byte for each element, so more elements than bytes is a lie."""
     _inside(lambda: _TENSOR, "a tensor")(walk, wire_type, value, content)
@@ -136,15 +142,16 @@ def _plain(*numbers: int) -> Allowed:
 
 # The numbers are those of onnx.proto3 (ONNX 1.18); a test compares the names.
 _DIMENSIONS = 1
+_OPERATOR = 4
 _TENSOR = _plain(_DIMENSIONS, 2, 4, 5, 7, 8, 9, 10, 11, 12, 16) | {14: _location}
 _ATTRIBUTE = _plain(1, 2, 3, 4, 7, 8, 9, 13, 20) | {5: _tensor}
 _NODE = _plain(1, 2, 3, 6, 9) | {
-    4: _operator,
+    _OPERATOR: _operator,
     5: _inside(lambda: _ATTRIBUTE, "an attribute"),
     7: _domain,
 }
 _GRAPH = _plain(2, 10, 11, 12, 13, 16) | {
-    1: _inside(lambda: _NODE, "a node"),
+    1: _node,
     5: _tensor,
 }
 _MODEL = _plain(1, 2, 3, 4, 5, 6, 8, 14) | {7: _inside(lambda: _GRAPH, "the graph")}
