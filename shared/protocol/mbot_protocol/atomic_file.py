@@ -26,7 +26,8 @@ def replace(path: Path, data: bytes, *, mode: int = 0o666) -> None:
         mode: permissions of the new file, less the umask; 0o600 for what is secret.
 
     Raises:
-        OSError: it has not; the file is what it was before.
+        OSError: it has not; the file is what it was before, or whole and new if the disk refuses
+            to put that back, too.
 
     """
     temporary = _written(path, data, mode)

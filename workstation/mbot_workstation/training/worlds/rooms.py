@@ -40,7 +40,7 @@ def training_rooms(
     photographs: Sequence[Path], made_up: int, objects: Sequence[TargetObject]
 ) -> list[Picture]:
     """Rooms to train in: the photographs, then made-up ones, every second with a wall of an
-    object's colour. Homes have such walls, and a policy that has seen none drives at them.
+    object's colour. Homes have such walls; a policy that had seen none ended a drive before one.
 
     Raises:
         ConfigurationError: a photograph is unusable.
