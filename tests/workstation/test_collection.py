@@ -6,7 +6,7 @@ import torch
 from stable_baselines3.common.callbacks import BaseCallback
 
 from mbot_workstation.training.drivers.guide import Guide
-from mbot_workstation.training.learning.collection import Collection
+from mbot_workstation.training.learning.collection import Collection, forgets
 from mbot_workstation.training.learning.full_speed import within_full_speed
 from mbot_workstation.training.learning.guidance import advice_loss
 from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
@@ -101,6 +101,18 @@ class Sums(BaseCallback):
     def _on_step(self) -> bool:
         self.episodes += [info["episode"] for info in self.locals["infos"]]
         return self._stop_after is None or self.n_calls < self._stop_after
+
+
+@pytest.mark.parametrize(
+    ("wheels", "share"),
+    [((-0.3, 0.3), 1 / 12), ((0.6, 1.0), 1 / 12), ((0.3, -0.3), 1 / 150), ((1.0, 1.0), 1 / 150)],
+)
+def test_a_memory_is_zeroed_more_often_in_the_rarer_turn(
+    wheels: tuple[float, float], share: float
+) -> None:
+    told = np.full((100_000, 2), wheels, np.float32)
+    zeroed = forgets(told, np.random.default_rng(0))
+    assert zeroed.mean() == pytest.approx(share, rel=0.1)
 
 
 def rollout(robots: int, workers: int, units: int = 8) -> tuple[dict[str, np.ndarray], Sums]:

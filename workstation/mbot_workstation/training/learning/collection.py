@@ -28,6 +28,14 @@ FORGETS = 1 / 150
 decision, and must drive on. Episodes begin at rest, so this is also what shows an empty memory the
 blurred pictures of a turn; at 1 / 400 some of those made a policy drive."""
 
+FORGETS_TURNING_LEFT = 1 / 12
+"""Who searches turns right, so that 12 times fewer decisions are turns to the left (2 % against
+24 %, the policy of 8716250 on nominal and randomised robots). Zeroed as seldom as elsewhere, an
+empty memory took a left turn's blur for a right turn's and drove past what it saw on the right."""
+
+TURNING_LEFT = 0.15
+"""Half the wheels' difference from which on it counts as a turn; the search is about 0.3."""
+
 
 @dataclass(slots=True, eq=False)
 class _Half:
@@ -210,10 +218,16 @@ class Collection:
         buffer.rewards[buffer.pos - 1, half.rows] = arrival.rewards * reward_scale
         half.sight = self.environment.sight(half.rows)
         half.began = arrival.ended
-        half.forgot = arrival.ended | (self._rng.random(len(half.rows)) < FORGETS)
+        half.forgot = arrival.ended | forgets(half.told.cpu().numpy(), self._rng)
         keep = torch.from_numpy(~half.forgot).to(half.state).unsqueeze(1)
         half.state, half.told = half.state * keep, half.told * keep
         return arrival.infos
+
+
+def forgets(told: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.bool_]:
+    """Whose memory is zeroed, shape (n,), after the wheels were told this, shape (n, 2)."""
+    left = (told[:, 1] - told[:, 0]) / 2 > TURNING_LEFT
+    return rng.random(len(told)) < np.where(left, FORGETS_TURNING_LEFT, FORGETS)
 
 
 def _before(half: _Half, policy: MemoryPolicy) -> Before:
