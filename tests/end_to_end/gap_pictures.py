@@ -12,7 +12,7 @@ from .browser import browser
 
 WIDTH_PX, HEIGHT_PX = 1000, 900
 MARGIN_PX = 10
-TALLEST_PX = {"gap-paths.png": 545, "gap-frames.jpg": 420}
+TALLEST_PX = {"gap-paths.png": 545, "gap-frames.jpg": 450}
 """Of sections of which the first row is enough."""
 
 VERDICTS, PATHS, FRAMES = "Will a policy hold?", "Paths", "The same frame, real and simulated"
