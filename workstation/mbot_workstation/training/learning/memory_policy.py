@@ -139,8 +139,9 @@ class MemoryPolicy(ActorCriticPolicy):
         mean = self.action_net(known)
         if deterministic:
             return Decided(mean, known, state)
-        noise = self.log_std.exp().expand_as(mean)
-        return Decided(torch.normal(mean, noise), known, state)
+        # Drawn where checkpoints keep the generator, also for a network on a GPU.
+        noise = torch.randn(mean.shape).to(mean.device)
+        return Decided(mean + self.log_std.exp() * noise, known, state)
 
     def judge(self, known: torch.Tensor, actions: torch.Tensor, truth: torch.Tensor) -> Judged:
         """Of decisions that were made; for many at once it costs little."""

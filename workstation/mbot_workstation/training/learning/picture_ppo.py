@@ -54,9 +54,10 @@ class PicturePPO(PPO):
     `MemoryPolicy`.
 
     Attributes:
-        update_threads: into how many parts a batch is split. It changes results only by rounding,
-            and does not depend on the machine. Rehearsals do: their features are bfloat16 where the
-            processor is faster at it, so that a seed gives another run there.
+        update_threads: into how many parts a batch is split; one on a GPU. It changes results only
+            by rounding, and does not depend on how many cores there are. Rehearsals do depend on
+            the processor: their features are bfloat16 where it is faster at it, so that a seed
+            gives another run there.
         collection: where rollouts come from; None is SB3's own loop, in which nothing is
             remembered.
         reward_scale: rewards are multiplied by it.
@@ -89,6 +90,8 @@ class PicturePPO(PPO):
 
     def _setup_model(self) -> None:
         super()._setup_model()
+        if self.device.type != "cpu":
+            self.update_threads = 1  # a GPU has threads enough, and one queue for all of ours
         self.rollout_buffer.units = self.policy.units
         self.rollout_buffer.reset()
 
