@@ -188,3 +188,14 @@ def test_a_run_that_was_interrupted_while_choosing_can_be_resumed(
     choose(run)
     with pytest.raises(ConfigurationError, match="has made 64 decisions already"):
         resumed(resume)
+
+
+def test_a_run_goes_on_where_the_network_can_learn(tmp_path: Path) -> None:
+    """One that began on a machine with a GPU, on this one, and on no other than is asked for."""
+    began = begin_run(tmp_path / "run", replace(SHORT, device="cuda"))
+    resume = TrainOptions(resume=began.path)
+    here = "cuda" if torch.cuda.is_available() else "cpu"
+    assert resumed(resume)[1].device == here
+    assert resumed(replace(resume, device="cpu"))[1].device == "cpu"
+    with pytest.raises(ConfigurationError, match="expected auto, cpu or cuda"):
+        resumed(replace(resume, device="tpu"))

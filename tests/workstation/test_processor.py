@@ -8,7 +8,11 @@ import torch
 from mbot_workstation.training.drivers.guide import Guide
 from mbot_workstation.training.learning.collection import Collection
 from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
-from mbot_workstation.training.learning.processor import has_short_floats, keep_freed_memory
+from mbot_workstation.training.learning.processor import (
+    has_short_floats,
+    keep_freed_memory,
+    prepare_gpu,
+)
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 from mbot_workstation.variation.presets import preset
 
@@ -67,6 +71,12 @@ def test_only_rehearsals_are_short_and_only_where_it_pays(
     assert not any(ppo)
     assert rehearsed == [has_them] * learner.update_threads
     assert not has_short_floats(torch.device("cuda"))
+
+
+def test_a_gpu_keeps_all_digits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.backends.cudnn, "allow_tf32", True)
+    prepare_gpu()
+    assert not torch.backends.cudnn.allow_tf32
 
 
 def test_features_of_short_floats_are_nearly_the_same() -> None:

@@ -43,7 +43,7 @@ class TrainOptions:
     resume: Path | None = option(
         None,
         "Go on with this run from its last checkpoint, as it was configured; only "
-        "--steps, --target-reward and --workers can be given anew.",
+        "--steps, --target-reward, --workers and --device can be given anew.",
         metavar="RUN",
     )
     lesson: list[str] | None = option(
@@ -203,6 +203,7 @@ def _resumed(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
         if options.target_reward is None
         else options.target_reward,
         workers=config.workers if options.workers is None else options.workers,
+        device=_device(options.device),  # not the run's: it may have begun on another machine
     )
 
 

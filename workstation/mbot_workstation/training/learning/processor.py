@@ -1,6 +1,7 @@
 """What an update makes of the processor and the memory that it runs on."""
 
 import ctypes
+import warnings
 
 import torch
 
@@ -29,10 +30,14 @@ def has_short_floats(device: torch.device) -> bool:
     return device.type == "cpu" and bool(torch.cpu.get_capabilities().get("avx512_bf16"))
 
 
-def multiply_whole() -> None:
+def prepare_gpu() -> None:
     """Let a GPU's convolutions and recurrences keep all of float32's digits.
 
-    By torch's default they take ten bits of what they multiply, an error of 0.001: of a likelihood
-    ratio the fourth digit matters, and the policy is asked alone and in batches.
+    By torch's default they take ten bits of what they multiply. What the policy knows differed by
+    0.0018 from what the processor makes of it, by 0.000007 without (an NVIDIA H100): of a
+    likelihood ratio the fourth digit matters, and the policy is asked alone and in batches.
     """
     torch.backends.cudnn.allow_tf32 = False
+    # The memory's weights are four parameters: what putting them together costs is nothing beside
+    # the rest, and not for whoever trains to mend.
+    warnings.filterwarnings("ignore", "RNN module weights are not part of single contiguous chunk")

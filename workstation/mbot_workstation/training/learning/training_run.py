@@ -15,10 +15,7 @@ from mbot_workstation.training.learning.collection import Collection
 from mbot_workstation.training.learning.git_state import git_state
 from mbot_workstation.training.learning.guidance import GUIDE_REMEMBERS
 from mbot_workstation.training.learning.learner import make_learner
-from mbot_workstation.training.learning.processor import (
-    keep_freed_memory,
-    multiply_whole,
-)
+from mbot_workstation.training.learning.processor import keep_freed_memory, prepare_gpu
 from mbot_workstation.training.learning.progress_display import Display
 from mbot_workstation.training.learning.run_directory import RunDirectory, write_json
 from mbot_workstation.training.learning.training_callback import TrainingCallback
@@ -83,7 +80,7 @@ def train(
 
     """
     keep_freed_memory()
-    multiply_whole()
+    prepare_gpu()
     torch.set_num_threads(1)  # PicturePPO has threads of its own, the robots have processes
     checkpoints = run.checkpoints()
     start = read_state(checkpoints[-1]) if checkpoints else None
