@@ -102,6 +102,15 @@ def test_what_has_just_been_lost_is_gone_back_to_and_then_searched() -> None:
     np.testing.assert_allclose(guide.act(situation(0.3, 1.0))[0], SEARCH)
 
 
+def test_who_forgets_searches_what_it_had_noticed() -> None:
+    guide = Guide(2, NOMINAL, remembers=2)
+    guide.drove(told(guide.act(situation(1.0, 0.3).repeat(2))))
+    guide.forget(np.array([True, False]))
+    forgot, remembers = guide.act(situation(0.3, 1.0).repeat(2))
+    np.testing.assert_allclose(forgot, SEARCH)
+    assert remembers[1] > remembers[0]
+
+
 def test_what_was_not_noticed_is_not_gone_back_to() -> None:
     """Who drives on searching has not seen it, whatever the picture shows."""
     guide = Guide(1, NOMINAL, remembers=2)
@@ -254,6 +263,7 @@ def sequences(count: int, level: int, length: int = 12) -> Sequences:
         forgot=np.zeros(shape, np.float32),
         state=np.full((count, 5), level, np.float32),
         advice=np.full((*shape, 2), level / 10, np.float32),
+        shows=np.ones(shape, np.bool_),
     )
 
 
@@ -270,6 +280,38 @@ def test_the_memory_keeps_the_newest_sequences_whole() -> None:
     np.testing.assert_allclose(batch.state[:, 0], levels[0])
     np.testing.assert_allclose(batch.advice[BURN_IN:, :, 0], levels[BURN_IN:] / 10)
     assert np.isnan(batch.advice[:BURN_IN]).all(), "the state is in terms of older weights there"
+
+
+def test_what_is_rehearsed_alone_is_mirrored_where_it_shows_an_object() -> None:
+    """Four quarters of a robot's day: the object on the left and shown, remembered, sought, and no
+    advice. In the picture one column tells left from right.
+    """
+    lived = sequences(3, 0, length=32)
+    day = np.arange(32) // 8
+    lived.pictures[:, :, :, 0] = day[:, None, None, None] + 1
+    lived.shows[:] = (day == 0)[:, None]
+    quarters = np.array([[0.9, 1.1], [0.8, 1.2], [0.3, -0.3], [np.nan, np.nan]], np.float32)
+    lived.advice[:] = quarters[day][:, None]
+    memory = AdviceMemory(10**4)
+    memory.add(replace(lived, state=np.ones((3, 5), np.float32)))
+    alone = memory.draw_alone(2000)
+    assert alone.pictures.shape == (1, 2000, 4, 4, 3)
+    assert alone.forgot.all()
+    assert not alone.state.any()
+    assert not alone.previous_actions.any()
+    first, last = alone.pictures[0, :, 0, 0, 0], alone.pictures[0, :, 0, -1, 0]
+    kinds = np.maximum(first, last) - 1
+    for kind, share in ((0, 1 / 8), (1, 1 / 4), (2, 1 / 4), (3, 1 / 4)):
+        as_seen = (kinds == kind) & (first > 0)
+        assert as_seen.mean() == pytest.approx(share, abs=0.04)
+        expected = np.full(2, np.nan) if kind == 1 else quarters[kind]
+        np.testing.assert_allclose(alone.advice[0][as_seen], np.tile(expected, (as_seen.sum(), 1)))
+    mirrored = last > 0
+    assert set(kinds[mirrored]) == {0}
+    assert mirrored.mean() == pytest.approx(1 / 8, abs=0.04)
+    np.testing.assert_allclose(
+        alone.advice[0][mirrored], np.tile(quarters[0][::-1], (mirrored.sum(), 1))
+    )
 
 
 def test_parts_are_side_by_side() -> None:

@@ -73,7 +73,7 @@ class Guide:
 
         """
         targets = np.stack([situations["target_ahead_m"], situations["target_left_m"]], axis=1)
-        seen = np.abs(situations["seen_left_rad"]) <= IN_VIEW_RAD
+        seen = shown(situations)
         another = situations["time_left_s"] > self._time_left_s  # each object has its own time
         self._time_left_s = situations["time_left_s"].copy()
         self._noticed &= ~another
@@ -91,6 +91,10 @@ class Guide:
         at_full_speed = actions + 1 - actions.mean(axis=1, keepdims=True)
         return np.where(lost[:, None], actions, at_full_speed)
 
+    def forget(self, who: NDArray[np.bool_]) -> None:
+        """These, shape (robots,), remember no object from now on."""
+        self._noticed &= ~who
+
     def drove(self, actions: Actions) -> None:
         """Say what was done instead: wheels lag, so the next advice depends on it.
 
@@ -99,6 +103,11 @@ class Guide:
         """
         self._oracle.drove(actions)
         self._noticed |= _distance(actions, self._driven) < _distance(actions, self._blind)
+
+
+def shown(situations: NDArray[np.void]) -> NDArray[np.bool_]:
+    """Whether each picture shows the object; STEP_RECORD, shape (n,)."""
+    return np.abs(situations["seen_left_rad"]) <= IN_VIEW_RAD
 
 
 def _distance(one: Actions, other: Actions) -> NDArray[np.float32]:

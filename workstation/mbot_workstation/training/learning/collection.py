@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from mbot_workstation.training.drivers.guide import Guide
+from mbot_workstation.training.drivers.guide import Guide, shown
 from mbot_workstation.training.learning.full_speed import within_full_speed
 from mbot_workstation.training.learning.memory_policy import (
     ACTIONS,
@@ -25,18 +25,8 @@ from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv, Sight
 
 FORGETS = 1 / 150
 """How often a memory is zeroed in the middle of an episode: a robot zeroes it after a held
-decision, and must drive on. Episodes begin at rest, so this is also what shows an empty memory the
-blurred pictures of a turn; at 1 / 400 some of those made a policy drive."""
-
-FORGETS_TURNING_LEFT = 1 / 12
-"""Who searches turns right, so that few decisions are turns to the left: 2.8 % against 24 %, or
-2.0 % beyond a difference of 0.2, which this makes up for (the policy of 8716250, 16 episodes each
-on nominal and randomised robots). Zeroed as seldom as elsewhere, an
-empty memory took a left turn's blur for a right turn's and drove past what it saw on the right; so
-it does since, at 5 of 165 pictures where it was 6 (one seed each)."""
-
-TURNING_LEFT = 0.15
-"""Half the wheels' difference from which on it counts as a turn; the search is about 0.3."""
+decision, and must drive on. What an empty memory makes of a picture is rehearsed besides
+(`AdviceMemory.draw_alone`)."""
 
 
 @dataclass(slots=True, eq=False)
@@ -208,7 +198,9 @@ class Collection:
         witness.bodies[place] = half.sight.bodies
         if half.guide is not None:
             half.guide.become(half.sight.bodies)
+            half.guide.forget(half.forgot)
             buffer.advice[place] = half.guide.act(half.sight.situations)
+            buffer.shows[place] = shown(half.sight.situations)
             half.guide.drove(told)
         half.state, half.told = decided.state, torch.from_numpy(told).to(policy.device)
 
@@ -220,16 +212,10 @@ class Collection:
         buffer.rewards[buffer.pos - 1, half.rows] = arrival.rewards * reward_scale
         half.sight = self.environment.sight(half.rows)
         half.began = arrival.ended
-        half.forgot = arrival.ended | forgets(half.told.cpu().numpy(), self._rng)
+        half.forgot = arrival.ended | (self._rng.random(len(half.rows)) < FORGETS)
         keep = torch.from_numpy(~half.forgot).to(half.state).unsqueeze(1)
         half.state, half.told = half.state * keep, half.told * keep
         return arrival.infos
-
-
-def forgets(told: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.bool_]:
-    """Whose memory is zeroed, shape (n,), after the wheels were told this, shape (n, 2)."""
-    left = (told[:, 1] - told[:, 0]) / 2 > TURNING_LEFT
-    return rng.random(len(told)) < np.where(left, FORGETS_TURNING_LEFT, FORGETS)
 
 
 def _before(half: _Half, policy: MemoryPolicy) -> Before:

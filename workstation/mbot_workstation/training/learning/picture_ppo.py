@@ -37,6 +37,9 @@ from mbot_workstation.training.learning.sequences import (
 MEMORY_CAPACITY = 200_000
 """Decisions with advice; 2.4 GB when full."""
 
+ALONE_EVERY = 8
+"""Of so many rehearsals one is of single pictures without a memory."""
+
 
 @dataclass(frozen=True, slots=True)
 class _Part:
@@ -156,8 +159,10 @@ class PicturePPO(PPO):
         if self._memory is None:
             self._memory = AdviceMemory(MEMORY_CAPACITY)
         self._memory.add(self.rollout_buffer.everything())
-        for _ in range(self.rehearsals):
-            batch = self._memory.draw(self.rehearsal_batch)
+        for number in range(self.rehearsals):
+            alone = self.policy.units > 0 and number % ALONE_EVERY == 0
+            draw = self._memory.draw_alone if alone else self._memory.draw
+            batch = draw(self.rehearsal_batch)
             parts = [batch.part(index, self.update_threads) for index in range(self.update_threads)]
             self._descend(list(threads.map(self._advice_gradients, parts)), batch.decisions)
 

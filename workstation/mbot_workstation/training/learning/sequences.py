@@ -25,6 +25,7 @@ class Sequences:
         forgot: (length, n), float32; 1 where the memory began anew before the decision.
         state: (n, units), before the first decision.
         advice: (length, n, 2); NaN where there is none.
+        shows: (length, n); whether the picture shows the object.
 
     """
 
@@ -33,6 +34,7 @@ class Sequences:
     forgot: NDArray[np.float32]
     state: NDArray[np.float32]
     advice: NDArray[np.float32]
+    shows: NDArray[np.bool_]
 
     def part(self, index: int, count: int) -> "Sequences":
         """One of `count` parts, side by side."""
@@ -79,6 +81,7 @@ class SequenceBuffer(RolloutBuffer):
         forgot: shape (steps, robots), whether the state is a new one.
         truth: shape (steps, robots, TRUTH).
         advice: shape (steps, robots, 2).
+        shows: shape (steps, robots).
 
     """
 
@@ -93,6 +96,7 @@ class SequenceBuffer(RolloutBuffer):
         self.forgot = np.zeros(shape, np.float32)
         self.truth = np.zeros((*shape, TRUTH), np.float32)
         self.advice = np.full((*shape, ACTIONS), np.nan, np.float32)
+        self.shows = np.zeros(shape, np.bool_)
 
     @property
     def length(self) -> int:
@@ -122,6 +126,7 @@ class SequenceBuffer(RolloutBuffer):
             forgot=self.forgot[moments, robot],
             state=self.states[begin, robot],
             advice=self.advice[moments, robot],
+            shows=self.shows[moments, robot],
             actions=self.actions[moments, robot],
             truth=self.truth[moments, robot],
             old_log_prob=self.log_probs[moments, robot],
