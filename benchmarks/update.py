@@ -53,6 +53,7 @@ def sample_us(way: str) -> float:
         forgot=np.zeros(shape, np.float32),
         state=np.zeros((SIDE_BY_SIDE, MEMORY_UNITS), np.float32),
         advice=np.ones((*shape, 2), np.float32),
+        shows=np.ones(shape, np.bool_),
     )
     parts = [batch.part(index, learner.update_threads) for index in range(learner.update_threads)]
     with ThreadPoolExecutor(learner.update_threads) as threads:
