@@ -28,7 +28,7 @@ class Pointing(Guide):
 
 
 def seen(truths: np.ndarray) -> np.ndarray:
-    """Half of what the camera sees, to either side, in the critic's scale."""
+    """Whether pictures show the object, by what the critic is told; 27 degrees to either side."""
     return (truths[..., 2] != 0) & (np.abs(truths[..., 2]) < 0.3 * np.radians(27))
 
 

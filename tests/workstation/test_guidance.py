@@ -323,7 +323,7 @@ def test_parts_are_side_by_side() -> None:
 
 
 @pytest.mark.slow
-def test_rehearsing_moves_the_wheels_and_the_memory() -> None:
+def test_rehearsing_moves_the_wheels_and_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     settings = LearnerSettings(
         steps_per_robot=16,
         batch=16,
@@ -340,9 +340,18 @@ def test_rehearsing_moves_the_wheels_and_the_memory() -> None:
         before = {k: v.clone() for k, v in learner.policy.state_dict().items()}
         for group in learner.policy.optimizer.param_groups:
             group["lr"] = 1e-2
+        alone: list[int] = []
+        draw_alone = AdviceMemory.draw_alone
+
+        def noted(memory: AdviceMemory, decisions: int) -> Sequences:
+            alone.append(decisions)
+            return draw_alone(memory, decisions)
+
+        monkeypatch.setattr(AdviceMemory, "draw_alone", noted)
         with ThreadPoolExecutor(2) as threads:
             learner._rehearse(threads)  # pyright: ignore[reportPrivateUsage]
         after = learner.policy.state_dict()
+    assert alone == [learner.rehearsal_batch], "the first of eight"
     assert not torch.equal(before["action_net.bias"], after["action_net.bias"])
     assert not torch.equal(before["memory.bias_hh"], after["memory.bias_hh"])
     assert "_memory" in learner._excluded_save_params()  # pyright: ignore[reportPrivateUsage]

@@ -17,7 +17,8 @@ policy remembered there is in the terms of weights that have changed since."""
 
 GOES_ON = 0.5
 """Mean of both wheels beyond which a robot is advised to drive on, not to search: to what it
-remembers where the picture does not show it."""
+remembers where the picture does not show it. The guide drives on at a mean of 1 and searches at one
+near 0."""
 
 
 class AdviceMemory:

@@ -38,7 +38,7 @@ MEMORY_CAPACITY = 200_000
 """Decisions with advice; 2.4 GB when full."""
 
 ALONE_EVERY = 8
-"""Of so many rehearsals one is of single pictures without a memory."""
+"""Of so many rehearsals one is of single pictures without a memory; no other number was tried."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,6 +38,5 @@ def prepare_gpu() -> None:
     likelihood ratio the fourth digit matters, and the policy is asked alone and in batches.
     """
     torch.backends.cudnn.allow_tf32 = False
-    # The memory's weights are four parameters: what putting them together costs is nothing beside
-    # the rest, and not for whoever trains to mend.
+    # The memory's weights are four parameters, which is not for whoever trains to mend.
     warnings.filterwarnings("ignore", "RNN module weights are not part of single contiguous chunk")

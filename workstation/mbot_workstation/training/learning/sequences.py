@@ -81,7 +81,7 @@ class SequenceBuffer(RolloutBuffer):
         forgot: shape (steps, robots), whether the state is a new one.
         truth: shape (steps, robots, TRUTH).
         advice: shape (steps, robots, 2).
-        shows: shape (steps, robots).
+        shows: shape (steps, robots), whether the picture shows the object.
 
     """
 
