@@ -18,13 +18,17 @@ from .small_world import ROOMS
 
 
 class Pointing(Guide):
-    """Advises nothing but where the object is, as the critic is told it."""
+    """Advises nothing but where the object is, as the critic is told it, and not who forgets."""
 
     def become(self, bodies: np.ndarray) -> None:
         self._bodies = bodies
 
+    def forget(self, who: np.ndarray) -> None:
+        self._forgot = who
+
     def act(self, situations: np.ndarray) -> np.ndarray:
-        return truth(situations, self._bodies)[:, :2]
+        pointed = truth(situations, self._bodies)[:, :2]
+        return np.where(self._forgot[:, None], np.nan, pointed)
 
 
 def seen(truths: np.ndarray) -> np.ndarray:
@@ -41,8 +45,10 @@ def test_advice_stays_with_its_situation() -> None:
         for rollouts in (1, 2):
             learner.learn(rollouts * 4 * 24, reset_num_timesteps=rollouts == 1)
             lived = learner.rollout_buffer
-            assert np.ptp(lived.advice, axis=(0, 1)).min() > 0.1, "nobody has moved"
-            np.testing.assert_array_equal(lived.advice, lived.truth[..., :2])
+            expected = np.where(lived.forgot[..., None] > 0, np.nan, lived.truth[..., :2])
+            assert np.ptp(lived.truth[..., :2], axis=(0, 1)).min() > 0.1, "nobody has moved"
+            assert lived.forgot.any()
+            np.testing.assert_array_equal(lived.advice, expected)
             np.testing.assert_array_equal(lived.shows, seen(lived.truth))
             assert 0.01 < lived.shows.mean() < 0.99
 
