@@ -60,7 +60,7 @@ class AdviceMemory:
         return Sequences(**drawn)
 
     def draw_alone(self, decisions: int) -> Sequences:
-        """Random decisions, each by itself, as if nothing were remembered; likewise.
+        """Random decisions, each a sequence of length 1 with an empty memory; numpy draws likewise.
 
         One blurred picture does not tell which way the robot turned. Who searches turns right, so
         that what an empty memory sees on the right has nearly always been turned to: it took it to

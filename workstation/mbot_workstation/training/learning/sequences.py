@@ -25,7 +25,7 @@ class Sequences:
         forgot: (length, n), float32; 1 where the memory began anew before the decision.
         state: (n, units), before the first decision.
         advice: (length, n, 2); NaN where there is none.
-        shows: (length, n); whether the picture shows the object.
+        shows: (length, n), bool; whether the picture shows the object.
 
     """
 
