@@ -87,7 +87,7 @@ class Guided:
     def act(self, environment: FetchVecEnv, pictures: NDArray[np.uint8]) -> Actions:
         """Both wheels of every robot."""
         del pictures
-        sight = environment.sight(np.arange(environment.num_envs))
+        sight = environment.sight()
         self._guide.become(sight.bodies)
         asked = torch.from_numpy(np.nan_to_num(self._guide.act(sight.situations)))
         actions = within_full_speed(asked).numpy()
@@ -101,13 +101,13 @@ def drive(driver: Driven | Guided, robots: int) -> Drive:
     turn = np.full((DECISIONS, robots), np.nan)
     with FetchVecEnv(robots, 0, preset("nominal"), SWAP, evaluation_rooms([])) as environment:
         pictures: Any = environment.reset()
-        first_episode, rows = np.ones(robots, np.bool_), np.arange(robots)
+        first_episode = np.ones(robots, np.bool_)
         for decision in range(DECISIONS):
-            before = environment.sight(rows).situations
+            before = environment.sight().situations
             actions = driver.act(environment, pictures)
             pictures, _, ended, _ = environment.step(actions)
             first_episode &= ~ended
-            after = environment.sight(rows).situations
+            after = environment.sight().situations
             same_object = after["touches"] == before["touches"]
             counts = first_episode & same_object
             progress[decision] = np.where(counts, _distance_m(before) - _distance_m(after), np.nan)

@@ -117,7 +117,7 @@ class Stacking:
     def act(self, pictures: Pictures, _: NDArray[np.float64]) -> Actions:
         """Both wheels of every robot."""
         before = Before(torch.from_numpy(pictures), self._state, self._told)
-        decided = self._policy.decide(before, deterministic=True)
+        decided = self._policy.decide(before)
         self._state, self._told = decided.state, within_full_speed(decided.actions)
         return self._told.numpy()
 

@@ -105,9 +105,10 @@ def network_ms() -> dict[str, float]:
         state=torch.zeros(ROBOTS, policy.units),
         previous_actions=torch.zeros(ROBOTS, 2),
     )
+    noise = torch.randn(ROBOTS, 2)
     with torch.no_grad():
         start_s = time.perf_counter()
-        known = torch.cat([policy.decide(before).known for _ in range(rounds)])
+        known = torch.cat([policy.decide(before, noise).known for _ in range(rounds)])
         policy.judge(known, torch.zeros(len(known), 2), torch.zeros(len(known), TRUTH))
         forward_s = time.perf_counter() - start_s
     batch = torch.randint(0, 255, (1, SETTINGS.batch, 64, 64, 3)).float()

@@ -1,4 +1,4 @@
-"""Rollouts: what was seen, done and advised stays together, whichever half is on its way."""
+"""Rollouts: what was seen, done and advised stays together, in whichever process it happened."""
 
 import numpy as np
 import pytest
@@ -37,13 +37,13 @@ def seen(truths: np.ndarray) -> np.ndarray:
 
 
 def test_advice_stays_with_its_situation() -> None:
-    """For every robot and decision, of several rollouts and of both halves."""
-    settings = LearnerSettings(steps_per_robot=24, batch=24, epochs=1, guided_decisions=10**6)
+    """For every robot and decision, of several rollouts, stretches and workers."""
+    settings = LearnerSettings(steps_per_robot=48, batch=48, epochs=1, guided_decisions=10**6)
     with FetchVecEnv(4, 1, "ideal", "1", ROOMS, workers=2) as environment:
         learner = make_learner(environment, settings, seed=0)
         learner.collection = Collection(environment, lambda n: Pointing(n, preset("ideal")))
         for rollouts in (1, 2):
-            learner.learn(rollouts * 4 * 24, reset_num_timesteps=rollouts == 1)
+            learner.learn(rollouts * 4 * 48, reset_num_timesteps=rollouts == 1)
             lived = learner.rollout_buffer
             expected = np.where(lived.forgot[..., None] > 0, np.nan, lived.truth[..., :2])
             assert np.ptp(lived.truth[..., :2], axis=(0, 1)).min() > 0.1, "nobody has moved"
@@ -101,6 +101,35 @@ def test_an_update_finds_the_rollout_as_it_was(units: int) -> None:
     told = within_full_speed(torch.from_numpy(lived.actions[:-1]).flatten(0, 1))
     told = told.unflatten(0, lived.forgot[1:].shape) * (1 - lived.forgot[1:, :, None])
     np.testing.assert_allclose(lived.previous_actions[1:], told, rtol=0, atol=1e-6)
+
+
+def test_a_rollout_goes_by_what_was_learned_and_robots_go_on_remembering() -> None:
+    settings = LearnerSettings(steps_per_robot=40, batch=40, memory_units=8)
+    with FetchVecEnv(2, 1, "ideal", "1", ROOMS, workers=2) as environment:
+        learner = make_learner(environment, settings, seed=0)
+        policy, lived = learner.policy, learner.rollout_buffer
+        collection = Collection(environment)
+        environment.reset()
+        collection.begin(policy)
+        before = None
+        for seed in (0, 1):
+            with torch.no_grad():
+                policy.action_net.bias.normal_(generator=torch.Generator().manual_seed(seed))
+            assert collection.fill(lived, policy, 1.0, lambda _: True)
+            everything = lived.everything()
+            with torch.no_grad():
+                known = learner._known(everything)  # pyright: ignore[reportPrivateUsage]
+                mean = policy.action_net(known).unflatten(0, everything.forgot.shape).numpy()
+            spread = (everything.actions - mean) / settings.noise
+            assert np.abs(spread).max() < 5, "drawn about what these weights make of it"
+            assert 0.8 < spread.std() < 1.2
+            if before is not None:
+                goes_on = lived.forgot[0] == 0
+                assert goes_on.any()
+                assert (lived.states[0][goes_on] != 0).any(axis=1).all()
+                told = within_full_speed(torch.from_numpy(before)).numpy()
+                np.testing.assert_array_equal(lived.previous_actions[0][goes_on], told[goes_on])
+            before = lived.actions[-1].copy()
 
 
 class Sums(BaseCallback):

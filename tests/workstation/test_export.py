@@ -60,7 +60,7 @@ def learner() -> PicturePPO:
         nothing = torch.zeros(len(PICTURES), ACTIONS)
         state = torch.zeros(len(PICTURES), made.policy.units)
         before = Before(torch.from_numpy(PICTURES), state, nothing)
-        actions = made.policy.decide(before, deterministic=True).actions
+        actions = made.policy.decide(before).actions
         made.policy.get_parameter("action_net.bias").sub_(actions.mean(0))
     return made
 
@@ -103,7 +103,7 @@ def test_onnx_decides_as_the_learner_does(learner: PicturePPO, run: RunDirectory
         ours = policy.act(PICTURES)
         before = Before(torch.from_numpy(PICTURES), state, told)
         with torch.no_grad():
-            decided = learner.policy.decide(before, deterministic=True)
+            decided = learner.policy.decide(before)
         theirs = within_full_speed(decided.actions)
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=FLOAT32)
         assert (np.abs(ours) == 1.0).any(), "the test must reach full speed"

@@ -17,9 +17,11 @@ from mbot_workstation.training.drivers.oracle import Oracle, middle
 from mbot_workstation.training.worlds.fetch_env import FetchEnv
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 from mbot_workstation.training.worlds.lessons import Lesson
+from mbot_workstation.training.worlds.shared_arrays import SLOTS, STRETCH
 from mbot_workstation.training.worlds.worker_pool import WorkerError
 from mbot_workstation.variation.presets import preset
 
+from .scripted_pilot import ScriptedPilot
 from .small_world import ROOMS
 
 ROBOTS = 3
@@ -27,7 +29,10 @@ ROBOTS = 3
 
 @pytest.fixture(scope="module")
 def pair() -> Iterator[FetchVecEnv]:
-    with FetchVecEnv(ROBOTS, 5, "randomised", "1", ROOMS, workers=2) as environment:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(Path(__file__).parents[2])  # where workers find ScriptedPilot
+        environment = FetchVecEnv(ROBOTS, 5, "randomised", "1", ROOMS, workers=2)
+    with environment:
         yield environment
 
 
@@ -88,40 +93,82 @@ def test_the_number_of_workers_changes_nothing(pair: FetchVecEnv) -> None:
         assert all(np.array_equal(a, b) for a, b in zip(both, run(alone, 9), strict=True))
 
 
+def tasks(environment: FetchVecEnv, told: np.ndarray) -> list[np.ndarray]:
+    """Each worker's part of what robots are told, shape (decisions, robots, 2)."""
+    return [told[:, share.start : share.stop] for share in environment.shares]
+
+
 @pytest.mark.slow
-def test_halves_drive_as_all_of_them_do(pair: FetchVecEnv) -> None:
-    """One half drives while the other one's next actions are being chosen."""
+def test_pilots_drive_as_everybody_does(pair: FetchVecEnv) -> None:
+    """In stretches, of which two are under way at once, as decision by decision."""
     steps = 200  # 167 decisions are an episode at least
     together = run(pair, seed=4, steps=steps)
     pair.seed(4)
-    frames = np.array(pair.reset())
-    assert [half.tolist() for half in pair.halves] == [[0], [1, 2]], "a half of each worker's"
+    pair.reset()
+    assert pair.shares == [range(2), range(2, 3)]
+    pair.hire(ScriptedPilot())
     told = actions(steps)
-    apart, infos = [frames.copy()], []
-    pair.send(0, told[0, pair.halves[0]])
-    for step in range(steps):
-        rewards, ended = np.zeros(ROBOTS, np.float32), np.zeros(ROBOTS, np.bool_)
-        pair.send(1, told[step, pair.halves[1]])
-        for half, rows in enumerate(pair.halves):
-            arrival = pair.receive(half)
-            rewards[rows], ended[rows] = arrival.rewards, arrival.ended
-            frames[rows] = pair.sight(rows).pictures
-            infos += arrival.infos
-            if half == 0 and step + 1 < steps:
-                pair.send(0, told[step + 1, rows])
-        apart += [frames.copy(), rewards, ended]
-    assert all(np.array_equal(a, b) for a, b in zip(together, apart, strict=True))
-    ends = sum(int(part.sum()) for part in apart[3::3])
-    assert ends == len([info for info in infos if info["episode"]["l"] > 0]) > 0
+    parts = [told[start : start + STRETCH] for start in range(0, steps, STRETCH)]
+    pair.drive(len(parts[0]), tasks(pair, parts[0]))
+    seen, rewards, ends, infos, situations = [], [], [], [], []
+    for part, following in pairwise([*parts, told[:0]]):
+        if len(following):
+            pair.drive(len(following), tasks(pair, following))
+        arrival = pair.arrive()
+        assert len(arrival.rewards) == len(part)
+        assert {note.process for note in arrival.notes}.isdisjoint({os.getpid()})
+        shown = np.concatenate([note.pictures for note in arrival.notes], axis=1)
+        assert np.array_equal(arrival.pictures, shown)
+        ended = np.concatenate([note.ended for note in arrival.notes], axis=1)
+        assert np.array_equal(arrival.ended, ended)
+        seen.append(arrival.pictures.copy())
+        rewards.append(arrival.rewards)
+        ends.append(arrival.ended)
+        infos += [info for some in arrival.infos for info in some]
+        situations.append(arrival.situations)
+    ended = np.concatenate(ends)
+    np.testing.assert_array_equal([together[0], *together[1::3]][:steps], np.concatenate(seen))
+    np.testing.assert_array_equal(together[-3], pair.sight().pictures)
+    np.testing.assert_array_equal(together[2::3], np.concatenate(rewards))
+    np.testing.assert_array_equal(together[3::3], ended)
+    assert len(infos) == ended.sum() > 0
+    assert {info["episode"]["l"] for info in infos} >= set((np.argmax(ended, axis=0) + 1).tolist())
+    left_s = np.concatenate(situations)["time_left_s"]
+    began = np.concatenate([np.ones((1, ROBOTS), bool), ended[:-1]])
+    assert (left_s[began] == left_s.max()).all(), "an episode begins with all its time"
 
 
 def test_a_lesson_may_be_given_while_robots_drive(pair: FetchVecEnv) -> None:
     pair.reset()
-    pair.send(0, np.zeros((len(pair.halves[0]), 2), np.float32))
+    pair.hire(ScriptedPilot())
+    pair.drive(1, tasks(pair, actions(1)))
     pair.set_lesson("2")
+    pair.drive(2, tasks(pair, actions(2)))
     pair.set_lesson("1")
-    pair.receive_all()
-    assert pair.reset().std() > 0
+    assert pair.arrive().rewards.shape == (1, ROBOTS)
+    pair.halt()
+    assert np.array(pair.step(actions(1)[0])[0]).std() > 0
+
+
+def test_what_is_still_driven_is_forgotten_by_who_does_not_ask_for_it(pair: FetchVecEnv) -> None:
+    told = actions(1)
+    pair.hire(ScriptedPilot())
+    for go_on in (pair.reset, lambda: pair.step(told[0])):
+        for _ in range(SLOTS):
+            pair.drive(1, tasks(pair, told))
+        with pytest.raises(RuntimeError, match="2 stretches are being driven already"):
+            pair.drive(1, tasks(pair, told))
+        go_on()
+        pair.drive(1, tasks(pair, told))
+        assert pair.arrive().rewards.shape == (1, ROBOTS)
+
+
+def test_nobody_drives_without_a_pilot() -> None:
+    with FetchVecEnv(1, 0, "ideal", "1", ROOMS, workers=1) as environment:
+        environment.reset()
+        environment.drive(1, tasks(environment, np.zeros((1, 1, 2), np.float32)))
+        with pytest.raises(WorkerError, match="nobody was hired to drive"):
+            environment.arrive()
 
 
 def test_observations_are_the_callers_to_keep(pair: FetchVecEnv) -> None:
@@ -195,14 +242,14 @@ def test_a_picture_of_the_object_before_says_nothing_of_the_next_one() -> None:
     """Pictures are 300 ms old: until then after a touch they show what was touched."""
     age_s = 0.3
     ranges = preset("ideal").changed(camera_latency_ms=(1000 * age_s, 1000 * age_s))
-    oracle, row, told = Oracle(1, middle(ranges)), np.arange(1), []
+    oracle, told = Oracle(1, middle(ranges)), []
     with FetchVecEnv(1, 0, ranges, "10", ROOMS, workers=1) as environment:
         environment.reset()
         for _ in range(150):
-            (now,) = environment.sight(row).situations
+            (now,) = environment.sight().situations
             target = np.array([[now["target_ahead_m"], now["target_left_m"]]], np.float64)
             environment.step(oracle.act(target))
-            (now,) = environment.sight(row).situations
+            (now,) = environment.sight().situations
             for_s = TIME_LIMIT_DECISIONS * DECISION_S - now["time_left_s"]
             if 0.01 < for_s < DECISION_S:
                 told.append(for_s)
@@ -215,11 +262,10 @@ def test_drivers_are_told_of_a_robot_that_changes_on_the_way() -> None:
     swap = Lesson("swap", 2.5, objects=10, changes=1.0, change_after=(2, 3), change_to=weak)
     with FetchVecEnv(2, 0, "ideal", swap, ROOMS, workers=1) as environment:
         environment.reset()
-        rows = np.arange(2)
-        told = [environment.sight(rows).bodies["left_gain"].tolist()]
+        told = [environment.sight().bodies["left_gain"].tolist()]
         for _ in range(3):
             environment.step(np.zeros((2, 2), np.float32))
-            told.append(environment.sight(rows).bodies["left_gain"].tolist())
+            told.append(environment.sight().bodies["left_gain"].tolist())
     assert told == [[1.0, 1.0]] * 3 + [[0.5, 0.5]]
 
 

@@ -164,13 +164,13 @@ def test_who_stays_where_it_is_needs_eyes_that_reach_across_the_arena(
     sight_m: float, least: int, most: int
 ) -> None:
     """Robots of all kinds: in how many of 16 episodes they fetch all ten objects."""
-    robots, ranges = np.arange(16), preset("randomised")
+    ranges = preset("randomised")
     guide = Guide(16, ranges, remembers=6)
     touched_all: list[bool] = []
     with FetchVecEnv(16, 0, ranges, lesson("10"), evaluation_rooms([], 1)) as environment:
         environment.reset()
         while len(touched_all) < 16:
-            sight = environment.sight(robots)
+            sight = environment.sight()
             seen = sight.situations.copy()
             distance_m = np.hypot(seen["target_ahead_m"], seen["target_left_m"])
             seen["seen_left_rad"][distance_m > sight_m] = math.pi

@@ -42,7 +42,7 @@ def driven(policy: MemoryPolicy) -> tuple[torch.Tensor, torch.Tensor, torch.Tens
         all_forgot.append(forgot)
         before = Before(torch.from_numpy(pictures), state, told)
         with torch.no_grad():
-            decided = policy.decide(before, deterministic=True)
+            decided = policy.decide(before)
         wheels.append(decided.actions)
         keep = torch.from_numpy(~forget).float().unsqueeze(1)
         state, told = decided.state * keep, torch.from_numpy(actions) * keep
@@ -92,7 +92,7 @@ def test_what_is_drawn_is_as_likely_as_is_said() -> None:
         torch.zeros(many, 2),
     )
     with torch.no_grad():
-        decided, plain = policy.decide(before), policy.decide(before, deterministic=True)
+        decided, plain = policy.decide(before, torch.randn(many, 2)), policy.decide(before)
     noise = torch.exp(torch.tensor(-1.0))
     spread = (decided.actions - plain.actions) / noise
     assert spread.mean().abs() < 0.06, "4,000 draws: 4 standard errors"

@@ -413,7 +413,7 @@ def test_a_policy_without_memory_gets_one_that_it_does_not_heed_yet(tmp_path: Pa
         state, told = torch.randn(2, 16), torch.rand(2, 2)
         sight = torch.from_numpy(pictures)
         for remembered in (torch.zeros(2, 16), state):
-            ours = learner.policy.decide(Before(sight, remembered, told), deterministic=True)
+            ours = learner.policy.decide(Before(sight, remembered, told))
             theirs = before.policy.predict(pictures, deterministic=True)[0]
             np.testing.assert_allclose(ours.actions.detach(), theirs, rtol=0, atol=1e-5)
     with pytest.raises(ConfigurationError, match="weights of another network"):

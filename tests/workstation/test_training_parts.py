@@ -126,7 +126,7 @@ def test_memory_is_shared_by_its_arrays() -> None:
 def test_a_worker_serves_its_share_until_told_to_quit() -> None:
     ours, theirs = multiprocessing.Pipe()
     memory = SharedMemory.allocate(multiprocessing.get_context("spawn"), 1)
-    for request in (settings(), Reset(seeds=(5,)), Step(range(1)), Quit()):
+    for request in (settings(), Reset(seeds=(5,)), Step(), Quit()):
         ours.send(request)
     before = signal.getsignal(signal.SIGINT)
     try:

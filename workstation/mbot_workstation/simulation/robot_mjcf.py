@@ -227,13 +227,18 @@ def _turn(axis: tuple[int, int, int], angle_deg: float) -> NDArray[np.float64]:
 
 def aim_camera(model: MjModel, camera: CameraModel) -> None:
     """Give the robot's camera other intrinsics at the same size, without distortion."""
-    index = model.camera(ROBOT_CAMERA).id
-    pixel = model.cam_sensorsize[index] / model.cam_resolution[index]
-    scale = model.cam_resolution[index] / (camera.width_px, camera.height_px)
-    focal_px = (camera.focal_x_px, camera.focal_y_px) * scale
+    # With Python's numbers: in a training this is done for every picture, and numpy takes longer.
+    index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, ROBOT_CAMERA)
+    sensor_w, sensor_h = model.cam_sensorsize[index].tolist()
+    drawn_w_px, drawn_h_px = model.cam_resolution[index].tolist()
+    pixel_w, pixel_h = sensor_w / drawn_w_px, sensor_h / drawn_h_px
+    scale_w, scale_h = drawn_w_px / camera.width_px, drawn_h_px / camera.height_px
     # MuJoCo counts to the left and up, from the middle.
-    principal_px = (
-        (camera.width_px - 1) / 2 - camera.principal_x_px,
-        (camera.height_px - 1) / 2 - camera.principal_y_px,
-    ) * scale
-    model.cam_intrinsic[index] = (*(focal_px * pixel), *(principal_px * pixel))
+    left_px = (camera.width_px - 1) / 2 - camera.principal_x_px
+    up_px = (camera.height_px - 1) / 2 - camera.principal_y_px
+    model.cam_intrinsic[index] = (
+        camera.focal_x_px * scale_w * pixel_w,
+        camera.focal_y_px * scale_h * pixel_h,
+        left_px * scale_w * pixel_w,
+        up_px * scale_h * pixel_h,
+    )

@@ -1,11 +1,12 @@
-"""Fills PPO's rollouts: half of the robots drive while the policy decides for the other half.
+"""Fills PPO's rollouts: each worker's robots are driven by its own copy of the policy.
 
 SB3's own loop decides for all, then waits for all, so that cores wait for each other twice a
-decision. What is collected does not depend on who is faster: a seed gives the same run.
+decision. Here nobody waits for anybody for a whole stretch of decisions, and what was collected is
+written down while the next one is driven. It does not depend on who is faster: a seed gives the
+same run.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,61 +14,21 @@ import torch
 from numpy.typing import NDArray
 
 from mbot_workstation.training.drivers.guide import Guide, shown
-from mbot_workstation.training.learning.full_speed import within_full_speed
 from mbot_workstation.training.learning.memory_policy import (
     ACTIONS,
     Before,
     MemoryPolicy,
     truth,
 )
+from mbot_workstation.training.learning.policy_pilot import Notes, PolicyPilot, Task
 from mbot_workstation.training.learning.sequences import SequenceBuffer
-from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv, Sight
+from mbot_workstation.training.worlds.fetch_vec_env import Arrival, FetchVecEnv
+from mbot_workstation.training.worlds.shared_arrays import STRETCH
 
 FORGETS = 1 / 150
 """How often a memory is zeroed in the middle of an episode: a robot zeroes it after a held
 decision, and must drive on. What an empty memory makes of a picture is rehearsed besides
 (`AdviceMemory.draw_alone`)."""
-
-
-@dataclass(slots=True, eq=False)
-class _Half:
-    """Robots that are decided for together, n of them.
-
-    Attributes:
-        index: which half.
-        rows: of the environment.
-        guide: asked beside the policy, if there is one.
-        sight: what they see now.
-        began: whether an episode began before this decision, shape (n,).
-        forgot: whether the memory did, shape (n,).
-        state: what each remembers, shape (n, units).
-        told: what the wheels were told in the last decision, shape (n, 2).
-
-    """
-
-    index: int
-    rows: NDArray[np.intp]
-    guide: Guide | None
-    sight: Sight
-    began: NDArray[np.bool_]
-    forgot: NDArray[np.bool_]
-    state: torch.Tensor
-    told: torch.Tensor
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Witness:
-    """What is only needed when a rollout is whole; shapes (steps, robots, ...).
-
-    Attributes:
-        known: what the policy knew.
-        situations, bodies: STEP_RECORD, BODY_RECORD.
-
-    """
-
-    known: torch.Tensor
-    situations: NDArray[np.void]
-    bodies: NDArray[np.void]
 
 
 class Collection:
@@ -98,20 +59,11 @@ class Collection:
 
     def begin(self, policy: MemoryPolicy) -> None:
         """From here on, in a fresh environment or a running one; nobody remembers anything."""
-        self.environment.receive_all()
-        self._halves = [
-            _Half(
-                index=index,
-                rows=rows,
-                guide=self._guide_for(len(rows)) if self._guide_for else None,
-                sight=self.environment.sight(rows),
-                began=np.ones(len(rows), np.bool_),
-                forgot=np.ones(len(rows), np.bool_),
-                state=torch.zeros(len(rows), policy.units, device=policy.device),
-                told=torch.zeros(len(rows), ACTIONS, device=policy.device),
-            )
-            for index, rows in enumerate(self.environment.halves)
-        ]
+        robots = self.environment.num_envs
+        self.environment.halt()
+        self.environment.hire(PolicyPilot(policy))
+        self._guide = self._guide_for(robots) if self._guide_for else None
+        self._began = np.ones(robots, np.bool_)
 
     @torch.no_grad()
     def fill(
@@ -128,99 +80,89 @@ class Collection:
             policy: decides.
             reward_scale: rewards are multiplied by it.
             go_on: asked after every decision of all robots, with the infos of those whose episodes
-                ended in it.
+                ended in it. Robots may be driving the next ones already, in which a lesson that
+                it gives does not count yet.
 
         Returns:
             Whether it is whole; False if it was not to go on.
 
         """
         buffer.reset()
-        shape = (buffer.buffer_size, buffer.n_envs)
-        sight = self._halves[0].sight
-        witness = _Witness(
-            torch.zeros(*shape, policy.action_net.in_features, device=policy.device),
-            np.zeros(shape, sight.situations.dtype),
-            np.zeros(shape, sight.bodies.dtype),
-        )
-        for half in self._halves:
-            self._decide(half, policy, buffer, witness)
-        while not buffer.full:
-            infos: list[dict[str, Any]] = []
-            buffer.pos += 1
-            buffer.full = buffer.pos == buffer.buffer_size
-            for half in self._halves:
-                infos += self._arrive(half, buffer, reward_scale)
-                if not buffer.full:
-                    self._decide(half, policy, buffer, witness)
-            if not go_on(infos):
-                return False
-        self._judge(policy, buffer, witness)
+        size = buffer.buffer_size
+        lengths = np.diff([*range(0, size, STRETCH), size]).tolist()
+        self._drive(lengths[0], policy)
+        for following in (*lengths[1:], 0):
+            if following:
+                self._drive(following)
+            arrival = self.environment.arrive()
+            self._write_down(arrival, policy, buffer, reward_scale)
+            for infos in arrival.infos:
+                buffer.pos += 1
+                buffer.full = buffer.pos == size
+                if not go_on(infos):
+                    return False
+        buffer.compute_returns_and_advantage(self._expected(policy), self._began)
         return True
 
-    def _judge(self, policy: MemoryPolicy, buffer: SequenceBuffer, witness: _Witness) -> None:
-        """All that was decided, at once: one by one it would keep the robots waiting."""
-        known = truth(witness.situations.ravel(), witness.bodies.ravel())
-        buffer.truth[:] = known.reshape(buffer.truth.shape)
-        judged = policy.judge(
-            witness.known.flatten(0, 1),
-            torch.from_numpy(buffer.actions).to(policy.device).flatten(0, 1),
-            torch.from_numpy(known).to(policy.device),
-        )
-        buffer.values[:] = judged.values.cpu().numpy().reshape(buffer.values.shape)
-        buffer.log_probs[:] = judged.log_probs.cpu().numpy().reshape(buffer.log_probs.shape)
-        values, ended = np.zeros(buffer.n_envs, np.float32), np.zeros(buffer.n_envs, np.bool_)
-        for half in self._halves:
-            after = policy.decide(_before(half, policy), deterministic=True)
-            seen = torch.from_numpy(truth(half.sight.situations, half.sight.bodies))
-            expected = policy.value_of(after.known, seen.to(policy.device))
-            values[half.rows] = expected.cpu().numpy()
-            ended[half.rows] = half.began
-        buffer.compute_returns_and_advantage(torch.from_numpy(values), ended)
+    def _drive(self, decisions: int, learned: MemoryPolicy | None = None) -> None:
+        """Send all robots on their way, by what was learned meanwhile if anything was."""
+        shape = (decisions, self.environment.num_envs)
+        weights = None
+        if learned is not None:
+            weights = {name: one.cpu().numpy() for name, one in learned.state_dict().items()}
+        noise = torch.randn(*shape, ACTIONS).numpy()
+        forgets = self._rng.random(shape) < FORGETS
+        tasks = [
+            Task(weights, noise[:, share.start : share.stop], forgets[:, share.start : share.stop])
+            for share in self.environment.shares
+        ]
+        self.environment.drive(decisions, tasks)
 
-    def _decide(
-        self, half: _Half, policy: MemoryPolicy, buffer: SequenceBuffer, witness: _Witness
+    def _write_down(
+        self, arrival: Arrival, policy: MemoryPolicy, buffer: SequenceBuffer, reward_scale: float
     ) -> None:
-        """Send a half on its way, and write down what it went by."""
-        decided = policy.decide(_before(half, policy))
-        actions = decided.actions.cpu().numpy()
-        told = within_full_speed(decided.actions).cpu().numpy()
-        self.environment.send(half.index, told)
-        # From here on the workers have something to do.
-        place = buffer.pos, half.rows
-        buffer.observations[place] = half.sight.pictures
-        buffer.states[place] = half.state.cpu().numpy()
-        buffer.previous_actions[place] = half.told.cpu().numpy()
-        buffer.forgot[place] = half.forgot
-        buffer.episode_starts[place] = half.began
-        buffer.actions[place] = actions
-        witness.known[place] = decided.known
-        witness.situations[place] = half.sight.situations
-        witness.bodies[place] = half.sight.bodies
-        if half.guide is not None:
-            half.guide.become(half.sight.bodies)
-            half.guide.forget(half.forgot)
-            buffer.advice[place] = half.guide.act(half.sight.situations)
-            buffer.shows[place] = shown(half.sight.situations)
-            half.guide.drove(told)
-        half.state, half.told = decided.state, torch.from_numpy(told).to(policy.device)
+        """A stretch: what it was about, what was decided, and what is to be said of that."""
+        notes = Notes.together(arrival.notes)
+        shape = arrival.rewards.shape
+        place = slice(buffer.pos, buffer.pos + len(arrival.rewards))
+        buffer.observations[place] = arrival.pictures
+        buffer.states[place] = notes.states
+        buffer.previous_actions[place] = notes.previous_actions
+        buffer.forgot[place] = notes.forgot
+        buffer.episode_starts[place] = np.concatenate([self._began[None], arrival.ended[:-1]])
+        buffer.actions[place] = notes.actions
+        buffer.rewards[place] = arrival.rewards * reward_scale
+        known = truth(arrival.situations.ravel(), arrival.bodies.ravel())
+        buffer.truth[place] = known.reshape(*shape, -1)
+        judged = policy.judge(
+            *(
+                torch.from_numpy(one.reshape(len(known), -1)).to(policy.device)
+                for one in (notes.known, notes.actions, known)
+            )
+        )
+        buffer.values[place] = judged.values.cpu().numpy().reshape(shape)
+        buffer.log_probs[place] = judged.log_probs.cpu().numpy().reshape(shape)
+        if self._guide is not None:
+            buffer.advice[place] = self._advice(self._guide, arrival, notes)
+            buffer.shows[place] = shown(arrival.situations)
+        self._began, self._mind = arrival.ended[-1], notes.after
 
-    def _arrive(
-        self, half: _Half, buffer: SequenceBuffer, reward_scale: float
-    ) -> list[dict[str, Any]]:
-        """Wait for a half, and see what it sees."""
-        arrival = self.environment.receive(half.index)
-        buffer.rewards[buffer.pos - 1, half.rows] = arrival.rewards * reward_scale
-        half.sight = self.environment.sight(half.rows)
-        half.began = arrival.ended
-        half.forgot = arrival.ended | (self._rng.random(len(half.rows)) < FORGETS)
-        keep = torch.from_numpy(~half.forgot).to(half.state).unsqueeze(1)
-        half.state, half.told = half.state * keep, half.told * keep
-        return arrival.infos
+    def _advice(self, guide: Guide, arrival: Arrival, notes: Notes) -> NDArray[np.float32]:
+        """What the guide would have done, decision by decision, shape (decisions, n, 2)."""
+        advice = np.empty_like(notes.told)
+        for now, situations in enumerate(arrival.situations):
+            guide.become(arrival.bodies[now])
+            guide.forget(notes.forgot[now])
+            advice[now] = guide.act(situations)
+            guide.drove(notes.told[now])
+        return advice
 
-
-def _before(half: _Half, policy: MemoryPolicy) -> Before:
-    return Before(
-        pictures=torch.from_numpy(half.sight.pictures).to(policy.device),
-        state=half.state,
-        previous_actions=half.told,
-    )
+    def _expected(self, policy: MemoryPolicy) -> torch.Tensor:
+        """Values of what the robots see now, shape (n,)."""
+        sight, mind, device = self.environment.sight(), self._mind, policy.device
+        pictures, state, told = (
+            torch.from_numpy(one).to(device) for one in (sight.pictures, mind.state, mind.told)
+        )
+        after = policy.decide(Before(pictures, state, told))
+        seen = torch.from_numpy(truth(sight.situations, sight.bodies))
+        return policy.value_of(after.known, seen.to(device)).cpu()

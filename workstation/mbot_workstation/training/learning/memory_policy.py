@@ -86,7 +86,7 @@ class Decided:
     """What was made of it.
 
     Attributes:
-        actions: drawn, not clipped, shape (n, 2).
+        actions: not clipped, shape (n, 2).
         known: what they were made of, shape (n, features + units).
         state: what is remembered from now on, shape (n, units).
 
@@ -133,15 +133,12 @@ class MemoryPolicy(ActorCriticPolicy):
         """How many numbers a robot remembers."""
         return self._units
 
-    def decide(self, before: Before, deterministic: bool = False) -> Decided:
-        """One decision of some robots."""
+    def decide(self, before: Before, noise: torch.Tensor | None = None) -> Decided:
+        """One decision of some robots; with noise, standard normal of shape (n, 2), it explores."""
         known, state = self._recall(before)
         mean = self.action_net(known)
-        if deterministic:
-            return Decided(mean, known, state)
-        # Drawn where checkpoints keep the generator, also for a network on a GPU.
-        noise = torch.randn(mean.shape).to(mean.device)
-        return Decided(mean + self.log_std.exp() * noise, known, state)
+        actions = mean if noise is None else mean + self.log_std.exp() * noise
+        return Decided(actions, known, state)
 
     def judge(self, known: torch.Tensor, actions: torch.Tensor, truth: torch.Tensor) -> Judged:
         """Of decisions that were made; for many at once it costs little."""
@@ -155,7 +152,8 @@ class MemoryPolicy(ActorCriticPolicy):
         state, previous, truth = (
             torch.zeros(len(obs), n, device=obs.device) for n in (self._units, ACTIONS, TRUTH)
         )
-        decided = self.decide(Before(obs, state, previous), deterministic)
+        noise = None if deterministic else torch.randn(len(obs), ACTIONS).to(obs.device)
+        decided = self.decide(Before(obs, state, previous), noise)
         judged = self.judge(decided.known, decided.actions, truth)
         return decided.actions, judged.values, judged.log_probs
 
@@ -251,8 +249,17 @@ class MemoryPolicy(ActorCriticPolicy):
         options: dict[str, Any] = {"lr": lr_schedule(1), **self.optimizer_kwargs}
         self.optimizer = self.optimizer_class(self.parameters(), **options)
 
+    def arguments(self) -> dict[str, Any]:
+        """What makes another one of the same shape, to drive and not to learn; can be pickled."""
+        return {**self._get_constructor_parameters(), "lr_schedule": _learns_nothing}
+
     def _get_constructor_parameters(self) -> dict[str, Any]:
         return {**super()._get_constructor_parameters(), "memory_units": self._units}
+
+
+def _learns_nothing(remaining: float) -> float:
+    del remaining
+    return 0.0
 
 
 def memory_policy_arguments(

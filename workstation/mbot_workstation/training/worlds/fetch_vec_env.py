@@ -2,6 +2,7 @@
 
 import os
 import time
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -18,8 +19,10 @@ from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.training.worlds.fetch_env import action_space, observation_space
 from mbot_workstation.training.worlds.fetch_info import HAPPENINGS
-from mbot_workstation.training.worlds.fetch_worker import Reset, Step, Teach
+from mbot_workstation.training.worlds.fetch_worker import Drive, Hire, Reset, Step, Teach
 from mbot_workstation.training.worlds.lessons import Lesson, lesson
+from mbot_workstation.training.worlds.pilot import Pilot
+from mbot_workstation.training.worlds.shared_arrays import SLOTS
 from mbot_workstation.training.worlds.worker_pool import WorkerPool
 from mbot_workstation.training.worlds.world_settings import world_settings
 from mbot_workstation.variation.effects import EffectRanges
@@ -27,7 +30,7 @@ from mbot_workstation.variation.effects import EffectRanges
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
-    """What some robots see, and what is true at the moment that it shows.
+    """What all robots see, and what is true at the moment that it shows.
 
     Attributes:
         pictures: uint8, shape (n, 64, 64, 3).
@@ -43,18 +46,25 @@ class Sight:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arrival:
-    """What a decision brought to some robots.
+    """Some decisions in a row of all robots; shapes (decisions, n, ...).
 
     Attributes:
-        rewards: shape (n,).
-        ended: whether episodes ended, shape (n,); what is seen now is of the next ones.
-        infos: of those that ended.
+        pictures: uint8, what was seen; overwritten when robots drive the next stretch but one.
+        situations, bodies: STEP_RECORD and BODY_RECORD at the moment that it shows.
+        rewards: of the decisions.
+        ended: whether they ended episodes; what is seen next is of other ones.
+        infos: for each decision those of the episodes that it ended.
+        notes: of each worker's pilot.
 
     """
 
+    pictures: NDArray[np.uint8]
+    situations: NDArray[np.void]
+    bodies: NDArray[np.void]
     rewards: NDArray[np.float32]
     ended: NDArray[np.bool_]
-    infos: list[dict[str, Any]]
+    infos: list[list[dict[str, Any]]]
+    notes: list[Any]
 
 
 class FetchVecEnv(VecEnv):
@@ -64,8 +74,7 @@ class FetchVecEnv(VecEnv):
     call.
 
     Attributes:
-        halves: rows that may drive while the others are decided for, a half of each worker's
-            robots; only one if no worker has two.
+        shares: the rows of each worker.
 
     """
 
@@ -99,23 +108,20 @@ class FetchVecEnv(VecEnv):
         workers = len(os.sched_getaffinity(0)) if workers is None else workers
         self._pool = WorkerPool(robots, max(1, min(workers, robots)), settings)
         self._arrays = self._pool.arrays
-        self._turns = _turns(self._pool.shares)
-        self.halves = [_rows(turn) for turn in self._turns]
-        self._driving = [0] * len(self.halves)
+        self.shares = self._pool.shares
+        self._driving: deque[tuple[int, int, int]] = deque()  # request, decisions, slot
+        self._slot = 0
         self._lessons = [settings.lesson]
         self._returns = np.zeros(robots)
         self._lengths = np.zeros(robots, np.int64)
-        self._fresh = np.ones(robots, np.bool_)
         self._start_s = time.monotonic()
         super().__init__(robots, observation_space(), action_space())
         self.seed(seed)
 
-    def sight(self, rows: NDArray[np.intp]) -> Sight:
-        """What these robots, by row, see now: copied; they must not be driving."""
+    def sight(self) -> Sight:
+        """What the robots see now: copied; they must not be driving."""
         arrays = self._arrays
-        fresh = self._fresh[rows]
-        situations = np.where(fresh, arrays.first_records[rows], arrays.records[rows])
-        return Sight(arrays.frames[rows], situations, arrays.bodies[rows])
+        return Sight(arrays.frames.copy(), arrays.now.copy(), arrays.bodies.copy())
 
     @property
     def lesson(self) -> Lesson:
@@ -131,69 +137,100 @@ class FetchVecEnv(VecEnv):
         if new == self.lesson:
             return
         self._lessons.append(new)
-        self._pool.ask([Teach(new, len(self._lessons) - 1)] * len(self._pool.shares))
+        self._pool.ask([Teach(new, len(self._lessons) - 1)] * len(self.shares))
 
     def reset(self) -> NDArray[np.uint8]:
         """Start new episodes with all robots. Shape (robots, 64, 64, 3)."""
-        self._pool.wait()  # for what an interrupted caller has left
+        self._settle()
         seeds = self._seeds
-        self._pool.ask([Reset(tuple(seeds[row] for row in share)) for share in self._pool.shares])
+        self._pool.ask([Reset(tuple(seeds[row] for row in share)) for share in self.shares])
         self._pool.wait()
         self._reset_seeds()
         self._reset_options()
         self._returns[:] = 0
         self._lengths[:] = 0
-        self._fresh[:] = True
-        self.reset_infos = [self._info(first) for first in self._arrays.first_records.tolist()]
+        self.reset_infos = [self._info(first) for first in self._arrays.now.tolist()]
         return self._arrays.frames.copy()
 
     def step_async(self, actions: NDArray[np.float32]) -> None:
         """Let all robots drive; shape (robots, 2)."""
-        self._pool.wait()  # for what an interrupted caller has left
+        self._settle()
         self._arrays.actions[:] = actions
-        self._pool.ask([Step(share) for share in self._pool.shares])
+        self._pool.ask([Step()] * len(self.shares))
 
     def step_wait(self) -> VecEnvStepReturn:
         """Wait for them; observations, rewards, whether episodes ended, infos."""
         self._pool.wait()
-        rewards, ended, episodes = self._arrived(np.arange(self.num_envs))
-        infos = [self._info(record) for record in self._arrays.records.tolist()]
-        for row, episode in episodes.items():
+        records = self._arrays.records
+        rewards, ended = records["reward"].copy(), records["ended"].copy()
+        infos = [self._info(record) for record in records.tolist()]
+        for row, episode in self._count(rewards, ended).items():
+            self.reset_infos[row] = self._info(self._arrays.now[row].item())
+            infos[row]["terminal_observation"] = self._arrays.last_frames[row].copy()
             infos[row] |= episode
         # A copy: stable-baselines3 still needs these when the next ones are written.
         return self._arrays.frames.copy(), rewards, ended, infos
 
-    def send(self, half: int, actions: NDArray[np.float32]) -> None:
-        """Let one of the `halves` drive, shape (its robots, 2), and `receive` it later."""
-        self._arrays.actions[self.halves[half]] = actions
-        self._driving[half] = self._pool.ask([Step(robots) for robots in self._turns[half]])
+    def hire(self, pilot: Pilot) -> None:
+        """Give each worker a pilot of its own, made as this one is."""
+        self._pool.ask([Hire(pilot)] * len(self.shares))
 
-    def receive(self, half: int) -> Arrival:
-        """Wait for a half that has been sent."""
-        self._pool.wait(self._driving[half])
-        self._driving[half] = 0
-        rows = self.halves[half]
-        rewards, ended, episodes = self._arrived(rows)
-        records = self._arrays.records
-        infos = [self._info(records[row].item()) | told for row, told in episodes.items()]
-        return Arrival(rewards, ended, infos)
+    def drive(self, decisions: int, tasks: Sequence[Any]) -> None:
+        """Let pilots drive, STRETCH decisions at most; what comes of it `arrive` tells later.
 
-    def receive_all(self) -> None:
-        """Receive all that has been sent, and forget what it brought."""
-        for half, number in enumerate(self._driving):
-            if number:
-                self.receive(half)
+        Args:
+            decisions: how many.
+            tasks: for each worker's pilot.
 
-    def _arrived(
-        self, rows: NDArray[np.intp]
-    ) -> tuple[NDArray[np.float32], NDArray[np.bool_], dict[int, dict[str, Any]]]:
-        """Rewards, whether episodes ended, and by row what is told of those that did."""
-        records = self._arrays.records[rows]
-        rewards, ended = records["reward"].copy(), records["ended"].copy()
-        self._fresh[rows] = ended
-        self._returns[rows] += rewards
-        self._lengths[rows] += 1
-        return rewards, ended, {row: self._end_episode(row) for row in rows[ended].tolist()}
+        """
+        if len(self._driving) == SLOTS:
+            raise RuntimeError(f"{SLOTS} stretches are being driven already: arrive first")
+        requests = [Drive(decisions, self._slot, task) for task in tasks]
+        self._driving.append((self._pool.ask(requests), decisions, self._slot))
+        self._slot = (self._slot + 1) % SLOTS
+
+    def arrive(self) -> Arrival:
+        """Wait for the first of the stretches that are being driven."""
+        number, decisions, slot = self._driving.popleft()
+        stretches = self._pool.wait(number)
+        situations, bodies, outcomes = (
+            np.concatenate([getattr(stretch, name) for stretch in stretches], axis=1)
+            for name in ("situations", "bodies", "outcomes")
+        )
+        rewards, ended = outcomes["reward"], outcomes["ended"]
+        return Arrival(
+            pictures=self._arrays.stretches[slot, :decisions],
+            situations=situations,
+            bodies=bodies,
+            rewards=rewards,
+            ended=ended,
+            infos=[
+                [
+                    self._info(outcomes[decision, row].item()) | episode
+                    for row, episode in self._count(rewards[decision], ended[decision]).items()
+                ]
+                for decision in range(decisions)
+            ],
+            notes=[stretch.notes for stretch in stretches],
+        )
+
+    def halt(self) -> None:
+        """Wait for all that are driving, and forget what it brought."""
+        while self._driving:
+            self.arrive()
+
+    def _settle(self) -> None:
+        """Wait for what an interrupted caller has left."""
+        self._pool.wait()
+        self._driving.clear()
+
+    def _count(
+        self, rewards: NDArray[np.float32], ended: NDArray[np.bool_]
+    ) -> dict[int, dict[str, Any]]:
+        """Count a decision of all robots; by row, what is told of episodes that it ended."""
+        self._returns += rewards
+        self._lengths += 1
+        return {row: self._end_episode(row) for row in np.flatnonzero(ended).tolist()}
 
     def close(self) -> None:
         """End the workers; a second time does nothing."""
@@ -255,21 +292,4 @@ class FetchVecEnv(VecEnv):
         }
         self._returns[row] = 0
         self._lengths[row] = 0
-        self.reset_infos[row] = self._info(self._arrays.first_records[row].item())
-        return {
-            "TimeLimit.truncated": False,
-            "terminal_observation": self._arrays.last_frames[row].copy(),
-            "episode": episode,
-        }
-
-
-def _turns(shares: list[range]) -> list[list[range]]:
-    """The first halves of all shares, then the second ones; nothing where nobody has any."""
-    turns = zip(
-        *((share[: len(share) // 2], share[len(share) // 2 :]) for share in shares), strict=True
-    )
-    return [list(turn) for turn in turns if any(turn)]
-
-
-def _rows(turn: list[range]) -> NDArray[np.intp]:
-    return np.concatenate([np.asarray(part, np.intp) for part in turn])
+        return {"TimeLimit.truncated": False, "episode": episode}

@@ -14,6 +14,13 @@ from mbot_workstation.training.worlds.robot_body import BODY_RECORD
 
 FRAME_SHAPE = (OBSERVATION_SIDE_PX, OBSERVATION_SIDE_PX, 3)
 
+STRETCH = 32
+"""Decisions in a row, at most, whose pictures are kept: 0.3 s of two cores, for which nobody waits
+for anybody."""
+
+SLOTS = 2
+"""So many stretches: what one was about is read while robots drive the next."""
+
 STEP_RECORD = np.dtype(
     [
         ("reward", np.float32),
@@ -37,7 +44,7 @@ class SharedMemory:
 
     Attributes:
         robots: how many robots it holds places for.
-        actions, frames, last_frames, records, first_records, bodies: see SharedArrays.
+        actions, frames, last_frames, records, now, bodies, stretches: see SharedArrays.
 
     """
 
@@ -46,8 +53,9 @@ class SharedMemory:
     frames: Any
     last_frames: Any
     records: Any
-    first_records: Any
+    now: Any
     bodies: Any
+    stretches: Any
 
     @classmethod
     def allocate(cls, context: SpawnContext, robots: int) -> "SharedMemory":
@@ -59,8 +67,9 @@ class SharedMemory:
             frames=context.RawArray(ctypes.c_uint8, frame_bytes),
             last_frames=context.RawArray(ctypes.c_uint8, frame_bytes),
             records=context.RawArray(ctypes.c_uint8, robots * STEP_RECORD.itemsize),
-            first_records=context.RawArray(ctypes.c_uint8, robots * STEP_RECORD.itemsize),
+            now=context.RawArray(ctypes.c_uint8, robots * STEP_RECORD.itemsize),
             bodies=context.RawArray(ctypes.c_uint8, robots * BODY_RECORD.itemsize),
+            stretches=context.RawArray(ctypes.c_uint8, SLOTS * STRETCH * frame_bytes),
         )
 
     def arrays(self) -> "SharedArrays":
@@ -71,8 +80,9 @@ class SharedMemory:
             frames=np.frombuffer(self.frames, np.uint8).reshape(frames),
             last_frames=np.frombuffer(self.last_frames, np.uint8).reshape(frames),
             records=np.frombuffer(self.records, STEP_RECORD),
-            first_records=np.frombuffer(self.first_records, STEP_RECORD),
+            now=np.frombuffer(self.now, STEP_RECORD),
             bodies=np.frombuffer(self.bodies, BODY_RECORD),
+            stretches=np.frombuffer(self.stretches, np.uint8).reshape(SLOTS, STRETCH, *frames),
         )
 
 
@@ -81,12 +91,13 @@ class SharedArrays:
     """One row for each robot.
 
     Attributes:
-        actions: float32, shape (n, 2); written by the environment.
+        actions: float32, shape (n, 2); written by the environment, or by a worker's pilot.
         frames: uint8, shape (n, 64, 64, 3), observations; the rest is written by the workers.
         last_frames: the same for the last observations of episodes that have just ended.
         records: STEP_RECORD, shape (n,), of the last step.
-        first_records: the same for the start of the running episodes.
+        now: the same for what is seen now: of the start of an episode that has just begun.
         bodies: BODY_RECORD, shape (n,), of the running episodes.
+        stretches: uint8, shape (SLOTS, STRETCH, n, 64, 64, 3), what pilots have seen.
 
     """
 
@@ -94,5 +105,6 @@ class SharedArrays:
     frames: NDArray[np.uint8]
     last_frames: NDArray[np.uint8]
     records: NDArray[np.void]
-    first_records: NDArray[np.void]
+    now: NDArray[np.void]
     bodies: NDArray[np.void]
+    stretches: NDArray[np.uint8]

@@ -5,13 +5,13 @@ import itertools
 import signal
 import threading
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as wait_for_any
 from multiprocessing.process import BaseProcess
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from mbot_workstation.training.worlds.fetch_worker import (
     Done,
@@ -82,7 +82,7 @@ class WorkerPool:
         """The rows of each worker."""
         return [worker.robots for worker in self._workers]
 
-    def ask(self, requests: list[Request]) -> int:
+    def ask(self, requests: Sequence[Request]) -> int:
         """Send each worker its request; they carry out one after another.
 
         Returns:
@@ -95,14 +95,18 @@ class WorkerPool:
             self._owing.append((self._asked, worker))
         return self._asked
 
-    def wait(self, number: int | None = None) -> None:
+    def wait(self, number: int | None = None) -> list[Any]:
         """Wait until all have done what they were asked, up to this number; all of it when None.
+
+        Returns:
+            What each has told of that number.
 
         Raises:
             WorkerError: one has failed or gone.
 
         """
         last = self._asked if number is None else number
+        told: list[Any] = []
         while self._owing and self._owing[0][0] <= last:
             worker = self._owing[0][1]
             # The end of the pipe alone does not tell of a worker that died while it started.
@@ -112,12 +116,14 @@ class WorkerPool:
                 reply = worker.pipe.recv()
             except (EOFError, ConnectionResetError):
                 self._raise_gone(worker)
-            self._owing.popleft()
+            asked, _ = self._owing.popleft()
             match reply:
-                case Done():
-                    pass
+                case Done(what):
+                    if asked == last:
+                        told.append(what)
                 case Failed(text):
                     raise WorkerError(f"the worker of {worker.process.name} failed:\n{text}")
+        return told
 
     def close(self) -> None:
         """End all workers; a second time does nothing."""
