@@ -123,6 +123,7 @@ def test_a_rollout_goes_by_what_was_learned_and_robots_go_on_remembering() -> No
             spread = (everything.actions - mean) / settings.noise
             assert np.abs(spread).max() < 5, "drawn about what these weights make of it"
             assert 0.8 < spread.std() < 1.2
+            assert len(np.unique(spread.round(5))) > 0.98 * spread.size, "each robot's own chance"
             if before is not None:
                 goes_on = lived.forgot[0] == 0
                 assert goes_on.any()
