@@ -132,12 +132,12 @@ class Collection:
         buffer.episode_starts[place] = np.concatenate([self._began[None], arrival.ended[:-1]])
         buffer.actions[place] = notes.actions
         buffer.rewards[place] = arrival.rewards * reward_scale
-        known = truth(arrival.situations.ravel(), arrival.bodies.ravel())
-        buffer.truth[place] = known.reshape(*shape, -1)
+        true = truth(arrival.situations.ravel(), arrival.bodies.ravel())
+        buffer.truth[place] = true.reshape(*shape, -1)
         judged = policy.judge(
             *(
-                torch.from_numpy(one.reshape(len(known), -1)).to(policy.device)
-                for one in (notes.known, notes.actions, known)
+                torch.from_numpy(one.reshape(len(true), -1)).to(policy.device)
+                for one in (notes.known, notes.actions, true)
             )
         )
         buffer.values[place] = judged.values.cpu().numpy().reshape(shape)
