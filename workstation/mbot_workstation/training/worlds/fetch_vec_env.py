@@ -21,8 +21,8 @@ from mbot_workstation.training.worlds.fetch_env import action_space, observation
 from mbot_workstation.training.worlds.fetch_info import HAPPENINGS
 from mbot_workstation.training.worlds.fetch_worker import Drive, Hire, Reset, Step, Teach
 from mbot_workstation.training.worlds.lessons import Lesson, lesson
-from mbot_workstation.training.worlds.pilot import Pilot
 from mbot_workstation.training.worlds.shared_arrays import SLOTS
+from mbot_workstation.training.worlds.worker_pilot import Pilot
 from mbot_workstation.training.worlds.worker_pool import WorkerPool
 from mbot_workstation.training.worlds.world_settings import world_settings
 from mbot_workstation.variation.effects import EffectRanges

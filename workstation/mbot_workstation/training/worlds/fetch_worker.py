@@ -20,10 +20,10 @@ from mbot_workstation.training.worlds.fetch_info import (
 )
 from mbot_workstation.training.worlds.fetch_world import FetchWorld, Outcome
 from mbot_workstation.training.worlds.lessons import Lesson
-from mbot_workstation.training.worlds.pilot import Pilot, Stretch
 from mbot_workstation.training.worlds.robot_body import BODY_RECORD
 from mbot_workstation.training.worlds.robot_eye import RobotEye
 from mbot_workstation.training.worlds.shared_arrays import STEP_RECORD, SharedArrays, SharedMemory
+from mbot_workstation.training.worlds.worker_pilot import Pilot, Stretch
 from mbot_workstation.training.worlds.world_settings import WorldSettings
 
 NOTHING_YET = Outcome(0.0, Happening.NOTHING, ended=False)
