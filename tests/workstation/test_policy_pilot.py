@@ -89,11 +89,12 @@ def test_weights_stay_until_others_come() -> None:
 
 
 def test_notes_of_workers_stand_side_by_side() -> None:
-    notes = driven(PolicyPilot(policy(1)), policy(1), range(DECISIONS))
-    both = Notes.together([notes, notes])
+    parts = [driven(PolicyPilot(policy(seed)), policy(seed), range(DECISIONS)) for seed in (1, 2)]
+    both = Notes.together(parts)
     for field in fields(Notes):
         if field.name != "after":
-            one = getattr(notes, field.name)
-            np.testing.assert_array_equal(getattr(both, field.name), np.concatenate([one, one], 1))
-    np.testing.assert_array_equal(both.after.state, np.tile(notes.after.state, (2, 1)))
+            one, other = (getattr(part, field.name) for part in parts)
+            np.testing.assert_array_equal(getattr(both, field.name)[:, :ROBOTS], one)
+            np.testing.assert_array_equal(getattr(both, field.name)[:, ROBOTS:], other)
+    np.testing.assert_array_equal(both.after.state[ROBOTS:], parts[1].after.state)
     assert both.after.forgot.shape == (2 * ROBOTS,)
