@@ -59,7 +59,7 @@ THOROUGH_LANE = "The thorough lane: every fault {repeats} times, and every try c
 TAIL = """
 A pseudo-terminal has no baud rate: on the wire a stop burst takes 5.4 ms more. Times of the
 firmware are simulated ones of the compiled binary in an AVR simulator. What a row's number does
-not cover stands in [safety.md](../safety.md).
+not cover, a machine with other work to do among it, stands in [safety.md](../safety.md).
 """
 
 

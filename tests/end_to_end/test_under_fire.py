@@ -1,26 +1,23 @@
 """The daemon under malformed, giant and never-read messages, and too many connections."""
 
-import random
+import json
 import select
 import socket
 import statistics
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-import zenoh
 
 from mbot_agent.configuration import Configuration, Network
 from mbot_agent.network.zenoh_link import Link
 from mbot_agent.network.zenoh_settings import MOST_SESSIONS
 from mbot_protocol.errors import UnreachableError
 from mbot_protocol.keys import COMMAND, OBSERVATION, PUSH_CHUNK, TOPICS, Flow, Topic
-from mbot_protocol.v1.messages_pb2 import Command, PushBegin, PushChunk
 from mbot_workstation.link.address import parse_address
 from mbot_workstation.link.remote_control import RemoteControl
 from mbot_workstation.link.robot_session import open_session
@@ -31,7 +28,7 @@ from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
 from .daemon_watch import Observer, PeakMemory, open_files, resident_mb
 from .fleet import LOCALHOST, Fleet
-from .processes import ROBOT_ID, Daemon, Process, freeze, until, workstation
+from .processes import HERE, ROBOT_ID, Daemon, Process, freeze, until, workstation
 
 QUERIES = [topic for topic in TOPICS if topic.flow is Flow.QUERY]
 FORWARD = constant_model(0.6, 0.6)
@@ -39,9 +36,6 @@ FORWARD_BOARD = (-169, 169)
 
 MALFORMED = 1000
 """On every key."""
-
-AT_A_TIME = 12
-"""Fewer than the daemon keeps waiting for one service, so that each one is really parsed."""
 
 GIANT_BYTES = 64 << 20
 
@@ -64,64 +58,25 @@ def running(daemon: Daemon) -> Iterator[Process]:
         yield process
 
 
-def malformed(chance: random.Random) -> bytes:
-    """Noise, a message cut short, one with a byte changed, or one of another kind."""
-    whole = chance.choice(
-        (
-            Command(schema_version=1, robot_id=ROBOT_ID, session_id=1, expires_monotonic_ns=1),
-            PushBegin(schema_version=1, robot_id=ROBOT_ID, sha256="0" * 64, size_bytes=100),
-            PushChunk(schema_version=1, push_id="x", data=b"x" * 100),
-        )
-    ).SerializeToString()
-    at = chance.randrange(len(whole))
-    return chance.choice(
-        (
-            chance.randbytes(chance.randrange(300)),
-            whole[:at],
-            whole[:at] + chance.randbytes(1) + whole[at + 1 :],
-            b"\xff" * 3000,
-            b"",
-        )
-    )
-
-
-def fire(session: zenoh.Session, key: str, chance: random.Random) -> int:
-    """All malformed messages on one key; how many were answered."""
-    answered = 0
-    for _ in range(0, MALFORMED, AT_A_TIME):
-        waiting = [
-            session.get(key, payload=malformed(chance), timeout=20.0) for _ in range(AT_A_TIME)
-        ]
-        answered += sum(reply.ok is not None for replies in waiting for reply in replies)
-    return answered
-
-
 def test_malformed_messages_are_refused_and_a_stop_gets_through(
-    daemon: Daemon, running: Process, record_property: Record
+    daemon: Daemon, running: Process, tmp_path: Path, record_property: Record
 ) -> None:
     stops_ms: list[float] = []
-
-    def stop_again_and_again(control: RemoteControl, ending: threading.Event) -> None:
-        while not ending.wait(0.05):
-            asked_s = time.monotonic()
-            assert control.stop() == "stopped"
-            stops_ms.append((time.monotonic() - asked_s) * 1000)
-
     with Observer(daemon.address) as observer, daemon.link() as link:
         before_mb = resident_mb(running.pid)
 
         def worst_ms() -> float:
-            ending, known = threading.Event(), len(stops_ms)
-            arguments = (RemoteControl(link), ending)
-            stopping = threading.Thread(target=stop_again_and_again, args=arguments)
-            stopping.start()
-            try:
-                for number, topic in enumerate(QUERIES):
-                    answered = fire(observer.session, topic.key(ROBOT_ID), random.Random(number))
-                    assert answered >= MALFORMED, topic.name
-            finally:
-                ending.set()
-                stopping.join()
+            known = len(stops_ms)
+            program = str(HERE / "malformed_fire.py"), daemon.address, ROBOT_ID, str(MALFORMED)
+            with Process(sys.executable, *program, log=tmp_path / f"fire-{known}.log") as fire:
+                while fire.is_running():
+                    asked_s = time.monotonic()
+                    assert RemoteControl(link).stop() == "stopped"
+                    stops_ms.append((time.monotonic() - asked_s) * 1000)
+                    time.sleep(0.05)
+            answered = json.loads(fire.output)
+            assert answered.keys() == {topic.name for topic in QUERIES}
+            assert min(answered.values()) >= MALFORMED, answered
             assert len(stops_ms) > known + 5
             return max(stops_ms[known:])
 

@@ -96,7 +96,7 @@ def test_after_a_stop_of_ones_own_one_looks_again(robot: FakeRobot, control: Rem
 def test_a_robot_that_does_not_confirm_that_it_stands(
     robot: FakeRobot, control: RemoteControl, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(remote_control, "STOP_PAUSE_S", 0.01)
+    monkeypatch.setattr(remote_control, "CONFIRM_PAUSE_S", 0.01)
     robot.replies[STOP.name] = lambda _data: CommandReply(
         schema_version=1, accepted=True, state=State.STATE_STOPPED, reason="the board is lost"
     )
@@ -105,6 +105,19 @@ def test_a_robot_that_does_not_confirm_that_it_stands(
     ) as raised:
         control.stop()
     assert raised.value.exit_code == 1
+    assert len(robot.commands()) == 8
+
+
+def test_a_board_that_confirms_late_is_asked_again_soon(
+    robot: FakeRobot, control: RemoteControl, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not after the pause that a link which is down gets."""
+    monkeypatch.setattr(remote_control, "STOP_PAUSE_S", 60.0)
+    answer = robot.replies[STOP.name]
+    late = iter([True, True, False])
+    not_yet = CommandReply(schema_version=1, accepted=True, state=State.STATE_STOPPED)
+    robot.replies[STOP.name] = lambda data: not_yet if next(late) else answer(data)
+    assert control.stop() == "stopped"
     assert len(robot.commands()) == 3
 
 

@@ -36,6 +36,10 @@ STOP_TIMEOUT_S = 1.0
 STOP_PAUSE_S = 0.3
 """While a link is down a query fails at once; the pause gives it time to come back."""
 
+CONFIRM_ATTEMPTS = 8
+CONFIRM_PAUSE_S = 0.05
+"""A robot that says it is disarmed waits 80 ms for its board's word, and is asked again for it.
+Where the kernel's threads get no time that word has been seen to take 0.4 s."""
 
 BEGIN_WAIT_S = 0.3
 """An armed robot begins at its next beat; the camera's next frame may have to come first."""
@@ -153,36 +157,38 @@ class RemoteControl:
         return self._send(Command(drive=Drive(wheels=wheels, hold_ms=hold_ms)))
 
     def stop(self) -> str:
-        """Stop the motors. Needs no status before, never expires, and is tried three times.
+        """Stop the motors. Needs no status before, never expires, and does not give up at once.
 
         Raises:
-            UnreachableError: no reply, so the robot may still be driving.
-            NotStandingError: the robot is disarmed, but its board has not confirmed.
+            UnreachableError: no reply to three of them, so the robot may still be driving.
+            NotStandingError: the robot is disarmed, but eight times its board did not confirm.
 
         """
         self._clock = None  # whatever comes after this has to look first
-        problem: MbotError | None = None
-        for attempt in range(STOP_ATTEMPTS):
-            if attempt:
-                time.sleep(STOP_PAUSE_S)
+        unheard = unconfirmed = 0
+        while True:
             try:
                 # On a key of its own, open to everybody who may look.
                 reply = self._ask(STOP, Command(stop=Stop()), STOP_TIMEOUT_S)
             except UnreachableError as error:
-                problem = UnreachableError(
-                    f"STOP was not confirmed, the robot may be driving; switch it off by hand: "
-                    f"{error}"
-                )
+                unheard += 1
+                if unheard == STOP_ATTEMPTS:
+                    raise UnreachableError(
+                        "STOP was not confirmed, the robot may be driving; switch it off by hand: "
+                        f"{error}"
+                    ) from None
+                time.sleep(STOP_PAUSE_S)
                 continue
             if reply.standing:
                 return state_word(reply.state)
-            problem = NotStandingError(
-                f"robot {self._link.robot_id} has not confirmed that it stands: "
-                f"{one_line(reply.reason) or 'it does not say why, upgrade its mbot-agent'}; "
-                "switch it off by hand"
-            )
-        assert problem is not None
-        raise problem
+            unconfirmed += 1
+            if unconfirmed == CONFIRM_ATTEMPTS:
+                raise NotStandingError(
+                    f"robot {self._link.robot_id} has not confirmed that it stands: "
+                    f"{one_line(reply.reason) or 'it does not say why, upgrade its mbot-agent'}; "
+                    "switch it off by hand"
+                )
+            time.sleep(CONFIRM_PAUSE_S)
 
     def _send(self, command: Command) -> str:
         if self._clock is None:
