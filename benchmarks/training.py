@@ -38,6 +38,7 @@ from mbot_workstation.training.learning.memory_policy import (
     memory_policy_arguments,
 )
 from mbot_workstation.training.learning.picture_ppo import PicturePPO
+from mbot_workstation.training.learning.processor import keep_freed_memory
 from mbot_workstation.training.worlds.fetch_env import action_space, observation_space
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 
@@ -139,6 +140,7 @@ def all_kernels(room: Any) -> dict[str, float]:
 def measure(rounds: int, iterations: int) -> dict[str, Any]:
     rooms = [generate_room(seed, 512) for seed in range(6)]
     cores = os.cpu_count() or 1
+    keep_freed_memory()
     ours = {name: our_learner(name, rooms) for name in PRESETS}
     learners: dict[str, tuple[PPO, int]] = {name: (one, 1) for name, one in ours.items()}
     learners["plain"] = (plain_learner(rooms[0]), cores)

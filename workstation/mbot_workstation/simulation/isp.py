@@ -153,10 +153,10 @@ class ImageSignalProcessor:
         if settings.exposure_drift > 0:
             angle = 2 * math.pi * time_s / DRIFT_PERIOD_S + self._drift_phase_rad
             swing += settings.exposure_drift * math.sin(angle)
+        if not settings.has_curve and swing == 1.0 and settings.gains == (1.0, 1.0, 1.0):
+            return picture
         gains = np.array(settings.gains) * swing
         if not settings.has_curve:
-            if swing == 1.0 and settings.gains == (1.0, 1.0, 1.0):
-                return picture
             return cast(Picture, cv2.LUT(picture, _plain_levels(gains)))
         light_gains = gains**DISPLAY_GAMMA * np.exp(self._follow(picture, gains, time_s))
         return cast(Picture, cv2.LUT(picture, self._tone.levels(light_gains)))

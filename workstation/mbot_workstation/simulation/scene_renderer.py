@@ -59,7 +59,8 @@ class SceneRenderer:
             camera: name of the camera to draw from.
             width_px, height_px: size of the pictures.
             quality: what a picture may cost.
-            gl: an OpenGL context to share, which whoever opened it frees; None opens an own one.
+            gl: an OpenGL context to share, which whoever opened it makes current and frees; None
+                opens an own one.
 
         """
         model: MjModel = simulation.model
@@ -75,6 +76,8 @@ class SceneRenderer:
         model.vis.global_.offwidth, model.vis.global_.offheight = width_px, height_px
         model.vis.quality.offsamples = quality.samples
         model.vis.quality.shadowsize = quality.shadow_map_px
+        # Light comes from afar and falls on all of a face alike: one rectangle does for sixteen.
+        model.vis.quality.numquads = 1
         self._context: Any = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
         self._scene = mujoco.MjvScene(model, MOST_GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = quality.shadow_map_px > 0
@@ -115,7 +118,8 @@ class SceneRenderer:
             mujoco.mjtCatBit.mjCAT_ALL.value,
             self._scene,
         )
-        self._gl.make_current()
+        if self._owns_gl:
+            self._gl.make_current()
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         mujoco.mjr_render(self._viewport, self._scene, self._context)
         mujoco.mjr_readPixels(self._rows_up, None, self._viewport, self._context)

@@ -9,10 +9,10 @@ through which the memory's gradient goes back. What is computed besides is SB3's
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 from stable_baselines3 import PPO
@@ -36,6 +36,9 @@ from mbot_workstation.training.learning.sequences import (
 
 MEMORY_CAPACITY = 200_000
 """Decisions with advice; 2.4 GB when full."""
+
+Batch = TypeVar("Batch", bound=Sequences)
+Done = TypeVar("Done")
 
 ALONE_EVERY = 8
 """Of so many rehearsals one is of single pictures without a memory; no other number was tried."""
@@ -112,10 +115,15 @@ class PicturePPO(PPO):
             epochs = self.guided_epochs
         parts: list[_Part] = []
         with ThreadPoolExecutor(self.update_threads) as threads:
-            for _ in range(epochs):
-                for batch in self.rollout_buffer.sequences(self.batch_size):
-                    parts += self._step(threads, batch)
-                self._n_updates += 1
+            batches = (
+                _normalised(batch)
+                for _ in range(epochs)
+                for batch in self.rollout_buffer.sequences(self.batch_size)
+            )
+            for done, decisions in self._together(threads, self._part, batches):
+                self._descend([part.gradients for part in done], decisions)
+                parts += done
+            self._n_updates += epochs
             if guided > 0 and self.rehearsals:
                 self._rehearse(threads)
         self._log(parts, epochs)
@@ -159,12 +167,29 @@ class PicturePPO(PPO):
         if self._memory is None:
             self._memory = AdviceMemory(MEMORY_CAPACITY)
         self._memory.add(self.rollout_buffer.everything())
-        for number in range(self.rehearsals):
-            alone = self.policy.units > 0 and number % ALONE_EVERY == 0
-            draw = self._memory.draw_alone if alone else self._memory.draw
-            batch = draw(self.rehearsal_batch)
+        batches = map(self._rehearsal, range(self.rehearsals))
+        for done, decisions in self._together(threads, self._advice_gradients, batches):
+            self._descend(done, decisions)
+
+    def _rehearsal(self, number: int) -> Sequences:
+        assert self._memory is not None
+        alone = self.policy.units > 0 and number % ALONE_EVERY == 0
+        draw = self._memory.draw_alone if alone else self._memory.draw
+        return draw(self.rehearsal_batch)
+
+    def _together(
+        self,
+        threads: ThreadPoolExecutor,
+        work: Callable[[Batch], Done],
+        batches: Iterator[Batch],
+    ) -> Iterator[tuple[list[Done], int]]:
+        """What all threads make of each batch, and its size; the next is drawn meanwhile."""
+        following = next(batches, None)
+        while (batch := following) is not None:
             parts = [batch.part(index, self.update_threads) for index in range(self.update_threads)]
-            self._descend(list(threads.map(self._advice_gradients, parts)), batch.decisions)
+            under_way = [threads.submit(work, part) for part in parts if part.decisions]
+            following = next(batches, None)
+            yield [one.result() for one in under_way], batch.decisions
 
     def _advice_gradients(self, part: Sequences) -> tuple[torch.Tensor, ...]:
         # Of an advice the first two digits matter, of a likelihood ratio the fourth.
@@ -178,24 +203,16 @@ class PicturePPO(PPO):
         fields = (part.pictures, part.previous_actions, part.forgot, part.state)
         return self.policy.unroll(*(tensor(field, self.device) for field in fields), short=short)
 
-    def _step(self, threads: ThreadPoolExecutor, batch: LearnedFrom) -> list[_Part]:
-        """One gradient step."""
-        advantages = batch.advantages
-        if advantages.size > 1:
-            advantages = (advantages - advantages.mean()) / (advantages.std(ddof=1) + 1e-8)
-        whole = replace(batch, advantages=advantages)
-        split = [whole.part(index, self.update_threads) for index in range(self.update_threads)]
-        parts = list(threads.map(self._part, [part for part in split if part.decisions]))
-        self._descend([part.gradients for part in parts], batch.decisions)
-        return parts
-
     def _descend(self, gradients: list[tuple[torch.Tensor, ...]], samples: int) -> None:
         """One step of the optimiser by the sum of several parts' gradients over all samples."""
         parameters = list(self.policy.parameters())
-        for parameter, *parts in zip(parameters, *gradients, strict=True):
-            # Stacked in the parameter's order of memory: some come with channels last, and the
-            # fused optimiser takes numbers as they lie.
-            parameter.grad = torch.stack(parts).sum(0) / samples
+        for parameter, first, *others in zip(parameters, *gradients, strict=True):
+            # In the parameter's order of memory: some come with channels last, and the fused
+            # optimiser takes numbers as they lie.
+            gradient = torch.empty_like(parameter).copy_(first)
+            for other in others:
+                gradient += other
+            parameter.grad = gradient.div_(samples)
         torch.nn.utils.clip_grad_norm_(parameters, self.max_grad_norm)
         self.policy.optimizer.step()
 
@@ -240,3 +257,11 @@ class PicturePPO(PPO):
             total = torch.stack([getattr(part, name) for part in parts]).sum()
             self.logger.record(f"train/{name}", float(total) / samples)
         self.logger.record("train/std", float(torch.exp(self.policy.log_std.detach()).mean()))
+
+
+def _normalised(batch: LearnedFrom) -> LearnedFrom:
+    """With advantages of mean 0 and deviation 1, as SB3's PPO."""
+    advantages = batch.advantages
+    if advantages.size > 1:
+        advantages = (advantages - advantages.mean()) / (advantages.std(ddof=1) + 1e-8)
+    return replace(batch, advantages=advantages)

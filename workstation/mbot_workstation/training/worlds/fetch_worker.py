@@ -212,8 +212,8 @@ class _Share:
         self._observe()
 
     def _observe(self) -> None:
-        for row, world in zip(self._robots, self._worlds, strict=True):
-            self._arrays.frames[row] = self._eye.observe(world)
+        for row, picture in zip(self._robots, self._eye.observe_all(self._worlds), strict=True):
+            self._arrays.frames[row] = picture
 
     def _step(self, index: int) -> None:
         world, row = self._worlds[index], self._robots[index]

@@ -55,6 +55,14 @@ class RobotEye:
 
     def observe(self, world: FetchWorld) -> Picture:
         """What the policy sees now. Shape (64, 64, 3), RGB."""
+        return self.observe_all([world])[0]
+
+    def observe_all(self, worlds: Sequence[FetchWorld]) -> list[Picture]:
+        """What it sees in each of these."""
+        self._gl.make_current()  # 12 us: once for all of them
+        return [self._observed(world) for world in worlds]
+
+    def _observed(self, world: FetchWorld) -> Picture:
         glimpse, camera = world.glimpse, world.camera
         view = camera.view(glimpse)
         aim_camera(world.simulation.model, view)
