@@ -6,7 +6,7 @@ Whole loop: collect with 16 robots, then PPO's update, with the paper's network 
 same batch and epochs on both sides. Plain is `PPO` with `SubprocVecEnv` and `mujoco.Renderer` at
 the same picture settings (benchmarks/training_environment.py measures the environments alone). The
 bare kernels are physics, picture, forward pass and update without anything around them, on all
-cores at once, as they run in a training.
+cores at once, as they run in a training. All take turns, and ratios are of the same round.
 """
 
 import argparse
@@ -145,39 +145,46 @@ def measure(rounds: int, iterations: int) -> dict[str, Any]:
     learners: dict[str, tuple[PPO, int]] = {name: (one, 1) for name, one in ours.items()}
     learners["plain"] = (plain_learner(rooms[0]), cores)
     speeds: dict[str, list[float]] = {name: [] for name in learners}
+    bounds: list[float] = []
     for learner, threads in learners.values():
         speed(learner, 1, threads=threads)  # caches, first episodes
-    for _ in range(rounds):
-        for name, (learner, threads) in learners.items():
-            speeds[name].append(speed(learner, iterations, threads=threads))
     with ProcessPoolExecutor(cores, get_context("spawn")) as pool:
-        timed = list(pool.map(all_kernels, [rooms[0]] * cores))  # as they run: all cores busy
-    kernel = {name: statistics.mean(one[name] for one in timed) for name in timed[0]}
+        timed = list(pool.map(all_kernels, [rooms[0]] * cores))  # likewise
+        for _ in range(rounds):
+            for name, (learner, threads) in learners.items():
+                speeds[name].append(speed(learner, iterations, threads=threads))
+            timed = list(pool.map(all_kernels, [rooms[0]] * cores))  # as they run: all cores busy
+            bounds.append(cores * 1e3 / statistics.mean(sum(one.values()) for one in timed))
     for learner, _ in learners.values():
         environment = learner.get_env()
         assert environment is not None
         environment.close()
-    medians = {name: statistics.median(values) for name, values in speeds.items()}
-    bound = cores * 1e3 / sum(kernel.values())
     children_kib = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
     own_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return {
         "cores": cores,
         "load_average": round(os.getloadavg()[0], 2),
-        "decisions_per_s": {name: round(value) for name, value in medians.items()},
-        "best_decisions_per_s": {name: round(max(values)) for name, values in speeds.items()},
-        "times_plain": {name: round(medians[name] / medians["plain"], 2) for name in PRESETS},
-        "kernels_ms": {name: round(value, 3) for name, value in kernel.items()},
-        "kernels_decisions_per_s": round(bound),
-        "share_of_kernels": {name: round(medians[name] / bound, 2) for name in PRESETS},
+        "decisions_per_s": {name: round(statistics.median(seen)) for name, seen in speeds.items()},
+        "times_plain": {name: ratio(speeds[name], speeds["plain"]) for name in PRESETS},
+        "kernels_ms": {
+            name: round(statistics.mean(one[name] for one in timed), 3) for name in timed[0]
+        },
+        "kernels_decisions_per_s": round(statistics.median(bounds)),
+        "share_of_kernels": {name: ratio(speeds[name], bounds) for name in PRESETS},
         "largest_process_mb": round(max(own_kib, children_kib) / 1024),
     }
 
 
+def ratio(these: list[float], to_those: list[float]) -> list[float]:
+    """Round by round, since a machine's speed drifts: the median, the least, the most."""
+    seen = [one / other for one, other in zip(these, to_those, strict=True)]
+    return [round(value, 2) for value in (statistics.median(seen), min(seen), max(seen))]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--iterations", type=int, default=1, help="of 2,048 decisions, a round")
+    parser.add_argument("--rounds", type=int, default=8)
+    parser.add_argument("--iterations", type=int, default=2, help="of 2,048 decisions, a round")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     np.random.seed(0)
@@ -187,11 +194,14 @@ def main() -> None:
         return
     print(f"whole PPO loop, {result['cores']} cores, load {result['load_average']}")
     for name, value in result["decisions_per_s"].items():
-        best = result["best_decisions_per_s"][name]
-        times = result["times_plain"].get(name, 1.0)
-        print(f"  {name:12} {value:6} decisions/s (best {best}), {times:.2f} x plain")
-    print(f"  bare kernels {result['kernels_decisions_per_s']:6}: {result['kernels_ms']}")
-    print(f"  shares of the kernels {result['share_of_kernels']}")
+        line = f"  {name:12} {value:6} decisions/s"
+        if name in PRESETS:
+            median, least, most = result["times_plain"][name]
+            share, lowest, highest = result["share_of_kernels"][name]
+            line += f", {median:.2f} ({least:.2f} to {most:.2f}) x plain"
+            line += f", {share:.2f} ({lowest:.2f} to {highest:.2f}) of the kernels"
+        print(line)
+    print(f"  bare kernels {result['kernels_decisions_per_s']:6}: {result['kernels_ms']} at last")
     print(f"  largest process {result['largest_process_mb']} MB")
 
 
