@@ -163,6 +163,11 @@ MISTAKES = (
         "one, or give this one its own by --board and --camera-port",
     ),
     Mistake(
+        "explaining a driver that is no file",
+        "workstation explain servo",
+        "workstation: can't read servo: No such file or directory; expected an ONNX model",
+    ),
+    Mistake(
         "something that is not a model",
         "workstation push-model notes.txt",
         "workstation: notes.txt: this is not an ONNX model; export the policy to ONNX first",

@@ -76,7 +76,9 @@ def _read(path: Path) -> bytes:
                 "optimiser state?"
             )
     except OSError as error:
-        raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
+        raise ConfigurationError(
+            f"can't read {path}: {error.strerror}; expected an ONNX model"
+        ) from None
     return read_bytes(path)
 
 

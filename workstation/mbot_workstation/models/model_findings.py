@@ -98,7 +98,9 @@ def _size(path: Path) -> int:
     try:
         size_bytes = path.stat().st_size
     except OSError as error:
-        raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
+        raise ConfigurationError(
+            f"can't read {path}: {error.strerror}; expected an ONNX model"
+        ) from None
     if not path.is_file():
         raise ConfigurationError(f"{path} is not a file; expected an ONNX model")
     return size_bytes
