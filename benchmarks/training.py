@@ -140,7 +140,7 @@ def all_kernels(room: Any) -> dict[str, float]:
 def measure(rounds: int, iterations: int) -> dict[str, Any]:
     rooms = [generate_room(seed, 512) for seed in range(6)]
     cores = os.cpu_count() or 1
-    keep_freed_memory()
+    keep_freed_memory()  # as `workstation train` does; it is to plain's good too
     ours = {name: our_learner(name, rooms) for name in PRESETS}
     learners: dict[str, tuple[PPO, int]] = {name: (one, 1) for name, one in ours.items()}
     learners["plain"] = (plain_learner(rooms[0]), cores)

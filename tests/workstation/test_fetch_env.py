@@ -205,6 +205,16 @@ def test_the_hidden_body_is_never_in_view() -> None:
         assert np.array_equal(both.observe(hidden), both.observe(shown))
 
 
+def test_two_eyes_in_turns_see_what_each_sees_alone(eye: RobotEye) -> None:
+    """Each has an OpenGL context, and the one that was made last is current."""
+    robot = world("10", 6)
+    seen = eye.observe(robot)
+    black = [np.zeros_like(room) for room in ROOMS]
+    with RobotEye(black) as other:
+        assert not np.array_equal(other.observe(robot), seen)
+        assert np.array_equal(eye.observe_all([robot, robot]), [seen, seen])
+
+
 def test_gain_brightens_noise_roughens_and_drift_swings(eye: RobotEye) -> None:
     plain = eye.observe(world("10", 6)).astype(float)
     dim = eye.observe(world("10", 6, exposure_gain=0.5)).astype(float)

@@ -112,12 +112,14 @@ def test_a_board_that_confirms_late_is_asked_again_soon(
     robot: FakeRobot, control: RemoteControl, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Not after the pause that a link which is down gets."""
-    monkeypatch.setattr(remote_control, "STOP_PAUSE_S", 60.0)
+    monkeypatch.setattr(remote_control, "STOP_PAUSE_S", 2.0)
     answer = robot.replies[STOP.name]
     late = iter([True, True, False])
     not_yet = CommandReply(schema_version=1, accepted=True, state=State.STATE_STOPPED)
     robot.replies[STOP.name] = lambda data: not_yet if next(late) else answer(data)
+    began_s = time.monotonic()
     assert control.stop() == "stopped"
+    assert time.monotonic() - began_s < 2.0
     assert len(robot.commands()) == 3
 
 

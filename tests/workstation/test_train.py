@@ -286,7 +286,10 @@ class Pictures(gymnasium.Env[Any, Any]):
         return self.np_random.integers(0, 256, (64, 64, 3), np.uint8)
 
 
-def test_threads_learn_what_stable_baselines_learns(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("largest_gradient", [0.5, 20.0])  # every one is cut to it, and not
+def test_threads_learn_what_stable_baselines_learns(
+    largest_gradient: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Without a memory and with the whole rollout as one batch there is nothing else in it."""
 
     def evaluate_actions(self: MemoryPolicy, obs: Any, actions: Any) -> Any:
@@ -296,7 +299,13 @@ def test_threads_learn_what_stable_baselines_learns(monkeypatch: pytest.MonkeyPa
         return values, wheels.log_prob(actions).sum(dim=1), wheels.entropy().sum(dim=1)
 
     monkeypatch.setattr(MemoryPolicy, "evaluate_actions", evaluate_actions)
-    settings = LearnerSettings(steps_per_robot=16, batch=32, epochs=3, memory_units=0)
+    settings = LearnerSettings(
+        steps_per_robot=16,
+        batch=32,
+        epochs=3,
+        memory_units=0,
+        largest_gradient=largest_gradient,
+    )
     learned: list[dict[str, torch.Tensor]] = []
     for update in (PicturePPO.train, PPO.train):
         environment = DummyVecEnv([Pictures, Pictures])
