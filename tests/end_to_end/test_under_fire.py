@@ -26,7 +26,7 @@ from ..free_port import free_port
 from ..reliability.effort import within
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
-from .daemon_watch import Observer, PeakMemory, open_files, resident_mb
+from .daemon_watch import Observer, PeakMemory, accepted_connections, resident_mb
 from .fleet import LOCALHOST, Fleet
 from .processes import HERE, ROBOT_ID, Daemon, Process, freeze, until, workstation
 
@@ -210,18 +210,21 @@ def test_strangers_who_connect_and_say_nothing_are_shown_the_door(
     with daemon.camera(), daemon.start() as process, ExitStack() as stack:
         assert daemon.is_up()
         link = stack.enter_context(fleet.link(ROBOT_ID, me))
-        before = open_files(process.pid), resident_mb(process.pid)
+        before_mb = resident_mb(process.pid)
         host, port = daemon.address.split(":")
+        assert (
+            accepted_connections(int(port)) == 1
+        )  # not its files: the daemon opens some for moments
         for _ in range(SILENT):
             stack.enter_context(socket.create_connection((host, int(port)), timeout=10))
-        assert until(lambda: open_files(process.pid) >= before[0] + SILENT)
+        assert until(lambda: accepted_connections(int(port)) == 1 + SILENT)
 
         def are_out() -> bool:
             assert RemoteControl(link).stop() == "stopped"
-            return open_files(process.pid) < before[0] + SILENT // 2
+            return accepted_connections(int(port)) == 1
 
         assert until(are_out, 60)
-        growth_mb = resident_mb(process.pid) - before[1]
+        growth_mb = resident_mb(process.pid) - before_mb
         record_property("silent connections", SILENT)
         record_property("memory MB", round(growth_mb, 1))
         assert growth_mb <= 16
