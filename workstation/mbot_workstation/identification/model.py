@@ -17,7 +17,7 @@ from mbot_workstation.recordings.run import CommandSeries, Run
 from mbot_workstation.recordings.track import Array, Track
 from mbot_workstation.simulation.engine import MjModel, mujoco
 from mbot_workstation.simulation.motor import duties, wheel_voltages
-from mbot_workstation.simulation.robot_mjcf import FLOOR_BIT, add_robot
+from mbot_workstation.simulation.robot_mjcf import add_floor_contacts, add_robot
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.timestep import TIMESTEP_S
 
@@ -227,10 +227,12 @@ def bare_model(robot: RobotParameters) -> MjModel:
     spec = mujoco.MjSpec()
     spec.option.timestep = TIMESTEP_S
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    floor = "floor"
     spec.worldbody.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], contype=FLOOR_BIT, conaffinity=0
+        name=floor, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], contype=0, conaffinity=0
     )
     add_robot(spec, robot)
+    add_floor_contacts(spec, floor, robot)
     model = spec.compile()
     for flag in _UNNEEDED:
         model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))

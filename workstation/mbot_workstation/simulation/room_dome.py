@@ -15,8 +15,10 @@ COLUMNS = 32
 """Around; 11.3 degrees each, where the polygon is at most 0.5 % nearer than the arc. Twice as many
 would make a training picture a sixth dearer."""
 
-WALL_RINGS, ROOF_RINGS = 10, 5
-"""Up the cylinder, finely, since the photo's rows are not linear in height; and over the roof."""
+WALL_RINGS, ROOF_RINGS = 5, 2
+"""Up the cylinder, since the photo's rows are not linear in height; and over the roof, which no
+policy sees. Every corner costs: with 10 and 5 a training picture takes an eighth longer, and errs
+against a dome of 128 columns and 80 rings by 0.52 instead of 0.56 grey levels RMS (measured)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ from mbot_workstation.simulation.robot_mjcf import (
     ROBOT_CAMERA,
     WHEELS,
     add_robot,
+    floor_frictions,
 )
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.simulation import Simulation
@@ -27,7 +28,7 @@ _OF_BODIES = (
     "body_inertia",
     "body_invweight0",
 )
-_OF_GEOMS = ("geom_size", "geom_aabb", "geom_rbound", "geom_pos", "geom_quat", "geom_friction")
+_OF_GEOMS = ("geom_size", "geom_aabb", "geom_rbound", "geom_pos", "geom_quat")
 _OF_JOINTS = ("jnt_pos", "jnt_axis", "qpos0", "qpos_spring")
 _OF_DOFS = (
     "dof_armature",
@@ -66,6 +67,8 @@ def swap_body(simulation: Simulation, robot: RobotParameters) -> None:
     add_robot(spec, robot)
     swapped = spec.compile()
     _copy_robot(swapped, simulation.model)
+    for name, friction in floor_frictions(robot).items():
+        simulation.model.pair(name).friction = friction
     simulation.robot = robot
 
 

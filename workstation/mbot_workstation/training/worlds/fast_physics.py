@@ -7,7 +7,7 @@ import numpy as np
 from mbot_protocol.picture import Picture
 from mbot_workstation.simulation.engine import MjModel, mujoco
 from mbot_workstation.simulation.floor_textures import FloorTexture
-from mbot_workstation.simulation.robot_mjcf import HIDDEN_GROUP, WALL_BIT
+from mbot_workstation.simulation.robot_mjcf import HIDDEN_GROUP
 
 TRAINING_TIMESTEP_S = 0.010
 """Twice the simulation's. Against 1 ms, 300 random decisions between full backward and forward end
@@ -25,8 +25,9 @@ def hasten(model: MjModel) -> None:
     # shapes that can touch: together a fifth of a step, bit for bit the same result.
     for flag in ("SENSOR", "MIDPHASE", "ISLAND"):
         model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))
-    # An episode ends before the bumper can meet a wall.
-    model.geom_contype[model.geom_contype == WALL_BIT] = 0
+    # An episode ends before the bumper can meet a wall: nothing is left that would meet by class.
+    for classes in (model.geom_contype, model.body_contype, model.body_conaffinity):
+        classes[:] = 0
 
 
 def hide(model: MjModel, geoms: Sequence[int]) -> None:
