@@ -38,7 +38,7 @@ from mbot_workstation.training.learning.memory_policy import (
     memory_policy_arguments,
 )
 from mbot_workstation.training.learning.picture_ppo import PicturePPO
-from mbot_workstation.training.learning.processor import keep_freed_memory
+from mbot_workstation.training.learning.processor import has_short_floats, keep_freed_memory
 from mbot_workstation.training.worlds.fetch_env import action_space, observation_space
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 
@@ -116,9 +116,10 @@ def network_ms() -> dict[str, float]:
     lived = (torch.zeros(1, SETTINGS.batch, 2), torch.zeros(1, SETTINGS.batch))
     state, truth = (torch.zeros(SETTINGS.batch, numbers) for numbers in (policy.units, TRUTH))
     actions = torch.zeros(SETTINGS.batch, 2)
+    short = has_short_floats(torch.device("cpu"))  # as the loop that is judged by it
     start_s = time.perf_counter()
     for _ in range(rounds // 10):
-        known = policy.unroll(batch, *lived, state)
+        known = policy.unroll(batch, *lived, state, short)
         wheels = Normal(policy.action_net(known), policy.log_std.exp())
         loss = policy.value_of(known, truth).square().mean()
         loss = loss - wheels.log_prob(actions).mean() - wheels.entropy().mean()

@@ -15,7 +15,7 @@ import pytest
 
 from mbot_agent.configuration import Configuration, Network
 from mbot_agent.network.zenoh_link import Link
-from mbot_agent.network.zenoh_settings import MOST_SESSIONS
+from mbot_agent.network.zenoh_settings import MOST_PENDING, MOST_SESSIONS
 from mbot_protocol.errors import UnreachableError
 from mbot_protocol.keys import COMMAND, OBSERVATION, PUSH_CHUNK, TOPICS, Flow, Topic
 from mbot_workstation.link.address import parse_address
@@ -230,6 +230,18 @@ def test_strangers_who_connect_and_say_nothing_are_shown_the_door(
         with fleet.link(ROBOT_ID, me) as another:
             assert another.status().robot_id == ROBOT_ID
         assert process.is_running()
+
+
+def test_only_some_may_say_nothing_at_a_time_and_not_for_long() -> None:
+    """Zenoh's own limits are 100 at a time and 10 s; without TLS it is all there is."""
+    port = free_port()
+    network = Network(listen=(f"tcp/{LOCALHOST}:{port}",))
+    with Link(Configuration(robot_id="mbot-1", network=network)), ExitStack() as stack:
+        for _ in range(3 * MOST_PENDING):
+            stack.enter_context(socket.create_connection((LOCALHOST, port), timeout=10))
+        assert MOST_PENDING == 8
+        assert until(lambda: accepted_connections(port) == MOST_PENDING, 3)
+        assert until(lambda: accepted_connections(port) == 0, 7)
 
 
 def test_no_more_sessions_than_may_be_and_those_there_are_go_on(

@@ -1,20 +1,27 @@
+import math
 import subprocess
 import sys
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
+from mbot_workstation.simulation.room_generator import generate_room
 from mbot_workstation.training.drivers.guide import Guide
 from mbot_workstation.training.learning.collection import Collection
-from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
+from mbot_workstation.training.learning.learner import GUIDED, LearnerSettings, make_learner
 from mbot_workstation.training.learning.processor import (
     has_short_floats,
     keep_freed_memory,
     prepare_gpu,
 )
+from mbot_workstation.training.learning.trained_policy import trained_policy
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 from mbot_workstation.variation.presets import preset
+
+RUN = Path(__file__).parents[2] / "models" / "red-cube-run"
 
 LAYERS = """
 import resource, threading
@@ -49,7 +56,7 @@ def test_freed_memory_is_not_fetched_again() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("has_them", [True, False])
-def test_only_rehearsals_are_short_and_only_where_it_pays(
+def test_updates_are_short_only_where_it_pays(
     has_them: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"avx512_bf16": has_them})
@@ -66,11 +73,38 @@ def test_only_rehearsals_are_short_and_only_where_it_pays(
 
         monkeypatch.setattr(learner.policy, "unroll", noted)
         learner.learn(16)
-    ppo, rehearsed = ways[: -learner.update_threads], ways[-learner.update_threads :]
-    assert ppo
-    assert not any(ppo)
-    assert rehearsed == [has_them] * learner.update_threads
+    assert len(ways) > learner.update_threads, "PPO's own part and a rehearsal"
+    assert ways == [has_them] * len(ways)
     assert not has_short_floats(torch.device("cuda"))
+
+
+@pytest.mark.slow
+def test_a_ratio_of_short_floats_is_near_one_before_anything_is_learned() -> None:
+    """With the policy that ships and the least noise there is, which divides what it is off."""
+    still = replace(GUIDED, learning_rate=0.0, final_learning_rate=0.0, rehearsals=0)
+    settings = replace(still, steps_per_robot=32, batch=128, noise=GUIDED.final_noise)
+    rooms = [generate_room(seed, 512) for seed in range(4)]
+    with FetchVecEnv(4, 1, "randomised", "10", rooms, workers=1) as environment:
+        learner = make_learner(environment, settings, seed=0)
+        learner.policy.load_state_dict(trained_policy(RUN).weights, strict=True)
+        learner.policy.log_std.data.fill_(math.log(settings.final_noise))
+        learner.collection = Collection(environment)
+        learner.learn(128)
+    (batch,) = learner.rollout_buffer.sequences(128)
+    fields = (batch.pictures, batch.previous_actions, batch.forgot, batch.state)
+    changes: list[torch.Tensor] = []
+    with torch.no_grad():
+        for short in (False, True):
+            known = learner.policy.unroll(*map(torch.from_numpy, fields), short=short)
+            actions, truth = (
+                torch.from_numpy(one).flatten(0, 1) for one in (batch.actions, batch.truth)
+            )
+            judged = learner.policy.judge(known, actions, truth)
+            changes.append(judged.log_probs - torch.from_numpy(batch.old_log_prob).flatten())
+    whole, short = changes
+    assert whole.abs().max() < 1e-4
+    assert 1e-4 < short.square().mean().sqrt() < 0.02
+    assert short.exp().sub(1).abs().max() < settings.clip_range
 
 
 def test_a_gpu_keeps_all_digits(monkeypatch: pytest.MonkeyPatch) -> None:

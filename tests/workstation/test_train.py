@@ -22,7 +22,7 @@ from torch.distributions import Normal
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.commands import train as command
-from mbot_workstation.training.learning import training_run
+from mbot_workstation.training.learning import picture_ppo, training_run
 from mbot_workstation.training.learning.checkpoint import read_state, read_weights, restore_learner
 from mbot_workstation.training.learning.curriculum import CurriculumState
 from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
@@ -299,6 +299,7 @@ def test_threads_learn_what_stable_baselines_learns(
         return values, wheels.log_prob(actions).sum(dim=1), wheels.entropy().sum(dim=1)
 
     monkeypatch.setattr(MemoryPolicy, "evaluate_actions", evaluate_actions)
+    monkeypatch.setattr(picture_ppo, "has_short_floats", lambda device: False)
     settings = LearnerSettings(
         steps_per_robot=16,
         batch=32,

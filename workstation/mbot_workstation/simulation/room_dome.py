@@ -17,7 +17,7 @@ would make a training picture a sixth dearer."""
 
 WALL_RINGS, ROOF_RINGS = 5, 2
 """Up the cylinder, since the photo's rows are not linear in height; and over the roof, which no
-policy sees. Every corner costs: with 10 and 5 a training picture takes an eighth longer, and errs
+policy sees. Every corner costs: with 10 and 5 a training picture takes a seventh longer, and errs
 against a dome of 128 columns and 80 rings by 0.52 instead of 0.56 grey levels RMS (measured)."""
 
 

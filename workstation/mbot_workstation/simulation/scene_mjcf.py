@@ -98,7 +98,7 @@ def _add_floor(spec: MjSpec, room: Room, floors: Sequence[FloorTexture]) -> None
         name=FLOOR,
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         # The last is how far apart MuJoCo's renderer cuts it: light from afar needs no cuts, and a
-        # training picture of a floor in squares of 1 m takes a twelfth longer (measured).
+        # training picture of a floor in squares of 1 m takes a tenth longer (measured).
         size=[room.distance_m, room.distance_m, 2 * room.distance_m],
         material=floor_material(0),
         contype=0,

@@ -34,8 +34,8 @@ def prepare_gpu() -> None:
     """Let a GPU's convolutions and recurrences keep all of float32's digits.
 
     By torch's default they take ten bits of what they multiply. What the policy knows differed by
-    0.0018 from what the processor makes of it, by 0.000007 without (an NVIDIA H100): of a
-    likelihood ratio the fourth digit matters, and the policy is asked alone and in batches.
+    0.0018 from what the processor makes of it, by 0.000007 without (an NVIDIA H100), and the policy
+    is asked alone and in batches.
     """
     torch.backends.cudnn.allow_tf32 = False
     # The memory's weights are four parameters, which is not for whoever trains to mend.
