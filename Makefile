@@ -9,8 +9,8 @@ BOOKWORM := out/bookworm
 # Slow tests to which the clock does not matter, so that they can run behind those in real time:
 # programs whose times nothing depends on, parsers, and a board in simulated time.
 UNTIMED := tests/test_first_hour.py \
-	$(patsubst %,tests/end_to_end/test_%.py,console_page enrolled_robot gap_pictures maneuvers \
-	printed_commands router view_page who_may_talk) \
+	$(patsubst %,tests/end_to_end/test_%.py,enrolled_robot gap_pictures maneuvers printed_commands \
+	router view_page who_may_talk) \
 	tests/reliability/test_fuzz.py tests/reliability/test_serial_garbage.py \
 	$(patsubst %,tests/firmware/test_%.py,deadman_firmware firmware_file motor_pins torn_frames)
 # With what is left of the processor: in a session of its own, as Linux shares time among sessions first

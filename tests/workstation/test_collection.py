@@ -99,7 +99,7 @@ def test_an_update_finds_the_rollout_as_it_was(units: int) -> None:
         found = wheels.log_prob(torch.from_numpy(lived.actions).flatten(0, 1)).sum(dim=1)
     np.testing.assert_allclose(found, lived.old_log_prob.flatten(), rtol=0, atol=2e-3)
     told = within_full_speed(torch.from_numpy(lived.actions[:-1]).flatten(0, 1))
-    told = told.unflatten(0, lived.forgot[1:].shape) * (1 - lived.forgot[1:, :, None])
+    told = told.numpy().reshape(*lived.forgot[1:].shape, -1) * (1 - lived.forgot[1:, :, None])
     np.testing.assert_allclose(lived.previous_actions[1:], told, rtol=0, atol=1e-6)
 
 
