@@ -67,6 +67,23 @@ MISTAKES = (
         "tolerance; did you mean latency?",
     ),
     Mistake(
+        "a policy to study that is not there",
+        "workstation study latency servo polcy.onnx",
+        "workstation: no policy 'polcy.onnx': expected an ONNX file, or one of servo, random, "
+        "oracle",
+    ),
+    Mistake(
+        "the folder above a robot's calibration",
+        "workstation evaluate servo --calibration .",
+        "workstation: --calibration . has no body.toml, camera.toml, light.toml, motion.toml or "
+        "rooms: expected one robot's folder, such as calibration/mbot-1",
+    ),
+    Mistake(
+        "a demo into a folder with other things",
+        "workstation demo --output .",
+        "workstation: . holds other things, such as ball.toml; choose another --output",
+    ),
+    Mistake(
         "an object without its size",
         "workstation evaluate servo --object ball.toml",
         "workstation: ball.toml: object[0]: width_mm is missing for a ball, which takes width_mm "

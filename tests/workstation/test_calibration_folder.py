@@ -19,6 +19,7 @@ from mbot_protocol.calibration import CameraCalibration, read_camera
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.calibration_files.calibration_folder import (
     CalibrationFiles,
+    files_to_simulate,
     read_calibration,
     read_files,
     write_body,
@@ -134,6 +135,17 @@ def test_an_empty_folder_is_the_nominal_robot(tmp_path: Path) -> None:
     assert calibration.scene == SceneParameters()
     assert calibration.effects == KNOWN
     assert calibration.rooms == ()
+
+
+def test_a_folder_that_is_no_robots_is_not_simulated(folder: Path) -> None:
+    assert files_to_simulate(folder) == read_files(folder)
+    assert files_to_simulate(None) == CalibrationFiles()
+    rooms = folder.parent / "only-rooms"
+    (rooms / "rooms").mkdir(parents=True)
+    with pytest.raises(ConfigurationError, match=r"has no body\.toml"):
+        files_to_simulate(rooms)
+    (rooms / "rooms" / "kitchen.jpg").touch()
+    files_to_simulate(rooms)
 
 
 def test_every_file_makes_the_robot_it_describes(folder: Path) -> None:

@@ -161,6 +161,7 @@ def test_the_command_names_what_is_wrong(tmp_path: Path) -> None:
     for options, message in (
         (("servo", "--lesson", "11"), "--lesson"),
         (("servo", "--preset", "perfect"), "--preset"),
+        (("servo", "none.onnx"), "no policy"),
     ):
         with pytest.raises(ConfigurationError, match=message):
             invoke(*options)

@@ -25,7 +25,7 @@ from mbot_workstation.recordings.recording_toml import read_info
 from mbot_workstation.recordings.run import Run
 from mbot_workstation.recordings.track_files import read_track
 from mbot_workstation.recordings.track_format import PRESETS
-from mbot_workstation.rehearsal.afternoon import TRUTH_FOLDER, clear
+from mbot_workstation.rehearsal.afternoon import TRUTH_FOLDER
 from mbot_workstation.rehearsal.board_photos import board_photos
 from mbot_workstation.rehearsal.card_photos import CARD_MM, REFLECTANCE, TURNS_DEG, card_photos
 from mbot_workstation.rehearsal.command_line import CommandLine
@@ -147,17 +147,6 @@ def test_commands_are_shown_as_they_are_typed(line: CommandLine) -> None:
 def test_a_command_that_fails_ends_the_rehearsal_with_its_last_words(line: CommandLine) -> None:
     with pytest.raises(MbotError, match=r"exit code 2: workstation: .*missing\.toml"):
         line.run("workstation", "calibrate", "body", "missing.toml")
-
-
-def test_nothing_but_an_earlier_rehearsal_is_cleared(tmp_path: Path) -> None:
-    (tmp_path / "thesis.txt").write_text("10 years of work")
-    with pytest.raises(ConfigurationError, match="holds other things"):
-        clear(tmp_path)
-    assert (tmp_path / "thesis.txt").exists()
-    earlier = tmp_path / "earlier"
-    write_truth(earlier / TRUTH_FOLDER)
-    clear(earlier)
-    assert [path.name for path in earlier.iterdir()] == ["log"]
 
 
 def with_hole(run: Run) -> Run:

@@ -139,6 +139,7 @@ def test_the_command_tries_the_calibrated_robot_in_its_rooms(
 def test_what_cannot_be_studied_is_named(tmp_path: Path) -> None:
     for arguments, message in (
         (("weather", "servo"), "no study"),
+        (("blur", "servo", str(tmp_path / "none.onnx")), "no policy"),
         (("blur", "servo", "--lesson", "x"), "--lesson"),
         (("blur", "servo", "--backend", "magic"), "no back end"),
         (("tolerance", "servo", "--pair", "track_scale"), "--pair"),

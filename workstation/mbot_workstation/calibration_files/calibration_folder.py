@@ -159,6 +159,25 @@ def read_files(folder: Path) -> CalibrationFiles:
     )
 
 
+def files_to_simulate(folder: Path | None) -> CalibrationFiles:
+    """What `--calibration FOLDER` says of a robot that is there already; nominal when None.
+
+    Raises:
+        ConfigurationError: there is no such folder, it is not one robot's, or a file is unusable.
+
+    """
+    if folder is None:
+        return CalibrationFiles()
+    files = read_files(folder)
+    if files == CalibrationFiles(folder=str(folder)) and not room_pictures(folder):
+        parts = f"{BODY_FILE}, {CAMERA_FILE}, {LIGHT_FILE}, {MOTION_FILE} or {ROOMS_FOLDER}"
+        raise ConfigurationError(
+            f"--calibration {folder} has no {parts}: expected one robot's folder, such as "
+            "calibration/mbot-1"
+        )
+    return files
+
+
 def made_folder(folder: Path) -> Path:
     """The folder, made if it is not there yet.
 

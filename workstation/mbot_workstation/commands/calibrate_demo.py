@@ -21,7 +21,7 @@ class CalibrateDemoOptions:
     )
     seconds: float = option(5.0, "Of each maneuver; the paper has 10.", min=1.5, max=60)
     repetitions: int = option(2, "Of each maneuver; the paper has 10.", min=2, max=20)
-    photos: int = option(20, "Of the checkerboard.", min=6, max=100)
+    photos: int = option(20, "Of the checkerboard.", min=10, max=100)
     full: bool = option(False, "As in the paper: 10 times 10 s, which takes 22 min.", "--full")
     maneuver: list[str] | None = option(
         None, "Only this one; may be given several times.", metavar="NAME"

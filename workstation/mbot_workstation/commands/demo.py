@@ -103,16 +103,18 @@ def demo(options: DemoOptions) -> None:
 
 def _robot_options(options: DemoOptions) -> list[str]:
     """What the virtual robot is told; a mistake in a file is better said before anything starts."""
-    from mbot_workstation.calibration_files.calibration_folder import read_files
+    from mbot_workstation.calibration_files.calibration_folder import files_to_simulate
     from mbot_workstation.firmware.firmware_file import find_firmware
     from mbot_workstation.simulation.object_file import read_objects
+    from mbot_workstation.simulation.room import load_room
     from mbot_workstation.virtual.emulated.board_simulator import simulator_program
 
     robot = ["--radius", str(options.radius), "--seed", str(options.seed)]
     if options.panorama is not None:
+        load_room(options.panorama)
         robot += ["--panorama", str(options.panorama.absolute())]
     if options.calibration is not None:
-        read_files(options.calibration)
+        files_to_simulate(options.calibration)
         robot += ["--calibration", str(options.calibration.absolute())]
     if options.object is not None:
         read_objects(options.object)

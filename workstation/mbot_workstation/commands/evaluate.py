@@ -129,17 +129,16 @@ def _judge_pictures(options: EvaluateOptions, folder: Path) -> None:
 def _drive(options: EvaluateOptions) -> None:
     import json
 
-    from mbot_workstation.calibration_files.calibration_folder import (
-        CalibrationFiles,
-        read_files,
-    )
+    from mbot_workstation.calibration_files.calibration_folder import files_to_simulate
     from mbot_workstation.commands.simulation_options import find_lesson, photographs
     from mbot_workstation.simulation.object_file import read_objects
+    from mbot_workstation.training.drivers.contestants import check_contestants
     from mbot_workstation.training.evaluation.episodes import Trial, score
     from mbot_workstation.training.evaluation.evaluation_report import Line, draw, fields, table
     from mbot_workstation.training.worlds.rooms import evaluation_rooms
 
-    files = read_files(options.calibration) if options.calibration else CalibrationFiles()
+    check_contestants(options.contestants)
+    files = files_to_simulate(options.calibration)
     scene = replace(files.scene, objects=read_objects(options.object))
     stage = find_lesson(options.lesson)
     robots = _presets(options.preset or ["nominal"], files if options.calibration else None)

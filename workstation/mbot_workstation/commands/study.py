@@ -73,11 +73,9 @@ def study(options: StudyOptions) -> None:
     - `workstation study tolerance policy.onnx --pair track_scale:fov_scale --cells 9`
     - `workstation study robots policy.onnx --calibration calibration/mbot-1 -o results`
     """
-    from mbot_workstation.calibration_files.calibration_folder import (
-        CalibrationFiles,
-        read_files,
-    )
+    from mbot_workstation.calibration_files.calibration_folder import files_to_simulate
     from mbot_workstation.commands.simulation_options import find_lesson, photographs
+    from mbot_workstation.training.drivers.contestants import check_contestants
     from mbot_workstation.training.evaluation.episodes import Trial
     from mbot_workstation.training.studies.study_plans import study_plan
     from mbot_workstation.training.studies.study_report import write_report
@@ -86,8 +84,9 @@ def study(options: StudyOptions) -> None:
     from mbot_workstation.variation.presets import preset
 
     _check_name(options.name)
+    check_contestants(options.contestants)
     stage = find_lesson(options.lesson)
-    files = read_files(options.calibration) if options.calibration else CalibrationFiles()
+    files = files_to_simulate(options.calibration)
     robots = files.ranges if options.calibration else preset
     photos = photographs(options.panorama, options.calibration)
     rooms = evaluation_rooms(photos)

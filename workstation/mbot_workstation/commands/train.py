@@ -240,7 +240,7 @@ def _begun(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
 
 def _configured(options: TrainOptions) -> "TrainingConfig":
     """A new run's configuration."""
-    from mbot_workstation.calibration_files.calibration_folder import read_files
+    from mbot_workstation.calibration_files.calibration_folder import files_to_simulate
     from mbot_workstation.commands.simulation_options import photographs
     from mbot_workstation.training.learning.learner import FINE_TUNING, GUIDED
     from mbot_workstation.training.learning.training_config import TrainingConfig
@@ -269,7 +269,7 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
         workers=options.workers,
         seed=options.seed,
         preset=options.preset,
-        calibration=read_files(options.calibration) if options.calibration else None,
+        calibration=files_to_simulate(options.calibration) if options.calibration else None,
         object_file=str(options.object.resolve()) if options.object else "",
         lessons=_lessons(options.lesson)
         if options.lesson

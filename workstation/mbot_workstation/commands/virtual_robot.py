@@ -212,7 +212,7 @@ def virtual_robot(options: VirtualRobotOptions) -> None:
     - `workstation virtual-robot --firmware stock.hex` has a board with the real firmware
     - `workstation virtual-robot --replay drives/mbot-1/drive-0012-20261122-171501`
     """
-    from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles, read_files
+    from mbot_workstation.calibration_files.calibration_folder import files_to_simulate
     from mbot_workstation.commands.stop_signals import stop_signals
     from mbot_workstation.commands.virtual_robot_settings import (
         outputs,
@@ -223,7 +223,7 @@ def virtual_robot(options: VirtualRobotOptions) -> None:
     from mbot_workstation.virtual.replay_session import play
     from mbot_workstation.virtual.virtual_session import run_session
 
-    files = read_files(options.calibration) if options.calibration else CalibrationFiles()
+    files = files_to_simulate(options.calibration)
     report = LiveReport(as_json=options.as_json)
     if options.replay is not None:
         played = replay_settings(options, options.replay, files.robot.camera)

@@ -1,7 +1,6 @@
 """The demonstration: every part as its own program, talking as they would over a network."""
 
 import json
-import shutil
 import socket
 import tempfile
 import time
@@ -11,17 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mbot_protocol.calibration import read_camera
-from mbot_protocol.errors import (
-    ConfigurationError,
-    MbotError,
-    RefusedError,
-    UnreachableError,
-)
+from mbot_protocol.errors import MbotError, RefusedError, UnreachableError
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.demo.child import Child
 from mbot_workstation.demo.contact_sheet import contact_sheet, moments, path_side_px, save
 from mbot_workstation.demo.demo_result import DemoResult, summarise
 from mbot_workstation.demo.path_drawing import draw_path, read_trajectory
+from mbot_workstation.fresh_folder import make_fresh
 from mbot_workstation.link.remote_control import RemoteControl
 from mbot_workstation.link.robot_link import RobotLink
 from mbot_workstation.models.push import push
@@ -34,6 +29,13 @@ from mbot_workstation.telemetry.stream import Sample, TelemetryStream
 ROBOT_ID = "virtual-mbot"
 ENOUGH_TOUCHES = 10
 READY_TIMEOUT_S = 60.0
+
+ROBOT_LOG = "virtual-robot.log"
+LEAVES = (
+    *("agent.log", "contact-sheet.png", "ready.json", "recording.mcap", "result.json"),
+    *("robot.toml", "trajectory.jsonl"),
+)
+"""What a demo leaves beside the virtual robot's log."""
 
 CONFIGURATION = """\
 robot_id = "{robot_id}"
@@ -82,7 +84,7 @@ def run_demo(settings: DemoSettings, output: Output) -> DemoResult:
 
     """
     folder = settings.output
-    _clear(folder)
+    make_fresh(folder, ROBOT_LOG, LEAVES)
     address = f"127.0.0.1:{_free_port()}"
     ready = folder / "ready.json"
     with ExitStack() as stack:
@@ -92,7 +94,7 @@ def run_demo(settings: DemoSettings, output: Output) -> DemoResult:
             *("--result", str(folder / "result.json"), "--ready-file", str(ready)),
             *("--trajectory", str(folder / "trajectory.jsonl"), *settings.virtual_robot),
         ]
-        robot = stack.enter_context(Child("workstation", arguments, folder / "virtual-robot.log"))
+        robot = stack.enter_context(Child("workstation", arguments, folder / ROBOT_LOG))
         robot.wait_until(ready.exists, READY_TIMEOUT_S, "the virtual robot did not start")
         places = json.loads(ready.read_text())
         configuration = folder / "robot.toml"
@@ -244,17 +246,6 @@ def _draw(folder: Path, result: DemoResult) -> None:
     )
     sheet = contact_sheet(moments(folder / "recording.mcap"), path, title)
     save(sheet, folder / "contact-sheet.png")
-
-
-def _clear(folder: Path) -> None:
-    """An empty folder, made anew; refuses one that holds something else."""
-    if folder.exists() and not (folder / "robot.toml").exists() and any(folder.iterdir()):
-        raise ConfigurationError(f"{folder} holds other things; choose another --output")
-    shutil.rmtree(folder, ignore_errors=True)
-    try:
-        folder.mkdir(parents=True)
-    except OSError as error:
-        raise ConfigurationError(f"can't make {folder}: {error.strerror}") from None
 
 
 def _free_port() -> int:

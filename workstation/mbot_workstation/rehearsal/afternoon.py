@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Picture
 from mbot_workstation.calibration_files.calibration_folder import read_files
 from mbot_workstation.calibration_files.toml_writer import write_toml
+from mbot_workstation.fresh_folder import make_fresh
 from mbot_workstation.pictures.picture_file import write_picture
 from mbot_workstation.recordings.maneuver import MANEUVERS
 from mbot_workstation.rehearsal.board_photos import board_photos
@@ -41,6 +41,11 @@ REPORT = "gap.html"
 TRUTH_FOLDER = "truth"
 CORRECTED_FOLDER = "truth-corrected"
 """The true robot once more, with the motor maps that were found: what policies are judged on."""
+LEAVES = (
+    *("board.pdf", "calibration", "components.toml", "frames", REPORT, "gray-card.pdf", "log"),
+    *("marker.pdf", "photos", "ready.json", "recordings", "robot.toml", TRACK, CORRECTED_FOLDER),
+)
+"""What a rehearsal leaves beside the truth."""
 
 ROOM_HEADING_DEG = 45.0
 """The tape on the floor, to the right of the photograph's middle."""
@@ -86,7 +91,8 @@ def rehearse(afternoon: Afternoon, console: Console) -> tuple[Row, ...]:
 
     """
     folder = afternoon.folder.absolute()
-    clear(folder)
+    make_fresh(folder, TRUTH_FOLDER, LEAVES)
+    (folder / "log").mkdir()
     motion = WORN_MOTION if afternoon.worn else MOTION
     write_truth(folder / TRUTH_FOLDER, motion)
     line = CommandLine(folder, console)
@@ -102,22 +108,6 @@ def rehearse(afternoon: Afternoon, console: Console) -> tuple[Row, ...]:
     if found.motion is not None:
         write_truth(folder / CORRECTED_FOLDER, corrected(motion, found.motion))
     return outcome(WORN if afternoon.worn else TRUTH, found)
-
-
-def clear(folder: Path) -> None:
-    """An empty folder, made anew.
-
-    Raises:
-        ConfigurationError: it holds something else, or can't be made.
-
-    """
-    try:
-        if folder.exists() and any(folder.iterdir()) and not (folder / TRUTH_FOLDER).is_dir():
-            raise ConfigurationError(f"{folder} holds other things; choose another --output")
-        shutil.rmtree(folder, ignore_errors=True)
-        (folder / "log").mkdir(parents=True)
-    except OSError as error:
-        raise ConfigurationError(f"can't make {folder}: {error.strerror}") from None
 
 
 def _print_targets(line: CommandLine) -> None:

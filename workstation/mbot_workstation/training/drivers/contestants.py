@@ -1,6 +1,6 @@
 """Who can be evaluated: any policy file, and three that are built in."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -75,6 +75,13 @@ def read_policy(contestant: str) -> OnnxPolicy:
 
     """
     return _servo() if contestant == SERVO else _load(contestant)
+
+
+def check_contestants(contestants: Sequence[str]) -> None:
+    """Refuse at once what could not drive when its turn comes; raises as `read_policy`."""
+    for contestant in contestants:
+        if contestant not in BUILT_IN:
+            _load(contestant)
 
 
 def title(contestant: str) -> str:
