@@ -155,13 +155,23 @@ def test_the_command_prints_json_and_a_table() -> None:
     assert "100 %" in table
 
 
+def test_every_policy_is_looked_at_before_the_first_drives(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def drives(*_: object) -> None:
+        raise AssertionError("it drives")
+
+    monkeypatch.setattr("mbot_workstation.training.evaluation.episodes.evaluate", drives)
+    with pytest.raises(ConfigurationError, match="no policy"):
+        invoke("servo", str(tmp_path / "none.onnx"))
+
+
 def test_the_command_names_what_is_wrong(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="no policy"):
         driver(str(tmp_path / "none.onnx"), 1, 0, preset("nominal"))
     for options, message in (
         (("servo", "--lesson", "11"), "--lesson"),
         (("servo", "--preset", "perfect"), "--preset"),
-        (("servo", "none.onnx"), "no policy"),
     ):
         with pytest.raises(ConfigurationError, match=message):
             invoke(*options)

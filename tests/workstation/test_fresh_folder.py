@@ -51,6 +51,25 @@ def test_a_link_is_taken_away_and_not_what_it_points_to(tmp_path: Path) -> None:
     assert (photographs / "1.jpg").exists()
 
 
+def test_what_could_not_be_emptied_can_be_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in (MARK, "pictures"):
+        (tmp_path / name).mkdir()
+
+    def refuse(path: Path) -> None:
+        if path.name != MARK:
+            raise PermissionError(13, "Permission denied")
+        path.rmdir()
+
+    with monkeypatch.context() as patched:
+        patched.setattr("shutil.rmtree", refuse)
+        with pytest.raises(ConfigurationError, match="Permission denied"):
+            make_fresh(tmp_path, MARK, OTHERS)
+    make_fresh(tmp_path, MARK, OTHERS)
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_file_in_the_way_is_named(tmp_path: Path) -> None:
     file = tmp_path / "demo"
     file.touch()

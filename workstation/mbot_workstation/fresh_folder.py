@@ -28,7 +28,8 @@ def make_fresh(folder: Path, mark: str, others: Collection[str] = ()) -> None:
             raise ConfigurationError(
                 f"{folder} holds other things, such as {one}; choose another --output"
             )
-        for path in there.values():
+        # The mark goes last: whoever is interrupted can begin again.
+        for path in sorted(there.values(), key=lambda path: path.name == mark):
             if path.is_dir() and not path.is_symlink():
                 shutil.rmtree(path)
             else:
