@@ -22,6 +22,8 @@ BY_HAND_BOARD = (-130, 130)
 
 CONFIRMED_WITHIN_MS = 150
 LET_GO_WITHIN_S = 1.0
+HELD_S = 1.0
+"""Longer than one word of the page keeps the robot driving."""
 
 pytestmark = [
     pytest.mark.slow,
@@ -109,13 +111,14 @@ def test_run_is_shut_while_something_is_wrong_and_says_what(
 
 
 def seen_by_hand(page: Page, board: FakeBoard, key: str) -> bool:
-    """Hold a key until the page shows that it drives; anew, as a person does, if the hand was lost.
+    """Hold a key until it has driven for a second; anew, as a person does, if the hand was lost.
 
     A page that does not come to its turn for 0.25 s has let go, rightly: on a busy machine it may.
     """
     for _ in range(5):
         page.keyboard.down(key)
-        if until(lambda: by_hand(board) and page.text_content("#state") == "manual", 5):
+        shown = until(lambda: by_hand(board) and page.text_content("#state") == "manual", 5)
+        if shown and not until(lambda: not by_hand(board), HELD_S):
             return True
         page.keyboard.up(key)
     return False
