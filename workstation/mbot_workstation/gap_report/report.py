@@ -13,7 +13,6 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.calibration_files.body_calibration import BODY_FILE
 from mbot_workstation.calibration_files.calibration_folder import (
     CalibrationFiles,
-    files_to_simulate,
     read_files,
     room_pictures,
 )
@@ -106,7 +105,7 @@ def build(
     """
     tolerances = read_tolerances(tolerance) if tolerance else None
     given = read_frames(frames) if frames else ()
-    files = files_to_simulate(calibration) if calibration else None
+    files = read_files(calibration) if calibration else None
     tell("reading the recordings")
     folder, read = recordings[0], [read_recording(one) for one in recordings]
     robot_id = read[0].robot_id
