@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mbot_protocol.actions import WheelMaps
 from mbot_workstation.simulation.fetch_rules import TIME_LIMIT_DECISIONS
 from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.training.drivers.guide import SEARCH_SPEED, Guide
+from mbot_workstation.training.drivers.guide import SEARCH_BEGINS, SEARCH_SPEED, Guide
 from mbot_workstation.training.drivers.oracle import Oracle, middle
 from mbot_workstation.training.learning.advice_memory import BURN_IN, AdviceMemory
 from mbot_workstation.training.learning.collection import Collection
@@ -28,7 +28,11 @@ from mbot_workstation.variation.effects import RealWorldEffects
 from mbot_workstation.variation.presets import KNOWN, preset
 
 NOMINAL = preset("nominal")
-SEARCH = Oracle(1, middle(NOMINAL)).commands(np.array([SEARCH_SPEED]), np.array([-SEARCH_SPEED]))[0]
+SEARCH, BEGINS = (
+    Oracle(1, middle(NOMINAL)).commands(np.array([speed]), np.array([-speed]))[0]
+    for speed in (SEARCH_SPEED, SEARCH_BEGINS * SEARCH_SPEED)
+)
+"""What the wheels are told in a search turn, and in its first decision."""
 
 
 def situation(
@@ -66,7 +70,19 @@ def test_what_the_camera_cannot_see_is_searched_clockwise() -> None:
     assert SEARCH[0] == pytest.approx(-SEARCH[1])
     assert SEARCH[0] > 0.2
     for ahead_m, left_m in ((-1.0, 0.1), (0.5, 1.0), (0.5, -1.0), (0.1, 0.5)):
-        np.testing.assert_allclose(advice(ahead_m, left_m), SEARCH)
+        np.testing.assert_allclose(advice(ahead_m, left_m), BEGINS)
+
+
+def test_a_search_turn_begins_faster_since_wheels_lag() -> None:
+    guide = Guide(1, NOMINAL)
+    behind = situation(-1.0, 0.1)
+    np.testing.assert_allclose(guide.act(behind)[0], BEGINS)
+    for driven in (BEGINS, SEARCH, SEARCH):
+        guide.drove(driven[None])
+        np.testing.assert_allclose(guide.act(behind)[0], SEARCH)
+    guide.drove(-SEARCH[None])  # to the left
+    np.testing.assert_allclose(guide.act(behind)[0], BEGINS)
+    assert BEGINS[0] > 1.2 * SEARCH[0]
 
 
 def test_to_a_picture_of_the_object_before_there_is_no_advice() -> None:
@@ -74,7 +90,7 @@ def test_to_a_picture_of_the_object_before_there_is_no_advice() -> None:
     guide.drove(told(guide.act(situation(0.2, 0.0, time_left_s=50))))
     assert np.isnan(guide.act(situation(-1.0, 0.5, math.nan, time_left_s=66))).all()
     guide.drove(np.array([[0.9, 1.0]], np.float32))
-    np.testing.assert_allclose(guide.act(situation(-1.0, 0.5, time_left_s=65))[0], SEARCH)
+    np.testing.assert_allclose(guide.act(situation(-1.0, 0.5, time_left_s=65))[0], BEGINS)
 
 
 def test_what_it_sees_is_driven_at() -> None:
@@ -90,7 +106,7 @@ def test_what_it_sees_is_driven_at() -> None:
 def test_what_a_picture_shows_counts_though_the_robot_has_turned_past_it() -> None:
     left, right = advice(0.7, 0.7, seen_left_rad=0.4)
     assert right > left, "back to it, not once around"
-    np.testing.assert_allclose(advice(1.0, 0.3, seen_left_rad=0.6), SEARCH)
+    np.testing.assert_allclose(advice(1.0, 0.3, seen_left_rad=0.6), BEGINS)
 
 
 def test_what_has_just_been_lost_is_gone_back_to_and_then_searched() -> None:
@@ -99,7 +115,7 @@ def test_what_has_just_been_lost_is_gone_back_to_and_then_searched() -> None:
     for _ in range(2):
         left, right = guide.act(situation(0.3, 1.0))[0]
         assert right > left
-    np.testing.assert_allclose(guide.act(situation(0.3, 1.0))[0], SEARCH)
+    np.testing.assert_allclose(guide.act(situation(0.3, 1.0))[0], BEGINS)
 
 
 def test_who_forgets_searches_what_it_had_noticed() -> None:
@@ -107,7 +123,7 @@ def test_who_forgets_searches_what_it_had_noticed() -> None:
     guide.drove(told(guide.act(situation(1.0, 0.3).repeat(2))))
     guide.forget(np.array([True, False]))
     forgot, remembers = guide.act(situation(0.3, 1.0).repeat(2))
-    np.testing.assert_allclose(forgot, SEARCH)
+    np.testing.assert_allclose(forgot, BEGINS)
     assert remembers[1] > remembers[0]
 
 
@@ -133,15 +149,15 @@ def test_to_have_noticed_it_once_does_not_count_for_ever(time_left_s: float) -> 
 def test_the_next_object_was_not_seen_before() -> None:
     guide = Guide(1, NOMINAL, remembers=2)
     guide.drove(told(guide.act(situation(1.0, 0.3, time_left_s=50))))
-    np.testing.assert_allclose(guide.act(situation(0.3, 1.0, time_left_s=66))[0], SEARCH)
+    np.testing.assert_allclose(guide.act(situation(0.3, 1.0, time_left_s=66))[0], BEGINS)
 
 
 def searched_in_vain() -> Guide:
     """For as long as there is time for an object."""
     guide = Guide(1, NOMINAL, remembers=2)
-    for _ in range(TIME_LIMIT_DECISIONS):
+    for decision in range(TIME_LIMIT_DECISIONS):
         asked = guide.act(situation(-4.0, 0.0))
-        np.testing.assert_allclose(asked[0], SEARCH)
+        np.testing.assert_allclose(asked[0], SEARCH if decision else BEGINS)
         guide.drove(told(asked))
     return guide
 
@@ -155,7 +171,7 @@ def test_who_stands_before_an_object_has_not_noticed_it() -> None:
     guide = Guide(1, NOMINAL, remembers=2)
     guide.act(situation(2.0, 0.1))
     guide.drove(np.zeros((1, 2), np.float32))
-    np.testing.assert_allclose(guide.act(situation(0.1, 2.0))[0], SEARCH)
+    np.testing.assert_allclose(guide.act(situation(0.1, 2.0))[0], BEGINS)
 
 
 @pytest.mark.slow

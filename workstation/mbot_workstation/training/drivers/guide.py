@@ -26,9 +26,13 @@ from mbot_workstation.training.drivers.onnx_policy import Actions
 from mbot_workstation.training.drivers.oracle import Oracle, middle
 from mbot_workstation.variation.effects import EffectRanges
 
-SEARCH_SPEED = 0.30
-"""Of both wheels in the search turn, share of full speed: about 44 degrees a decision, so that the
+SEARCH_SPEED = 0.32
+"""Of both wheels in the search turn, share of full speed: about 47 degrees a decision, so that the
 object is in at least one picture of 55 degrees."""
+
+SEARCH_BEGINS = 1.5
+"""Times as fast in the first decision of a turn, in which wheels only begin to follow: it turned
+31 degrees. Driving by itself the guide saves 0.3 decisions an object so (nominal, 192 episodes)."""
 
 IN_VIEW_RAD = math.radians(27.0)
 """Half the camera's horizontal field of view."""
@@ -81,8 +85,10 @@ class Guide:
         self._unseen_for = np.where(seen, 0, self._unseen_for + 1)
         lost = self._unseen_for > self._remembers
         aims = np.where(lost[:, None], np.nan, targets)
+        last_turn = self._oracle.last_turn
         actions = self._oracle.act(aims.astype(np.float64))
-        turn = np.full(len(targets), SEARCH_SPEED)
+        begins = last_turn > -SEARCH_SPEED  # clockwise is negative, of both wheels together
+        turn = np.where(begins, SEARCH_BEGINS * SEARCH_SPEED, SEARCH_SPEED)
         blind = self._oracle.commands(turn, -turn)
         actions[lost] = blind[lost]
         stale = np.isnan(situations["seen_left_rad"])

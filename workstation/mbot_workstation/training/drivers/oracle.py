@@ -84,6 +84,11 @@ class Oracle:
         self._last_turn = turn
         return self.commands(speed - turn / 2, speed + turn / 2)
 
+    @property
+    def last_turn(self) -> NDArray[np.float64]:
+        """What the right wheel was told beyond the left, shape (robots,)."""
+        return self._last_turn
+
     def drove(self, actions: Actions) -> None:
         """Replace the remembered turns by those of actions that somebody else has taken."""
         turns = [self._speed(actions[:, side], gain) for side, gain in enumerate(self._gains)]
