@@ -77,7 +77,7 @@ def test_a_search_turn_begins_faster_since_wheels_lag() -> None:
     guide = Guide(1, NOMINAL)
     behind = situation(-1.0, 0.1)
     np.testing.assert_allclose(guide.act(behind)[0], BEGINS)
-    for driven in (BEGINS, SEARCH, SEARCH):
+    for driven in (BEGINS, SEARCH, 0.8 * SEARCH):
         guide.drove(driven[None])
         np.testing.assert_allclose(guide.act(behind)[0], SEARCH)
     guide.drove(-SEARCH[None])  # to the left
