@@ -32,8 +32,8 @@ object is in at least one picture of 55 degrees."""
 
 SEARCH_BEGINS = 1.5
 """Times as fast in the first decision of a turn, in which wheels only begin to follow: it turned
-31 degrees. Driving by itself the guide takes 15.9 decisions an object so, not 16.2 (nominal, 384 episodes
-that neither speed was chosen by)."""
+31 degrees. Driving by itself the guide takes 15.9 decisions an object so, not 16.2 (nominal, 384
+episodes that 0.32 and 1.5 were not chosen by)."""
 
 IN_VIEW_RAD = math.radians(27.0)
 """Half the camera's horizontal field of view."""
