@@ -29,7 +29,7 @@ from mbot_workstation.variation.presets import preset
 
 PRESETS = {"settle": "light-held", "always": "any-room", "off": "light-held"}
 FAR_M = 1.5
-SHARES = 16
+SHARES = 4
 """Jobs of a setting; each builds its own arenas."""
 
 UNKNOWN = np.full((1, 2), np.nan)

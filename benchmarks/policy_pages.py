@@ -49,7 +49,7 @@ ANSWERS: dict[str, Sequence[str]] = {
         *(sys.executable, "benchmarks/adaptation.py", POLICY),
         *("--plot", "docs/images/adaptation.png"),
     ),
-    "automatics": (sys.executable, "benchmarks/automatics.py", POLICY, "servo"),
+    "automatics": (sys.executable, "benchmarks/automatics.py", POLICY, "servo", "--episodes=200"),
     "nothing": (sys.executable, "benchmarks/nothing_there.py", POLICY, "servo"),
 }
 
