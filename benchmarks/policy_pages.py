@@ -55,14 +55,16 @@ ANSWERS: dict[str, Sequence[str]] = {
 
 
 def answer(name: str, command: Sequence[str]) -> str:
-    """What a command prints, from the time before if there was one."""
-    kept = KEPT / f"{name}.txt"
-    if not kept.exists():
-        print(f"{name}: {' '.join(command[1:])}", flush=True)
-        done = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True)
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        kept.write_text(done.stdout)
-    return kept.read_text()
+    """What a command prints, from the time before if the same was asked then."""
+    kept, asked = KEPT / f"{name}.json", list(command[1:])
+    before = json.loads(kept.read_text()) if kept.exists() else {}
+    if before.get("asked") == asked:
+        return before["printed"]
+    print(f"{name}: {' '.join(asked)}", flush=True)
+    done = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True)
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    kept.write_text(json.dumps({"asked": asked, "printed": done.stdout}))
+    return done.stdout
 
 
 def is_of_this_policy(page: Path) -> bool:
