@@ -1,3 +1,4 @@
+import colorsys
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -9,6 +10,8 @@ from gymnasium.utils.env_checker import check_env as check_gymnasium_env
 from stable_baselines3.common.env_checker import check_env as check_sb3_env
 
 from mbot_workstation.simulation.fetch_task import Happening
+from mbot_workstation.simulation.object_mjcf import DISTRACTORS
+from mbot_workstation.simulation.robot_mjcf import HIDDEN_GROUP
 from mbot_workstation.simulation.robot_parameters import RobotParameters
 from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.simulation.target_object import Shape, TargetObject
@@ -293,10 +296,26 @@ def test_a_robot_that_changes_on_the_way_turns_from_there_on_and_stands_where_it
     assert robot.body[gain] == 1.0
 
 
-def test_only_rough_robots_change() -> None:
-    assert [stage.name for stage in (*LESSONS, BLUR_LESSON, ROUGH_LESSON) if stage.changes] == [
-        "rough"
-    ]
+def test_only_rough_robots_change_and_see_lookalikes() -> None:
+    """So that arenas of evaluation stay as they are."""
+    lessons = (*LESSONS, BLUR_LESSON, ROUGH_LESSON)
+    assert [stage.name for stage in lessons if stage.changes] == ["rough"]
+    assert [stage.name for stage in lessons if stage.lookalikes] == ["rough"]
+
+
+def test_a_lesson_with_lookalikes_shows_them() -> None:
+    def orange_or_magenta(lookalikes: float) -> float:
+        robot = world(scene_variety=1.0)
+        hues: list[float] = []
+        for _ in range(60):
+            robot.begin(Lesson("any look", 2.5, objects=1, lookalikes=lookalikes))
+            things = [robot.simulation.model.geom(name) for name in DISTRACTORS]
+            shown = [thing.rgba[:3] for thing in things if thing.group[0] != HIDDEN_GROUP]
+            hues += [colorsys.rgb_to_hsv(*rgb)[0] for rgb in shown]
+        return float(np.mean([0.099 < hue < 0.181 or 0.799 < hue < 0.881 for hue in hues]))
+
+    assert orange_or_magenta(1.0) == 1.0
+    assert orange_or_magenta(0.0) < 0.3
 
 
 def test_compensation_meets_the_dead_band() -> None:

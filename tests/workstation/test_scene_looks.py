@@ -122,6 +122,43 @@ def test_drawn_looks_stay_what_they_say(seed: int) -> None:
         assert stands_outside or thing.shape == "box"
 
 
+def hue_of_red(colour: Rgb) -> float:
+    """From -0.5 to 0.5, red in the middle."""
+    return (colorsys.rgb_to_hsv(*colour)[0] + 0.5) % 1.0 - 0.5
+
+
+def test_lookalikes_have_its_size_and_nearly_its_colour_as_often_as_asked() -> None:
+    looks = [draw_look(np.random.default_rng(seed), lookalikes=0.3) for seed in range(1500)]
+    things = [thing for look in looks for thing in look.distractors]
+    near = [
+        thing
+        for thing in things
+        if thing.shape in ("box", "ball")
+        and len(set(thing.half_size_m)) == 1
+        and 0.09 < abs(hue_of_red(thing.rgb)) < 0.21
+    ]
+    share = len(near) / len(things)
+    assert 0.3 < share < 0.36, "and a few of those that may have any colour"
+    saturations = [colorsys.rgb_to_hsv(*thing.rgb)[1] for thing in near]
+    assert np.mean([saturation > 0.4 for saturation in saturations]) > 0.9
+    for thing in near:
+        assert max(map(abs, thing.centre_m[:2])) > 3.0, "outside the arena"
+
+
+def test_coloured_boards_of_nearly_its_colour_are_oftener_with_lookalikes() -> None:
+    def near(lookalikes: float) -> float:
+        walls = [
+            draw_look(np.random.default_rng(seed), lookalikes=lookalikes).wall_rgb
+            for seed in range(1500)
+        ]
+        coloured = [wall for wall in walls if colorsys.rgb_to_hsv(*wall)[1] > 0.35]
+        for wall in coloured:
+            assert abs(hue_of_red(wall)) > 0.039, "no board is red"
+        return float(np.mean([abs(hue_of_red(wall)) < 0.161 for wall in coloured]))
+
+    assert near(0.0) < 0.35 < near(0.5)
+
+
 def test_the_same_seed_makes_the_same_floor_and_its_edges_meet() -> None:
     for seed in range(12):
         tile = made_up_floor(seed)

@@ -6,7 +6,7 @@ labelled pictures of docs/results/lesson-10.md: to that person they are no test.
 
 import colorsys
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -33,17 +33,37 @@ MOST_DRAWS = 20
 ARENA_M = 3.0
 """Where the boards stand."""
 
+OTHER_HUES = 0.1, 0.88
+"""Of things that are not the object, a red one: from orange round to magenta."""
+
+BOARD_HUES = 0.04, 0.92
+"""Of coloured boards, likewise."""
+
+NEARLY = 0.08
+"""How near to the ends of these a lookalike's hue is."""
+
 
 def training_floors(first_seed: int = 1000) -> list[FloorTexture]:
     """The made-up floors of `draw_look`, which take the indices from 1 on."""
     return [made_up_floor(first_seed + number) for number in range(MADE_UP_FLOORS)]
 
 
-def draw_look(rng: np.random.Generator, objects: Sequence[TargetObject] = (RED_CUBE,)) -> SceneLook:
+def draw_look(
+    rng: np.random.Generator,
+    objects: Sequence[TargetObject] = (RED_CUBE,),
+    lookalikes: float = 0.0,
+) -> SceneLook:
     """An arena that looks like any, for these kinds of object.
 
     What is drawn for a red cube is drawn for any other: reds become as many kinds of its colour,
     and what is of any colour but red is of any colour but its.
+
+    Args:
+        rng: of all that is drawn.
+        objects: the kinds.
+        lookalikes: share of the things that are not it which have its size and nearly its colour,
+            and of coloured boards which have nearly its colour.
+
     """
     ambient = rng.uniform(0.35, 0.95)
     direct = rng.uniform(0.1, 0.9) * (1.15 - ambient)
@@ -55,7 +75,7 @@ def draw_look(rng: np.random.Generator, objects: Sequence[TargetObject] = (RED_C
         floor_tint=_rgb(rng.uniform(0.55, 1.1) * (1 + rng.uniform(-0.08, 0.08, 3))),
         floor_gloss=float(rng.choice([0.0, 0.0, rng.uniform(0.1, 0.6)])),
         wall_height_m=0.0 if rng.random() < NO_WALL else rng.uniform(0.08, rng.choice([0.3, 0.6])),
-        wall_rgb=_board_colour(rng, objects),
+        wall_rgb=_board_colour(rng, objects, lookalikes),
         foot_height_m=float(rng.choice([0.0, rng.uniform(0.01, 0.06)])),
         foot_rgb=_rgb(rng.uniform(0.03, 0.4) * (1 + rng.uniform(-0.2, 0.2, 3))),
         objects=tuple(_object_look(rng, thing) for thing in objects),
@@ -64,7 +84,7 @@ def draw_look(rng: np.random.Generator, objects: Sequence[TargetObject] = (RED_C
         ambient_rgb=_rgb(ambient * (2 - colour)),
         shadow=float(rng.choice([0.0, rng.uniform(0.1, 0.6)])),
         distractors=tuple(
-            _distractor(rng, objects) for _ in range(rng.integers(len(DISTRACTORS) + 1))
+            _distractor(rng, objects, lookalikes) for _ in range(rng.integers(len(DISTRACTORS) + 1))
         ),
     )
 
@@ -100,16 +120,22 @@ def _tint(thing: TargetObject, seen: Rgb) -> Rgb:
     return _rgb(np.array(thing.rgb) * seen / np.maximum(plain, 0.05))
 
 
-def _board_colour(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Rgb:
+def _board_colour(
+    rng: np.random.Generator, objects: Sequence[TargetObject], lookalikes: float
+) -> Rgb:
     """Mostly light and greyish; now and then wood, black or a colour."""
     if rng.random() < 0.7:
         return _rgb(rng.uniform(0.4, 0.98) * (1 + rng.uniform(-0.1, 0.1, 3)))
-    hue = _other_hue(rng, objects, 0.04, 0.92)
+    hue = _other_hue(rng, objects, BOARD_HUES, lookalikes)
     return colorsys.hsv_to_rgb(hue, rng.uniform(0, 0.7), rng.uniform(0.08, 0.9))
 
 
-def _distractor(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Distractor:
+def _distractor(
+    rng: np.random.Generator, objects: Sequence[TargetObject], lookalikes: float
+) -> Distractor:
     """Of the object's colour but not its shape or place, or of any shape and other colours."""
+    if lookalikes > 0 and rng.random() < lookalikes:
+        return _of_its_size(rng, objects, _nearly)
     kind = rng.integers(4)
     if kind == 0:
         return _on_the_wall(rng, objects)
@@ -117,7 +143,7 @@ def _distractor(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Di
         return _on_the_floor(rng, objects)
     if kind == 2:
         return _behind_the_wall(rng, objects)
-    return _other_colour(rng, objects)
+    return _of_its_size(rng, objects, _other)
 
 
 def _on_the_wall(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Distractor:
@@ -151,17 +177,20 @@ def _behind_the_wall(rng: np.random.Generator, objects: Sequence[TargetObject]) 
     return Distractor("box", (0.05, rng.uniform(0.05, 0.5), half), (*place, half), angle, colour)
 
 
-def _other_colour(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Distractor:
-    """A cube or a ball of the object's size, but of other colours; outside the arena."""
+def _of_its_size(
+    rng: np.random.Generator,
+    objects: Sequence[TargetObject],
+    colour: Callable[[np.random.Generator, Sequence[TargetObject]], Rgb],
+) -> Distractor:
+    """A cube or a ball of the object's size, but of another colour; outside the arena."""
     angle = rng.uniform(-math.pi, math.pi)
     to_border = ARENA_M / max(abs(math.cos(angle)), abs(math.sin(angle)))
     away = to_border * rng.uniform(1.02, 1.3)
     half = rng.uniform(0.04, 0.12)
     shape = "box" if rng.random() < 0.6 else "ball"
     place = (away * math.cos(angle), away * math.sin(angle), half)
-    return Distractor(
-        shape, (half, half, half), place, rng.uniform(0, math.pi), _other(rng, objects)
-    )
+    yaw_rad = rng.uniform(0, math.pi)
+    return Distractor(shape, (half, half, half), place, yaw_rad, colour(rng, objects))
 
 
 def like_an_object(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Rgb:
@@ -172,19 +201,31 @@ def like_an_object(rng: np.random.Generator, objects: Sequence[TargetObject]) ->
 
 def _other(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Rgb:
     """Any colour that no object has, or, of many objects, hardly any."""
-    hue = _other_hue(rng, objects, 0.1, 0.88)
+    hue = _other_hue(rng, objects, OTHER_HUES)
     return colorsys.hsv_to_rgb(hue, rng.uniform(0, 1.0), rng.uniform(0.1, 0.95))
 
 
+def _nearly(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Rgb:
+    """One of those that are most like an object's: orange or magenta, for a red one."""
+    hue = _other_hue(rng, objects, OTHER_HUES, lookalikes=1.0)
+    return colorsys.hsv_to_rgb(hue, rng.uniform(0.4, 1.0), rng.uniform(0.1, 0.95))
+
+
 def _other_hue(
-    rng: np.random.Generator, objects: Sequence[TargetObject], low: float, high: float
+    rng: np.random.Generator,
+    objects: Sequence[TargetObject],
+    ends: tuple[float, float],
+    lookalikes: float = 0.0,
 ) -> float:
-    """A hue as far from the objects' as low and high are from red's."""
+    """A hue as far from the objects' as these ends are from red's; of lookalikes, near an end."""
+    low, high = ends
+    if lookalikes > 0 and rng.random() < lookalikes:
+        low, high = (low, low + NEARLY) if rng.random() < 0.5 else (high - NEARLY, high)
     turns = [thing.mean_hsv[0] - RED_CUBE.mean_hsv[0] for thing in objects]
     hue = 0.0
     for _ in range(MOST_DRAWS):
         hue = (rng.uniform(low, high) + turns[0]) % 1.0
-        if all(low <= (hue - turn) % 1.0 <= high for turn in turns[1:]):
+        if all(ends[0] <= (hue - turn) % 1.0 <= ends[1] for turn in turns[1:]):
             break
     return hue
 

@@ -115,7 +115,7 @@ class FetchWorld:
         if effects != self._effects:
             self._become(effects)
         self._change = self._draw_change(lesson, effects)
-        look = self._draw_look(effects.scene_variety)
+        look = self._draw_look(effects.scene_variety, lesson.lookalikes)
         self._dresser.wear(look, effects.cube_brightness, effects.floor_brightness)
         self.lesson = lesson
         self.room = int(self._rng.integers(self._rooms))
@@ -229,9 +229,9 @@ class FetchWorld:
         self._body = body_record(effects, self._nominal)
         return robot
 
-    def _draw_look(self, variety: float) -> SceneLook:
+    def _draw_look(self, variety: float, lookalikes: float) -> SceneLook:
         if variety > 0 and self._rng.random() < variety:
-            return draw_look(self._rng, self._objects)
+            return draw_look(self._rng, self._objects, lookalikes)
         return self._nominal_look
 
     def _command(self, left: float, right: float) -> None:

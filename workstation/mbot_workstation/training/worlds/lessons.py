@@ -63,6 +63,8 @@ class Lesson:
             become other ones on the way (`fetch_world.CHANGING`).
         change_after: decisions until then, drawn evenly from this range.
         change_to: what it becomes, as a kind; None draws another robot of this lesson.
+        lookalikes: share of what is not the object, in an arena of any look, that has nearly its
+            colour (`scene_looks.draw_look`).
 
     """
 
@@ -74,6 +76,7 @@ class Lesson:
     changes: float = 0.0
     change_after: tuple[int, int] = (10, 120)
     change_to: Kind | None = None
+    lookalikes: float = 0.0
 
     @property
     def rules(self) -> FetchRules:
@@ -187,6 +190,7 @@ ROUGH_LESSON = Lesson(
         _BADLY_MOUNTED,
     ),
     changes=0.15,
+    lookalikes=0.3,
 )
 """Robots worse than any unit measured, among usual ones: a weak motor, pictures as late as the
 paper's, a slippery floor, dim or glaring light and long exposures, a camera that is not where it
