@@ -13,6 +13,8 @@ UNTIMED := tests/test_first_hour.py \
 	router view_page who_may_talk) \
 	tests/reliability/test_fuzz.py tests/reliability/test_serial_garbage.py \
 	$(patsubst %,tests/firmware/test_%.py,deadman_firmware firmware_file motor_pins torn_frames)
+# A test that hangs in spite of its timeout ends the run, and where it hangs is printed.
+HUNG := --max-worker-restart 0 -o faulthandler_timeout=1200 -o faulthandler_exit_on_timeout=true
 # With what is left of the processor: in a session of its own, as Linux shares time among sessions first
 # (autogroup). Low priority within the timed tests' own session keeps time from threads of the kernel
 # that carry a port's bytes: docs/safety.md, "A computer with other work".
@@ -38,16 +40,16 @@ demo-firmware: $(VENV)/.demo $(FIRMWARE)/mbot-deadman.elf ## The demo with the b
 	$(BIN)/workstation demo --model models/red-cube.onnx --firmware $(FIRMWARE)/mbot-deadman.elf $(DEMO)
 
 test: $(VENV)/.all ## Run the tests that a change needs, 5 minutes
-	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile $(TEST)
+	$(BIN)/pytest $(HUNG) -m "not slow" -n 2 --dist loadfile $(TEST)
 
 test-all: $(VENV)/.all ## Run all tests: those too that run real programs in real time, 18 minutes
 	@rm -rf $(REPORTS)
-	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile --junitxml $(REPORTS)/quick.xml
+	$(BIN)/pytest $(HUNG) -m "not slow" -n 2 --dist loadfile --junitxml $(REPORTS)/quick.xml
 	@mkdir -p $(REPORTS)
-	@$(IDLE) $(BIN)/pytest -m slow -n 2 --dist loadgroup --timeout 600 --junitxml $(REPORTS)/slow.xml tests/workstation $(UNTIMED) \
+	@$(IDLE) $(BIN)/pytest $(HUNG) -m slow -n 2 --dist loadgroup --timeout 600 --junitxml $(REPORTS)/slow.xml tests/workstation $(UNTIMED) \
 		> $(REPORTS)/slow.txt 2>&1 & untimed=$$!; \
 	trap "kill -- -$$untimed 2> /dev/null || kill $$untimed" HUP INT TERM; \
-	$(BIN)/pytest -m slow --ignore tests/workstation $(UNTIMED:%=--ignore %) --junitxml $(REPORTS)/programs.xml; \
+	$(BIN)/pytest $(HUNG) -m slow --ignore tests/workstation $(UNTIMED:%=--ignore %) --junitxml $(REPORTS)/programs.xml; \
 	timed=$$?; wait $$untimed; untimed=$$?; cat $(REPORTS)/slow.txt; test $$timed = 0 -a $$untimed = 0
 	$(BIN)/python benchmarks/reliability.py --quick --of $(REPORTS) -o out/reliability.md
 
