@@ -9,8 +9,8 @@ BOOKWORM := out/bookworm
 # Slow tests to which the clock does not matter, so that they can run behind those in real time:
 # programs whose times nothing depends on, parsers, and a board in simulated time.
 UNTIMED := tests/test_first_hour.py \
-	$(patsubst %,tests/end_to_end/test_%.py,enrolled_robot gap_pictures maneuvers printed_commands \
-	router view_page who_may_talk) \
+	$(patsubst %,tests/end_to_end/test_%.py,enrolled_robot gap_pictures printed_commands router \
+	view_page who_may_talk) \
 	tests/reliability/test_fuzz.py tests/reliability/test_serial_garbage.py \
 	$(patsubst %,tests/firmware/test_%.py,deadman_firmware firmware_file motor_pins torn_frames)
 # A test that hangs in spite of its timeout ends the run, and where it hangs is printed.
@@ -42,7 +42,7 @@ demo-firmware: $(VENV)/.demo $(FIRMWARE)/mbot-deadman.elf ## The demo with the b
 test: $(VENV)/.all ## Run the tests that a change needs, 5 minutes
 	$(BIN)/pytest $(HUNG) -m "not slow" -n 2 --dist loadfile $(TEST)
 
-test-all: $(VENV)/.all ## Run all tests: those too that run real programs in real time, 18 minutes
+test-all: $(VENV)/.all ## Run all tests: those too that run real programs in real time, 23 minutes
 	@rm -rf $(REPORTS)
 	$(BIN)/pytest $(HUNG) -m "not slow" -n 2 --dist loadfile --junitxml $(REPORTS)/quick.xml
 	@mkdir -p $(REPORTS)
