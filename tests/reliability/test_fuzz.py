@@ -45,7 +45,7 @@ from ..robot.tiny_models import constant_model
 from ..workstation.samples import decision
 from .effort import FUZZ_CASES
 
-pytestmark = pytest.mark.timeout(3600)
+pytestmark = pytest.mark.timeout(300 + 0.03 * FUZZ_CASES)
 
 SEED = os.urandom(8) if FUZZ_CASES > 10_000 else b"the same in every run"
 

@@ -90,7 +90,7 @@ def attack(seed: int, cases: int) -> tuple[int, int]:
     return turning, not_stopped
 
 
-@pytest.mark.timeout(7200)
+@pytest.mark.timeout(300 + 0.07 * GARBAGE_CASES)
 def test_garbage_from_the_board_ends_stopped(record_property: Record) -> None:
     """A case counts only if the wheels were turning at full speed when the garbage came."""
     cases = GARBAGE_CASES // AT_ONCE
