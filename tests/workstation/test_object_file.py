@@ -11,7 +11,8 @@ from trimesh.visual.material import PBRMaterial
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.simulation.camera_renderer import CameraRenderer
 from mbot_workstation.simulation.fetch_rules import FetchRules
-from mbot_workstation.simulation.object_file import MOST_TRIANGLES, WIDEST_MM, read_objects
+from mbot_workstation.simulation.glb_file import MOST_TRIANGLES
+from mbot_workstation.simulation.object_file import WIDEST_MM, read_objects
 from mbot_workstation.simulation.pose import Pose
 from mbot_workstation.simulation.scene_parameters import SceneParameters
 from mbot_workstation.simulation.simulation import Simulation
@@ -134,11 +135,11 @@ def test_a_mesh_brings_its_own_texture(tmp_path: Path) -> None:
         ('[[object]]\nname = "x"\nshape = "ball"\nwidht_mm = 90', "did you mean width_mm"),
         (
             '[[object]]\nname = "x"\nshape = "cube"\nwidth_mm = 90\ntexture = "gone.png"',
-            "can't read the texture",
+            "gone.png: No such file",
         ),
         (
             '[[object]]\nname = "x"\nshape = "cube"\nwidth_mm = 90\ntexture = "object.toml"',
-            "is not a PNG or JPEG",
+            "is not a picture",
         ),
         ('[[object]]\nname = "x"\nshape = "mesh"\nheight_mm = 90\nmesh = "gone.glb"', "can't read"),
         (

@@ -1,11 +1,14 @@
 """Picture files: read as the sensor read them out, and written."""
 
+import warnings
 from collections.abc import Iterable
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import cv2
 import numpy as np
+from PIL import Image
 
 from mbot_protocol import atomic_file
 from mbot_protocol.errors import ConfigurationError
@@ -16,31 +19,60 @@ if TYPE_CHECKING:
 
 PICTURE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 
+_FORMATS = ("JPEG", "PNG", "BMP", "TIFF", "WEBP")
+
+MOST_PIXELS = cast(int, Image.MAX_IMAGE_PIXELS)
+"""Pillow's limit, 256 MB of colours. A few kB of PNG can hold a thousand times as much."""
+
 
 def decode_picture(encoded: bytes, *, turn: bool = False) -> Picture | None:
     """A picture file's content. Shape (height, width, 3), RGB; None if it is none.
 
+    Every picture of whatever origin is decoded here, its size being looked at first.
+
     Args:
-        encoded: PNG, JPEG or what else OpenCV reads.
+        encoded: of one of the `PICTURE_SUFFIXES`.
         turn: as a phone's orientation tag says; not where the sensor itself is calibrated.
 
+    Raises:
+        ConfigurationError: it has more than `MOST_PIXELS`.
+
     """
+    if not _is_picture(encoded):
+        return None
     kind = cv2.IMREAD_COLOR if turn else cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
-    decoded = cv2.imdecode(np.frombuffer(encoded, np.uint8), kind) if encoded else None
+    decoded = cv2.imdecode(np.frombuffer(encoded, np.uint8), kind)
     return None if decoded is None else cast(Picture, cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB))
+
+
+def _is_picture(encoded: bytes) -> bool:
+    """Whether it begins as one, by its header alone."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            Image.open(BytesIO(encoded), formats=_FORMATS).close()
+    except (Image.DecompressionBombError, Image.DecompressionBombWarning):
+        raise ConfigurationError(
+            f"the picture has more than {MOST_PIXELS:,} pixels; reduce it"
+        ) from None
+    except Exception:  # Pillow's readers raise whatever a broken header leads to
+        return False
+    return True
 
 
 def read_picture(path: Path, *, turn: bool = False) -> Picture:
     """A picture file; as `decode_picture`.
 
     Raises:
-        ConfigurationError: it can't be read or is not a picture.
+        ConfigurationError: it can't be read, is not a picture or is too large.
 
     """
     try:
         picture = decode_picture(path.read_bytes(), turn=turn)
     except OSError as error:
         raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
+    except ConfigurationError as error:
+        raise ConfigurationError(f"can't take {path}: {error}") from None
     if picture is None:
         raise ConfigurationError(
             f"{path} is not a picture OpenCV can decode; save it as PNG or JPEG"

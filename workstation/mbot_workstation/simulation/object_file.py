@@ -1,9 +1,8 @@
 """`--object FILE.toml`: the kinds of object to fetch, and the pictures and meshes that it names."""
 
 import re
-from io import BytesIO
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -12,13 +11,12 @@ from msgspec import Meta, Struct
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Picture
 from mbot_protocol.toml_file import read_toml
+from mbot_workstation.pictures.picture_file import read_picture
+from mbot_workstation.simulation.engine import mujoco
+from mbot_workstation.simulation.glb_file import TEXTURE_PX, read_glb
+from mbot_workstation.simulation.mesh_parts import made_mesh
+from mbot_workstation.simulation.object_mjcf import add_object
 from mbot_workstation.simulation.target_object import RED_CUBE, Mesh, Shape, TargetObject
-
-MOST_TRIANGLES = 20_000
-"""More are not seen in 64 x 64 pixels, and are drawn for every one of them."""
-
-TEXTURE_PX = 256
-"""Larger ones are reduced to this side."""
 
 NARROWEST_MM, WIDEST_MM = 20, 300
 """A wider one, a fifth larger as training makes it, could touch a robot in front of which it
@@ -36,8 +34,9 @@ class ObjectSection(Struct, frozen=True, forbid_unknown_fields=True):
         shape: cube, ball, cylinder or mesh.
         width_mm: a cube's edge, a ball's or cylinder's diameter; not of a mesh.
         height_mm: of a cylinder or a mesh, which is scaled to it.
-        colour: "#rrggbb"; white if there is a texture.
-        texture: a picture, for each side of what is not a mesh; beside the file.
+        colour: "#rrggbb"; white if there is a texture. A mesh has it where it has no picture, in
+            place of its own; pictures are multiplied by it.
+        texture: a picture, for each side, or in place of a mesh's own; beside the file.
         mesh: a GLB file, likewise.
 
     """
@@ -91,92 +90,48 @@ def read_objects(path: Path | str | None) -> tuple[TargetObject, ...]:
 
 def _made(section: ObjectSection, path: Path) -> TargetObject:
     texture = None if section.texture is None else _texture(path.parent / section.texture)
-    mesh, colour = None, section.colour or "#ffffff"
     if section.mesh is not None:
-        height_m = (section.height_mm or 0) / 1000
-        mesh, own_colour, own_texture = _mesh(path.parent / section.mesh, height_m)
-        colour = section.colour or own_colour
-        texture = own_texture if texture is None else texture
-        if texture is not None and mesh.texture_uv is None:
-            raise ConfigurationError(
-                f"{path.parent / section.mesh} does not say where a texture goes (no UV), give "
-                f"{section.name!r} a colour instead"
-            )
-    if mesh is not None:
-        width_m, height_m = _extent_m(mesh)
-        if not NARROWEST_MM <= 1000 * width_m <= WIDEST_MM:
-            raise ConfigurationError(
-                f"{section.name!r} is {1000 * width_m:.0f} mm wide at that height, expected "
-                f"{NARROWEST_MM} to {WIDEST_MM} mm"
-            )
-    else:
-        width_m = (section.width_mm or 0) / 1000
-        height_m = width_m if section.height_mm is None else section.height_mm / 1000
+        return _mesh_object(section, path.parent / section.mesh, texture)
+    width_m = (section.width_mm or 0) / 1000
+    height_m = width_m if section.height_mm is None else section.height_mm / 1000
+    colour = _srgb(section.colour or "#ffffff")
+    return TargetObject(section.name, section.shape, width_m, height_m, colour, texture)
+
+
+def _mesh_object(section: ObjectSection, path: Path, texture: Picture | None) -> TargetObject:
+    surfaces = read_glb(path)
+    try:
+        height_m, keeps = (section.height_mm or 0) / 1000, section.colour is None
+        mesh, own_colour = made_mesh(surfaces, height_m, texture, keep_colours=keeps)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{path} {error}") from None
+    colour = own_colour if section.colour is None else _srgb(section.colour)
+    width_m, height_m = _extent_m(mesh)
+    if not NARROWEST_MM <= 1000 * width_m <= WIDEST_MM:
+        raise ConfigurationError(
+            f"{section.name!r} is {1000 * width_m:.0f} mm wide at that height, expected "
+            f"{NARROWEST_MM} to {WIDEST_MM} mm"
+        )
+    thing = TargetObject(section.name, section.shape, width_m, height_m, colour, mesh=mesh)
+    alone = mujoco.MjSpec()
+    add_object(alone, 0, thing)
+    try:
+        alone.compile()
+    except ValueError as error:
+        words = " ".join(str(error).split())
+        raise ConfigurationError(f"{path} is nothing MuJoCo draws: {words}") from None
+    return thing
+
+
+def _srgb(colour: str) -> tuple[int, int, int]:
     red, green, blue = bytes.fromhex(colour[1:])
-    return TargetObject(
-        section.name, section.shape, width_m, height_m, (red, green, blue), texture, mesh
-    )
+    return red, green, blue
 
 
 def _texture(path: Path) -> Picture:
-    try:
-        data = np.fromfile(path, np.uint8)
-    except OSError as error:
-        raise ConfigurationError(f"can't read the texture {path}: {error.strerror}") from None
-    picture = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
-    if picture is None:
-        raise ConfigurationError(f"{path} is not a PNG or JPEG")
-    return _square(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB).astype(np.uint8))
-
-
-def _square(picture: Picture) -> Picture:
+    picture = read_picture(path, turn=True)
     side = min(TEXTURE_PX, *picture.shape[:2])
     return cv2.resize(picture, (side, side), interpolation=cv2.INTER_AREA).astype(np.uint8)
-
-
-def _mesh(path: Path, height_m: float) -> tuple[Mesh, str, Picture | None]:
-    """A GLB file's surface at this height, its base colour, and its picture if it has one."""
-    import trimesh  # slow to import, and hardly ever needed
-
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise ConfigurationError(f"can't read the mesh {path}: {error.strerror}") from None
-    try:
-        scene: Any = trimesh.load_scene(BytesIO(content), file_type="glb")
-        surface: Any = scene.to_mesh()
-        vertices = np.asarray(surface.vertices, np.float64)[:, (2, 0, 1)]  # glTF's y is up
-        triangles = np.asarray(surface.faces, np.int32)
-    except Exception as error:  # its parser raises whatever a broken file leads to
-        raise ConfigurationError(f"{path} is not a GLB file that can be read: {error}") from None
-    if not 4 <= len(triangles) <= MOST_TRIANGLES:
-        raise ConfigurationError(
-            f"{path} has {len(triangles):,} triangles, expected 4 to {MOST_TRIANGLES:,}; reduce "
-            "it, in Blender by the modifier Decimate"
-        )
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    if not np.isfinite(vertices).all() or min(high - low) <= 0:
-        raise ConfigurationError(f"{path} is flat or not finite, expected something that stands")
-    middle = np.array([*(low + high)[:2] / 2, low[2]])
-    material = getattr(surface.visual, "material", None)
-    uv = getattr(surface.visual, "uv", None)
-    mesh = Mesh(
-        (vertices - middle) * (height_m / (high - low)[2]),
-        triangles,
-        None if uv is None else np.asarray(uv, np.float64),
-    )
-    return mesh, _base_colour(material), _base_picture(material)
-
-
-def _base_colour(material: Any) -> str:
-    factor = getattr(material, "baseColorFactor", None)
-    red, green, blue = (255, 255, 255) if factor is None else [int(part) for part in factor[:3]]
-    return f"#{red:02x}{green:02x}{blue:02x}"
-
-
-def _base_picture(material: Any) -> Picture | None:
-    picture = getattr(material, "baseColorTexture", None)
-    return None if picture is None else _square(np.asarray(picture.convert("RGB"), np.uint8))
 
 
 def _extent_m(mesh: Mesh) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from mbot_protocol.picture import Picture
 from mbot_workstation.simulation.engine import MjSpec, mujoco
 from mbot_workstation.simulation.material_mjcf import add_material
 from mbot_workstation.simulation.robot_mjcf import HIDDEN_GROUP
-from mbot_workstation.simulation.target_object import Mesh, Shape, TargetObject
+from mbot_workstation.simulation.target_object import MeshPart, Shape, TargetObject
 
 DISTRACTORS = tuple(f"distractor {number}" for number in range(5))
 """Things a look can put into the scene; nothing is there unless one does."""
@@ -38,61 +38,70 @@ def shadow_name(kind: int = 0) -> str:
     return f"object {kind} shadow"
 
 
-def object_material(kind: int, wear: int) -> str:
-    """The name of an object's material, clean or worn."""
-    return f"object {kind} worn {wear}"
+def geom_names(kind: int, thing: TargetObject) -> list[str]:
+    """The names of what it consists of: one, or a mesh's parts."""
+    further = 0 if thing.mesh is None else len(thing.mesh.parts) - 1
+    return [object_name(kind), *(f"object {kind} part {number + 1}" for number in range(further))]
+
+
+def object_material(geom: str, wear: int) -> str:
+    """The name of the material of what it consists of, clean or worn."""
+    return f"{geom} worn {wear}"
 
 
 def add_object(spec: MjSpec, kind: int, thing: TargetObject) -> None:
     """Add an object and the shadow it casts where renderers draw none."""
-    name = object_name(kind)
-    for wear in range(OBJECT_TEXTURES):
-        _add_object_material(spec, object_material(kind, wear), thing, _worn(wear))
     # All but the one to fetch are kept below the floor.
-    body = spec.worldbody.add_body(name=name, mocap=True, pos=[1, 0, 0 if kind == 0 else BELOW_M])
+    place = [1, 0, 0 if kind == 0 else BELOW_M]
+    body = spec.worldbody.add_body(name=object_name(kind), mocap=True, pos=place)
     half, half_height = thing.width_m / 2, thing.height_m / 2
-    if thing.mesh is not None:
-        _add_mesh(spec, name, thing.mesh)
-    body.add_geom(
-        name=name,
-        type=_SHAPES[thing.shape],
-        size=[half, half_height, 0] if thing.shape is Shape.CYLINDER else [half] * 3,
-        pos=[0, 0, 0 if thing.mesh is not None else half_height],
-        meshname=name if thing.mesh is not None else "",
-        material=object_material(kind, 0),
-        mass=0,
-        contype=0,  # the task decides about touching; the object is taken away at once
-        conaffinity=0,
-    )
+    parts = [None] if thing.mesh is None else thing.mesh.parts
+    for name, part in zip(geom_names(kind, thing), parts, strict=True):
+        for wear in range(OBJECT_TEXTURES):
+            picture = thing.texture if part is None else part.picture
+            _add_object_material(spec, object_material(name, wear), thing, picture, _worn(wear))
+        if part is not None:
+            _add_mesh(spec, name, part)
+        body.add_geom(
+            name=name,
+            type=_SHAPES[thing.shape],
+            size=[half, half_height, 0] if thing.shape is Shape.CYLINDER else [half] * 3,
+            pos=[0, 0, half_height if part is None else 0],
+            meshname="" if part is None else name,
+            material=object_material(name, 0),
+            mass=0,
+            contype=0,  # the task decides about touching; the object is taken away at once
+            conaffinity=0,
+        )
     # For renderers without shadows; a body of its own, since a shadow does not turn with its thing.
-    shadow = spec.worldbody.add_body(
-        name=shadow_name(kind), mocap=True, pos=[1, 0, 0 if kind == 0 else BELOW_M]
-    )
+    shadow = spec.worldbody.add_body(name=shadow_name(kind), mocap=True, pos=place)
     _add_unseen(shadow, shadow_name(kind))
 
 
-def _add_object_material(spec: MjSpec, name: str, thing: TargetObject, wear: Picture) -> None:
-    if thing.texture is None:
+def _add_object_material(
+    spec: MjSpec, name: str, thing: TargetObject, picture: Picture | None, wear: Picture
+) -> None:
+    if picture is None:
         add_material(spec, name, wear)
     else:
-        rows, columns = thing.texture.shape[:2]
+        rows, columns = picture.shape[:2]
         scuffs = cv2.resize(wear, (columns, rows), interpolation=cv2.INTER_NEAREST)
-        picture = (thing.texture * (scuffs / 255)).astype(np.uint8)
-        add_material(spec, name, picture, on_sides=thing.mesh is None)
+        worn = (picture * (scuffs / 255)).astype(np.uint8)
+        add_material(spec, name, worn, on_sides=thing.mesh is None)
     spec.material(name).rgba = [*thing.rgb, 1]
 
 
-def _add_mesh(spec: MjSpec, name: str, mesh: Mesh) -> None:
+def _add_mesh(spec: MjSpec, name: str, part: MeshPart) -> None:
     texture: dict[str, Any] = {}
-    if mesh.texture_uv is not None:
+    if part.corners_uv is not None:
         texture = {
-            "usertexcoord": mesh.texture_uv.ravel(),
-            "userfacetexcoord": mesh.triangles.ravel(),
+            "usertexcoord": part.corners_uv.ravel(),
+            "userfacetexcoord": np.arange(part.triangles.size),
         }
     spec.add_mesh(
         name=name,
-        uservert=mesh.vertices_m.ravel(),
-        userface=mesh.triangles.ravel(),
+        uservert=part.vertices_m.ravel(),
+        userface=part.triangles.ravel(),
         inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,  # it need not be closed
         **texture,
     )

@@ -13,8 +13,8 @@ from mbot_workstation.simulation.engine import MjModel, mujoco
 from mbot_workstation.simulation.object_mjcf import (
     DISTRACTORS,
     OBJECT_TEXTURES,
+    geom_names,
     object_material,
-    object_name,
     shadow_name,
 )
 from mbot_workstation.simulation.robot_mjcf import HIDDEN_GROUP
@@ -175,12 +175,12 @@ class SceneDresser:
         model.geom_rgba[feet, :3] = np.array(look.foot_rgb) * brightness
 
     def _dress_object(self, part: "_ObjectPart", look: ObjectLook, brightness: float) -> None:
-        model, material = self._model, part.materials[look.wear]
-        model.geom_matid[part.geom] = material
-        model.mat_rgba[material, :3] = np.array(look.rgb) * brightness
+        model, materials = self._model, part.materials[look.wear]
+        model.geom_matid[part.geoms] = materials
+        model.mat_rgba[materials, :3] = np.array(look.rgb) * brightness
         if part.thing.mesh is None:  # which has its size in its vertices
-            model.geom_size[part.geom] = part.half_size_m * look.scale
-            model.geom_pos[part.geom, 2] = part.thing.height_m / 2 * look.scale
+            model.geom_size[part.geoms] = part.half_size_m * look.scale
+            model.geom_pos[part.geoms, 2] = part.thing.height_m / 2 * look.scale
 
     def _cast_shadow(self, part: "_ObjectPart", look: SceneLook, scale: float) -> None:
         """A dark patch from the object's foot to where its upper edges shade the floor."""
@@ -221,9 +221,11 @@ class _ObjectPart:
 
     def __init__(self, model: MjModel, kind: int, thing: TargetObject) -> None:
         self.thing = thing
-        self.geom: int = model.geom(object_name(kind)).id
+        names = geom_names(kind, thing)
+        self.geoms: list[int] = [model.geom(name).id for name in names]
         self.shadow: int = model.geom(shadow_name(kind)).id
-        self.materials: list[int] = [
-            model.material(object_material(kind, wear)).id for wear in range(OBJECT_TEXTURES)
+        self.materials: list[list[int]] = [
+            [model.material(object_material(name, wear)).id for name in names]
+            for wear in range(OBJECT_TEXTURES)
         ]
-        self.half_size_m = model.geom_size[self.geom].copy()
+        self.half_size_m = model.geom_size[self.geoms].copy()

@@ -9,8 +9,9 @@ from mbot_protocol.picture import Picture
 from mbot_workstation.simulation.engine import MjData, MjModel, mujoco, open_gl_context
 from mbot_workstation.simulation.simulation import SceneState, Simulation
 
-MOST_GEOMS = 100
-"""A scene has 36; MuJoCo's usual 10,000 only cost memory."""
+MOST_GEOMS = 128
+"""A scene has 36, eight meshes of the most parts 80 more; MuJoCo's usual 10,000 only cost memory.
+"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,19 +24,41 @@ class Shape(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Mesh:
-    """A surface of triangles, standing on z = 0 with its footprint's middle in the origin, in m.
+class MeshPart:
+    """A part of a mesh: triangles with one picture on them, or none.
 
     Attributes:
         vertices_m: shape (n, 3).
         triangles: indices of vertices, shape (m, 3).
-        texture_uv: of each vertex, shape (n, 2); None without a texture.
+        picture: shape (h, w, 3), RGB.
+        corners_uv: where each triangle's corners are in it, the origin being its upper left
+            corner; shape (m, 3, 2). None without a picture.
 
     """
 
     vertices_m: NDArray[np.float64]
     triangles: NDArray[np.int32]
-    texture_uv: NDArray[np.float64] | None = None
+    picture: Picture | None = None
+    corners_uv: NDArray[np.float64] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Mesh:
+    """A surface of triangles, standing on z = 0 with its footprint's middle in the origin, in m.
+
+    Attributes:
+        parts: at least one.
+        mean_rgb: of its pictures, by area; white without any.
+
+    """
+
+    parts: tuple[MeshPart, ...]
+    mean_rgb: Rgb = (1.0, 1.0, 1.0)
+
+    @property
+    def vertices_m(self) -> NDArray[np.float64]:
+        """Of all parts, shape (n, 3)."""
+        return np.concatenate([part.vertices_m for part in self.parts])
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +93,8 @@ class TargetObject:
         shape: what it is.
         width_m: a cube's edge, a ball's or a cylinder's diameter, a mesh's wider side.
         height_m: above the floor; a cube's and a ball's is their width.
-        colour_srgb: 0-255; the paper says only "a distinct object". A texture is multiplied by it.
-        texture: shape (h, w, 3), RGB; on each side, or where a mesh has it. Square but for meshes.
+        colour_srgb: 0-255; the paper says only "a distinct object". Pictures are multiplied by it.
+        texture: on each side; shape (side, side, 3), RGB. Not of a mesh, whose parts have theirs.
         mesh: its surface, if it is one.
 
     """
@@ -92,11 +114,19 @@ class TargetObject:
         return red / 255, green / 255, blue / 255
 
     @property
+    def is_plain(self) -> bool:
+        """Whether it is of one colour all over."""
+        parts = () if self.mesh is None else self.mesh.parts
+        return self.texture is None and all(part.picture is None for part in parts)
+
+    @property
     def mean_hsv(self) -> tuple[float, float, float]:
         """Hue, saturation and value of what it looks like from afar, each in [0, 1]."""
         rgb = np.array(self.rgb)
         if self.texture is not None:
             rgb = rgb * self.texture.reshape(-1, 3).mean(axis=0) / 255
+        if self.mesh is not None:
+            rgb = rgb * self.mesh.mean_rgb
         return colorsys.rgb_to_hsv(*rgb.tolist())
 
     @property

@@ -115,8 +115,8 @@ def _as_its(thing: TargetObject, hue: float, saturation: float, value: float) ->
 
 
 def _tint(thing: TargetObject, seen: Rgb) -> Rgb:
-    """What its texture has to be multiplied with, so that it looks like this on the whole."""
-    if thing.texture is None:
+    """What its pictures have to be multiplied with, so that it looks like this on the whole."""
+    if thing.is_plain:
         return seen
     plain = colorsys.hsv_to_rgb(*thing.mean_hsv)
     return _rgb(np.array(thing.rgb) * seen / np.maximum(plain, 0.05))
