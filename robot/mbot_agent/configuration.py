@@ -40,7 +40,8 @@ Pixels = Annotated[int, Meta(ge=16, le=8192)]
 Degrees = Annotated[float, Meta(ge=1, le=170)]
 
 
-_LOGIN = re.compile(r"//[^/@]*@")
+_LOGIN = re.compile(r"//.*@", re.DOTALL)
+"""Up to the last @: a password may have any of / ? # @ in it, if it isn't quoted as it should be."""
 _QUERY = re.compile(r"\?.*", re.DOTALL)
 
 

@@ -17,8 +17,9 @@ import pytest
 import tomli_w
 
 from mbot_agent import configuration
-from mbot_agent.camera.jpeg_picture import JpegError, decode_jpeg
+from mbot_agent.camera.jpeg_picture import read_jpeg
 from mbot_agent.camera.multipart import MultipartError, MultipartParser
+from mbot_agent.camera.source_contract import JpegError
 from mbot_agent.configuration_files import Enrolment, TrustedKeys
 from mbot_agent.models.activation import Activation
 from mbot_protocol.access_rules import split_common_name
@@ -178,7 +179,7 @@ def test_camera_streams() -> None:
 
 
 def test_camera_pictures() -> None:
-    feed(decode_jpeg, damaged(jpeg(PICTURE[::4, ::4])), (JpegError,))
+    feed(lambda data: read_jpeg(data).picture(), damaged(jpeg(PICTURE[::4, ::4])), (JpegError,))
 
 
 @pytest.mark.parametrize("kind", MESSAGES, ids=lambda kind: kind.__name__)

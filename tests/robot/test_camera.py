@@ -10,9 +10,8 @@ import pytest
 from mbot_agent.camera import capture as camera_module
 from mbot_agent.camera.capture import CaptureThread
 from mbot_agent.camera.frame_sources import OpenCvSource, frame_source, is_real_camera
-from mbot_agent.camera.jpeg_picture import JpegError
 from mbot_agent.camera.picture_check import REMEMBERED, PictureCheck
-from mbot_agent.camera.source_contract import CameraError, FrameSource, Shot
+from mbot_agent.camera.source_contract import CameraError, FrameSource, JpegError, Shot
 from mbot_agent.configuration import Camera
 
 MILLISECOND = 1_000_000

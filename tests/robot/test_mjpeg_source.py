@@ -66,11 +66,11 @@ def part(data: bytes) -> bytes:
     return head.encode() + data + b"\r\n"
 
 
-def sends(*pieces: bytes, pause_s: float = 0.02) -> Serve:
+def sends(*pieces: bytes, pause_s: float = 0.02, greeting: bytes = GREETING) -> Serve:
     """The greeting and these, with a pause after each; then silence."""
 
     def serve(connection: socket.socket, _: bytes) -> None:
-        connection.sendall(GREETING)
+        connection.sendall(greeting)
         for piece in pieces:
             connection.sendall(piece)
             time.sleep(pause_s)
@@ -101,6 +101,81 @@ def test_each_picture_has_its_own_shape_and_the_time_it_came() -> None:
     captured = [shot.captured_ns for shot in read]
     assert captured == sorted(captured)
     assert began_ns - 1e9 < captured[0] <= captured[-1] <= time.monotonic_ns()
+
+
+def with_line(line: bytes) -> bytes:
+    """The greeting with one more line in front of the others."""
+    status, newline, rest = GREETING.partition(b"\r\n")
+    return status + newline + line + newline + rest
+
+
+def uncounted(data: bytes) -> bytes:
+    return b"--frame\r\nContent-Type: image/jpeg\r\n\r\n" + data + b"\r\n"
+
+
+ODD: dict[str, tuple[bytes, Callable[[bytes], bytes]]] = {
+    "a header line without a name": (with_line(b"Tue, 12 Jun 2012 01:56:34 GMT"), part),
+    "the first part's length in the head": (with_line(b"Content-Length: 700"), part),
+    "the first part's type in the head": (with_line(b"Content-Type: image/jpeg"), part),
+    "bytes behind a picture": (GREETING, lambda data: part(data + b"dhav\x59\x19\1\0")),
+    "uncounted bytes behind a picture": (GREETING, lambda data: uncounted(data + b"dhav\x59\x19")),
+    "a length that is 300 too long": (GREETING, lambda data: part(data + b"\xaa" * 300)),
+    "headers on the boundary's line": (
+        GREETING,
+        lambda data: part(data).replace(b"--frame\r\n", b"--frame"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_odd_streams_of_real_cameras_are_read(name: str) -> None:
+    greeting, parted = ODD[name]
+    pieces = [parted(jpeg(level)) for level in (50, 90, 130, 170)]
+    with server(sends(*pieces, greeting=greeting)) as url, MjpegSource(url) as source:
+        assert [level(source.read()) for _ in range(3)] == [50, 90, 130]
+
+
+def test_half_a_picture_with_an_older_ones_end_is_damaged_and_not_decided_on() -> None:
+    good, older = (
+        cv2.imencode(".jpg", np.random.default_rng(seed).integers(0, 256, (48, 64, 3), np.uint8))[1]
+        for seed in (1, 2)
+    )
+    mixed = good.tobytes()[: len(good) // 2] + older.tobytes()[-300:]
+    with (
+        server(sends(*[part(mixed)] * 200)) as url,
+        CaptureThread(Camera(source=url)) as capture,
+    ):
+        deadline_s = time.monotonic() + 5
+        while (fault := capture.fault) is None or fault.kind == "camera-starting":
+            assert time.monotonic() < deadline_s
+            time.sleep(0.01)
+        assert (fault.kind, capture.latest()) == ("camera-damaged", None)
+        assert "cut off" in fault.detail
+
+
+def test_a_camera_that_never_sends_a_byte_has_not_stopped() -> None:
+    with (
+        server(sends()) as url,
+        MjpegSource(url) as source,
+        pytest.raises(CameraError, match="answers, and then sends nothing"),
+    ):
+        source.read()
+
+
+@pytest.mark.parametrize(
+    ("head", "words"),
+    [
+        (b'401 No\r\nWWW-Authenticate: Digest realm="x"', r"password by Digest.*\"ffmpeg:http"),
+        (b'401 No\r\nWWW-Authenticate: Basic realm="x"', "wants a name and a password"),
+        (b"404 Not Found", "is the path right"),
+        (b"302 Found\r\nLocation: http://10.0.0.5/", "another one, which is not followed"),
+    ],
+    ids=["digest", "basic", "path", "moved"],
+)
+def test_why_there_is_no_stream_is_told(head: bytes, words: str) -> None:
+    answer = b"HTTP/1.1 " + head + b"\r\nContent-Length: 0\r\n\r\n"
+    with server(ends_after(answer)) as url, pytest.raises(CameraError, match=words):
+        MjpegSource(url).__enter__()
 
 
 def test_of_several_waiting_pictures_the_newest_is_taken() -> None:
@@ -172,7 +247,7 @@ def test_a_trickle_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     with (
         server(sends(*[b"x"] * 200)) as url,
         MjpegSource(url) as source,
-        pytest.raises(CameraError, match="stopped delivering"),
+        pytest.raises(CameraError, match=r"no whole picture.* 'frame' that it names"),
     ):
         source.read()
 
@@ -290,11 +365,13 @@ def test_ffmpeg_goes_where_rtsp_sends_it() -> None:
     assert asked
 
 
+@pytest.mark.parametrize("password", ["geheim", "ge@geheim", "ge/geheim@", "?geheim", "ge#geheim"])
 @pytest.mark.parametrize("prefix", ["", "ffmpeg:"])
 def test_a_password_is_shown_to_the_camera_and_to_nobody_else(
-    prefix: str, caplog: pytest.LogCaptureFixture
+    prefix: str, password: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    source = f"{prefix}http://anna:geheim@127.0.0.1:1/stream?token=geheim"
+    """Whatever is in it, though a browser would want it quoted."""
+    source = f"{prefix}http://anna:{password}@127.0.0.1:1/stream?token=geheim"
     with pytest.raises(CameraError) as caught:
         frame_source(Camera(source=source)).__enter__()
     with CaptureThread(Camera(source=source)) as capture:

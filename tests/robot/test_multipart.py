@@ -73,6 +73,12 @@ def test_a_part_needs_no_headers_and_no_newline_before_the_next() -> None:
     assert parsed(head + b"abc" + head + b"def") == [b"abc", b"def"]
 
 
+def test_headers_may_stand_on_the_boundarys_line() -> None:
+    for head in (b"Content-Length: 3\r\n", b"content-type: image/jpeg\r\nContent-Length: 3\r\n"):
+        data = b"--frame" + head + b"\r\nabc\r\n--frame" + head + b"\r\ndef\r\n"
+        assert parsed(data, cuts=range(len(data))) == [b"abc", b"def"]
+
+
 @given(st.binary(max_size=100), st.integers(0, 200))
 def test_a_wrong_length_spoils_a_part_or_two_and_no_more(junk: bytes, length: int) -> None:
     data = f"--frame\r\nContent-Length: {length}\r\n\r\n".encode() + junk + b"\r\n"

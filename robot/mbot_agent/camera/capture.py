@@ -7,9 +7,8 @@ from typing import Self
 
 from mbot_agent.camera.automatics import Automatics, Light
 from mbot_agent.camera.frame_sources import frame_source
-from mbot_agent.camera.jpeg_picture import JpegError
 from mbot_agent.camera.picture_check import PictureCheck, is_black
-from mbot_agent.camera.source_contract import CameraError, FrameSource, Shot
+from mbot_agent.camera.source_contract import CameraError, FrameSource, JpegError, Shot
 from mbot_agent.configuration import Camera, shown_source
 from mbot_agent.faults import Fault
 from mbot_agent.hardware import Frame

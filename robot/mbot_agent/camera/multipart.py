@@ -1,7 +1,8 @@
 """Parts of a `multipart/x-mixed-replace` stream, the way cameras send pictures over HTTP.
 
 An incremental parser: bytes go in as they come, whole parts come out. It takes what cameras make of
-the standard: lengths missing or wrong, boundaries quoted with or without their dashes, no headers.
+the standard: lengths missing or wrong, boundaries quoted with or without their dashes, no headers,
+no newline before them.
 """
 
 import re
@@ -15,7 +16,7 @@ LARGEST_HEAD_BYTES = 4096
 _LONGEST_BOUNDARY = 200
 _LONGEST_DELIMITER = _LONGEST_BOUNDARY + 100
 _HEAD_END = re.compile(rb"\n\r?\n")
-_LENGTH = re.compile(rb"\ncontent-length:[ \t]*(\d{1,9})[ \t]*\r?\n", re.IGNORECASE)
+_LENGTH = re.compile(rb"(?:^|\n)content-length:[ \t]*(\d{1,9})[ \t]*\r?\n", re.IGNORECASE)
 
 
 class MultipartError(ValueError):
@@ -50,7 +51,9 @@ class MultipartParser:
         if not 0 < len(name) <= _LONGEST_BOUNDARY:
             raise MultipartError(f"names an unusable boundary, {boundary[:80]!r}")
         quoted = re.escape(name.encode(errors="replace"))
-        self._delimiter = re.compile(rb"\n--+" + quoted + rb"(--)?[ \t\r]*(?=\n)")
+        self._delimiter = re.compile(
+            rb"\n--+" + quoted + rb"(--)?(?:[ \t\r]*(?=\n)|(?=(?i:content-)))"
+        )
         # A delimiter is a line; the first may be the stream's very first.
         self._buffer = bytearray(b"\n")
         self._searched_bytes = 0
@@ -83,7 +86,7 @@ class MultipartParser:
         return self._read_up_to_delimiter(parts)
 
     def _read_head(self, received_ns: int) -> bool:
-        """Headers, from the newline that ends the delimiter to the empty line."""
+        """Headers, from what follows the delimiter, mostly a newline, to the empty line."""
         if self._began_ns is None and len(self._buffer) > 1:
             self._began_ns = received_ns
         end = _HEAD_END.search(self._buffer, 0, LARGEST_HEAD_BYTES)

@@ -52,7 +52,7 @@ def is_black(picture: Picture) -> bool:
 
 
 class PictureCheck:
-    """Judges each frame of a stream by its shape, its light and its difference from the last ones."""
+    """Judges each frame of a stream by its shape, its light and whether it was seen before."""
 
     def __init__(self, camera: Camera) -> None:
         self._shape = (

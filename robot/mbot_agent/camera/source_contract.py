@@ -18,6 +18,10 @@ class CameraError(UnreachableError):
     """The camera cannot be opened, or delivers no frame."""
 
 
+class JpegError(ValueError):
+    """These bytes are not a usable JPEG; the message says why."""
+
+
 class Shot:
     """A frame as it was delivered. Where it is still encoded, decoding waits until it is asked for:
     most of a stream's frames are replaced by the next one before anybody needs them.
