@@ -1,5 +1,6 @@
 import base64
 import json
+import resource
 
 import cv2
 import numpy as np
@@ -15,6 +16,7 @@ from mbot_protocol.golden_frames import (
     check_deviation,
     read_golden_frames,
 )
+from tests.workstation.bombs import png_that_says
 
 PICTURE = np.random.default_rng(3).integers(0, 256, (64, 64, 3)).astype(np.uint8)
 
@@ -55,6 +57,14 @@ def test_a_model_may_bring_none() -> None:
 def test_damaged_frames_are_refused(entries: object) -> None:
     with pytest.raises(ContractError, match="damaged"):
         read_golden_frames({PROPERTY: json.dumps(entries)})
+
+
+def test_a_picture_of_another_size_is_refused_before_it_is_decoded() -> None:
+    bomb = base64.b64encode(png_that_says(20_000, 20_000)).decode()
+    before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(ContractError, match="damaged"):
+        read_golden_frames({PROPERTY: json.dumps([entry(png=bomb)])})
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb < 50_000
 
 
 @given(st.text(max_size=100))

@@ -82,8 +82,12 @@ def test_intervals_hold_the_share_and_narrow_with_the_count() -> None:
         (None, "can't read"),
         ("file,in_view\na.png,1\n", "bearing_left_deg"),
         ("file,in_view,bearing_left_deg\n", "expected rows"),
-        ("file,in_view,bearing_left_deg\nmissing.png,0,\n", "line 2: can't read the picture"),
+        ("file,in_view,bearing_left_deg\nmissing.png,0,\n", "line 2: can't read .*missing.png"),
         ("file,in_view,bearing_left_deg\nleft.png,1,left\n", "expected 0 or 1 and degrees"),
+        ("file,in_view,bearing_left_deg\nleft.png,1,nan\n", "expected 0 or 1 and degrees"),
+        ("file,in_view,bearing_left_deg\nleft.png,1,361\n", "expected 0 or 1 and degrees"),
+        ("file,in_view,bearing_left_deg\nleft.png\n", "expected 0 or 1 and degrees"),
+        ("file,in_view,bearing_left_deg\n\0,1,5\n", "line 2"),
     ],
 )
 def test_what_is_wrong_with_the_labels_is_said(

@@ -1,13 +1,18 @@
 """The reader of recordings on files that were cut off and damaged in every way."""
 
 import random
+import struct
+import tracemalloc
+from collections.abc import Callable
 from pathlib import Path
 
+import lz4.frame
 import pytest
+import zstandard
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.recordings.whole_chunks import WholeChunks
+from mbot_workstation.recordings.whole_chunks import MOST_CHUNK_BYTES, WholeChunks
 
 
 def a_file(
@@ -119,6 +124,52 @@ def test_many_flipped_bits_are_no_exception_and_nothing_wrong_is_read(tmp_path: 
         chunks = WholeChunks(path)
         assert {(m.log_time_ns, m.data) for m in chunks.messages()} <= whole
         assert chunks.chunks_read <= chunks.chunks_found
+
+
+def repacked(path: Path, compression: str, data: bytes, says: int) -> None:
+    """A file of one chunk that says that it is so large once unpacked."""
+    name = compression.encode()
+    body = struct.pack("<QQQII", 0, 0, says, 0, len(name)) + name + struct.pack("<Q", len(data))
+    record = struct.pack("<BQ", 6, len(body) + len(data)) + body + data
+    path.write_bytes(MCAP0_MAGIC + record)
+
+
+@pytest.mark.parametrize(
+    ("compression", "pack"), [("zstd", zstandard.compress), ("lz4", lz4.frame.compress)]
+)
+@pytest.mark.parametrize("says", [1000, MOST_CHUNK_BYTES, 400_000_000, 1 << 40, (1 << 64) - 1])
+def test_a_chunk_is_unpacked_only_as_far_as_it_says_and_may(
+    tmp_path: Path, compression: str, pack: Callable[[bytes], bytes], says: int
+) -> None:
+    """Whatever it says: the content has 400 MB, in 40 kB or 1.6 MB."""
+    path = tmp_path / "bomb.mcap"
+    repacked(path, compression, pack(bytes(400_000_000)), says)
+    chunks = WholeChunks(path)
+    tracemalloc.start()
+    assert numbers(chunks) == []
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 3 * MOST_CHUNK_BYTES
+    assert chunks.words.startswith("0 of 1")
+
+
+def test_messages_without_chunks_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, use_chunking=False)
+        writer.start()
+        channel = writer.register_channel("/n", "json", writer.register_schema("n", "", b""))
+        for number in range(9):
+            writer.add_message(channel, number, b"x" * number, 0)
+        writer.finish()
+    chunks = WholeChunks(path)
+    assert numbers(chunks) == list(range(9))
+    assert chunks.is_whole
+    data = path.read_bytes()
+    for size in range(0, len(data), 7):
+        path.write_bytes(data[:size])
+        found = numbers(WholeChunks(path))
+        assert found == list(range(len(found)))
 
 
 def test_what_is_none_is_told(tmp_path: Path) -> None:

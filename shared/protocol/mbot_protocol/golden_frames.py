@@ -8,6 +8,7 @@ are a golden sequence.
 
 import base64
 import binascii
+import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -25,6 +26,9 @@ TOLERANCE = 1e-4
 """Processors round differently; a motor step is 0.004."""
 
 MOST_FRAMES = 128
+
+_PNG_HEAD = b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sII", 13, b"IHDR", *OBSERVATION_SHAPE[2:0:-1])
+"""How a picture of the one size begins; another could be of any."""
 
 
 class _Entry(msgspec.Struct):
@@ -91,8 +95,9 @@ def check_deviation(deviation: float) -> float:
 def _picture(entry: _Entry) -> Picture:
     picture = None
     try:
-        encoded = np.frombuffer(base64.b64decode(entry.png, validate=True), np.uint8)
-        picture = cv2.imdecode(encoded, cv2.IMREAD_COLOR) if encoded.size else None
+        encoded = base64.b64decode(entry.png, validate=True)
+        if encoded.startswith(_PNG_HEAD):
+            picture = cv2.imdecode(np.frombuffer(encoded, np.uint8), cv2.IMREAD_COLOR)
     except (binascii.Error, ValueError, cv2.error):
         pass
     if picture is None or picture.shape != OBSERVATION_SHAPE[1:]:

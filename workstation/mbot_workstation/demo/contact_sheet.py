@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
 
 import cv2
 import numpy as np
@@ -22,6 +21,7 @@ from mbot_workstation.pictures.film_tile import (
     draw_tile,
     write,
 )
+from mbot_workstation.pictures.picture_file import decode_picture
 from mbot_workstation.recordings.drive_mcap import read_recording
 
 COLUMNS, ROWS = 6, 4
@@ -52,9 +52,9 @@ def moments(recording: Path) -> list[Moment]:
         jpeg = pictures.get(decision.unix_time_ns)
         if jpeg is None:
             continue
-        bgr = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
-        if bgr is not None:
-            found.append(Moment(cast(Picture, cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)), decision))
+        picture = decode_picture(jpeg)
+        if picture is not None:
+            found.append(Moment(picture, decision))
     return found
 
 

@@ -71,11 +71,13 @@ def read_picture(path: Path, *, turn: bool = False) -> Picture:
         picture = decode_picture(path.read_bytes(), turn=turn)
     except OSError as error:
         raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
+    except ValueError:  # a name with a zero in it, out of a table
+        raise ConfigurationError(f"can't read {str(path)!r}: no name of a file") from None
     except ConfigurationError as error:
         raise ConfigurationError(f"can't take {path}: {error}") from None
     if picture is None:
         raise ConfigurationError(
-            f"{path} is not a picture OpenCV can decode; save it as PNG or JPEG"
+            f"{path} is not a picture that can be decoded; save it as PNG or JPEG"
         )
     return picture
 

@@ -54,8 +54,17 @@ class Beat:
 
     @property
     def observation(self) -> Picture | None:
-        """What the policy saw, shape (64, 64, 3), RGB."""
-        return decode_picture(self.encoded)
+        """What the policy saw, shape (64, 64, 3), RGB.
+
+        Raises:
+            ConfigurationError: it is too large to be anything that a policy sees.
+
+        """
+        try:
+            return decode_picture(self.encoded)
+        except ConfigurationError as error:
+            number = self.decision.sequence
+            raise ConfigurationError(f"beat {number} of the recording: {error}") from None
 
     @property
     def is_replayable(self) -> bool:

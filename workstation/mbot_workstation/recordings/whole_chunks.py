@@ -12,21 +12,27 @@ from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 
+import lz4.frame
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Message, Metadata, Schema
-from mcap.stream_reader import breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
 from mbot_protocol.errors import ConfigurationError
+
+MOST_CHUNK_BYTES = 64 << 20
+"""Writers end a chunk after 1 MB or after one message; a camera's raw picture of 4K has 25 MB."""
 
 _HEAD = struct.Struct("<BQ")
 """A record's opcode and the length of what follows."""
 
 _CHUNK = struct.Struct("<QQQII")
 """First and last time, size, checksum, and how long the name of the compression is."""
+
+_MESSAGE_HEAD = 22
+"""Channel, number and two times, before a message's own bytes."""
 
 _COUNT_AT = 22
 """Where statistics have the number of chunks: after 8, 2, 4, 4 and 4 bytes."""
@@ -55,10 +61,11 @@ _DAMAGE = (
 
 @dataclass(frozen=True, slots=True)
 class McapMessage:
-    """One message: its topic, the full name of its schema, its time and its bytes."""
+    """One message: its topic, its schema's full name, its encoding, its time and its bytes."""
 
     topic: str
     schema: str
+    encoding: str
     log_time_ns: int
     data: bytes
 
@@ -91,9 +98,10 @@ class WholeChunks:
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._chunks: list[tuple[int, int]] = []
+        self._loose: list[tuple[int, int]] = []
         self._scan()
         start = self._data[: len(MCAP0_MAGIC)]
-        if not self._chunks and start != MCAP0_MAGIC[: len(start)]:
+        if not self._chunks and not self._loose and start != MCAP0_MAGIC[: len(start)]:
             raise ConfigurationError(f"{path} is not an MCAP recording")
 
     @property
@@ -108,28 +116,43 @@ class WholeChunks:
         return self.is_finished and self.chunks_read == self.chunks_found
 
     def messages(self) -> Iterator[McapMessage]:
-        """All messages of whole chunks."""
+        """All messages of whole chunks, and of a file without any chunk."""
         self.chunks_read = 0
+        for start, end in self._loose:
+            yield from self._message(Message.read(_stream(self._data[start:end]), end - start))
         for start, end in self._chunks:
             try:
-                chunk = Chunk.read(_stream(self._data[start:end]))
-                records = breakup_chunk(chunk, validate_crc=True)
+                yield from self._of_chunk(Chunk.read(_stream(self._data[start:end])))
             except _DAMAGE:
                 continue
             self.chunks_read += 1
-            for record in records:
-                if isinstance(record, Schema):
-                    self._schemas[record.id] = record
-                elif isinstance(record, Channel):
-                    self._channels[record.id] = record
-                elif isinstance(record, Message) and record.channel_id in self._channels:
-                    yield self._message(record)
 
-    def _message(self, record: Message) -> McapMessage:
-        channel = self._channels[record.channel_id]
-        schema = self._schemas.get(channel.schema_id)
-        name = schema.name if schema is not None else ""
-        return McapMessage(channel.topic, name, record.log_time, bytes(record.data))
+    def _of_chunk(self, chunk: Chunk) -> Iterator[McapMessage]:
+        """One after the other: as objects they take ten times the room of their bytes."""
+        data = _unpacked(chunk)
+        if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
+            raise ValueError("the checksum is wrong")
+        stream = _stream(data)
+        while stream.count < len(data):
+            opcode, length = stream.read1(), stream.read8()
+            if opcode == Opcode.SCHEMA:
+                schema = Schema.read(stream)
+                self._schemas[schema.id] = schema
+            elif opcode == Opcode.CHANNEL:
+                channel = Channel.read(stream)
+                self._channels[channel.id] = channel
+            elif opcode == Opcode.MESSAGE:
+                yield from self._message(Message.read(stream, length))
+            else:
+                stream.read(length)
+
+    def _message(self, record: Message) -> Iterator[McapMessage]:
+        channel = self._channels.get(record.channel_id)
+        if channel is not None:
+            schema = self._schemas.get(channel.schema_id)
+            name = schema.name if schema is not None else ""
+            encoding, time_ns = channel.message_encoding, record.log_time
+            yield McapMessage(channel.topic, name, encoding, time_ns, bytes(record.data))
 
     def _scan(self) -> None:
         """Find the chunks, and read what stands between them."""
@@ -146,6 +169,8 @@ class WholeChunks:
             if opcode == Opcode.CHUNK:
                 self._chunks.append((start, end))
                 self.chunks_found += 1
+            elif opcode == Opcode.MESSAGE:
+                self._loose.append((start, end))
             elif opcode == Opcode.STATISTICS and end - start >= _COUNT_AT + 4:
                 (counted,) = struct.unpack_from("<I", data, start + _COUNT_AT)
             elif opcode == Opcode.FOOTER:
@@ -161,6 +186,9 @@ class WholeChunks:
         data = self._data
         if opcode == Opcode.CHUNK:
             return self._is_chunk(start, end)
+        if opcode == Opcode.MESSAGE:  # some writers make no chunks at all
+            is_known = int.from_bytes(data[start : start + 2], "little") in self._channels
+            return is_known and end - start >= _MESSAGE_HEAD and not self._chunks
         if opcode == Opcode.MESSAGE_INDEX:
             return end - start >= 6 and struct.unpack_from("<I", data, start + 2)[0] == (
                 end - start - 6
@@ -214,3 +242,19 @@ class WholeChunks:
 
 def _stream(body: bytes) -> ReadDataStream:
     return ReadDataStream(BytesIO(body))
+
+
+def _unpacked(chunk: Chunk) -> bytes:
+    """Its records, made room for only as far as it says; never for more than `MOST_CHUNK_BYTES`."""
+    size = chunk.uncompressed_size
+    if size > MOST_CHUNK_BYTES:
+        raise ValueError(f"a chunk of {size} bytes")
+    if chunk.compression == "zstd":
+        data = zstandard.ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
+    elif chunk.compression == "lz4":
+        data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+    else:
+        data = chunk.data
+    if len(data) != size:
+        raise ValueError(f"{len(data)} bytes, expected {size}")
+    return data

@@ -150,7 +150,7 @@ def _fill(folder: Path, content: CardContent) -> None:
 
 
 def _member(release: Path, name: str) -> bytes:
-    with tarfile.open(release) as tar:
+    with tarfile.open(release, "r:") as tar:  # one that is packed could be of any size
         try:
             file = tar.extractfile(name)
         except KeyError:

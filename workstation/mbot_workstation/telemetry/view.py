@@ -8,6 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from mbot_protocol.actions import STEP_LIMIT
+from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision, State
 from mbot_workstation.pictures.half_blocks import half_blocks
 from mbot_workstation.pictures.picture_file import decode_picture
@@ -143,7 +144,10 @@ def _latencies(window: TelemetryWindow) -> Table:
 def _picture(window: TelemetryWindow) -> RenderableType:
     if window.picture is None:
         return Text("no picture yet")
-    picture = decode_picture(window.picture.data)
+    try:
+        picture = decode_picture(window.picture.data)
+    except ConfigurationError:
+        picture = None
     if picture is None:
         return Text(f"no readable picture ({one_line(window.picture.format)})")
     return half_blocks(picture, PICTURE_COLUMNS)

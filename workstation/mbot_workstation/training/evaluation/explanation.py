@@ -15,7 +15,7 @@ from mbot_protocol.camera_model import nominal_pi_camera
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Observer, Picture
 from mbot_protocol.policy_contract import OBSERVATION_SIDE_PX, FieldOfView
-from mbot_workstation.pictures.picture_file import decode_picture, save_figure
+from mbot_workstation.pictures.picture_file import read_picture, save_figure
 from mbot_workstation.recordings.recorded_drive import Beat, read_drive
 from mbot_workstation.training.evaluation.activations import (
     APART_PX,
@@ -38,13 +38,7 @@ def load_frame(path: Path, view: FieldOfView) -> Picture:
         ConfigurationError: it can't be read.
 
     """
-    try:
-        picture = decode_picture(path.read_bytes())
-    except OSError as error:
-        raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
-    if picture is None:
-        raise ConfigurationError(f"{path} is not a picture; expected a PNG or JPEG file")
-    return as_observation(picture, view)
+    return as_observation(read_picture(path), view)
 
 
 def as_observation(picture: Picture, view: FieldOfView) -> Picture:

@@ -6,13 +6,12 @@ there. Single pictures tell nothing about driving, but they may be real photogra
 """
 
 import csv
+import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +19,8 @@ from mbot_protocol.camera_model import CameraModel, nominal_pi_camera
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Observer, Picture
 from mbot_protocol.policy_contract import FieldOfView
+from mbot_protocol.text_file import read_text
+from mbot_workstation.pictures.picture_file import read_picture
 
 TRUTH_FILE = "truth.csv"
 COLUMNS = ("file", "in_view", "bearing_left_deg")
@@ -99,11 +100,11 @@ def read_labelled(folder: Path) -> list[LabelledPicture]:
     """
     path = folder / TRUTH_FILE
     try:
-        with path.open(newline="") as file:
-            rows = list(csv.DictReader(file))
-    except OSError as error:
+        text = read_text(path)
+        rows = list(csv.DictReader(io.StringIO(text, newline=""), restval=""))
+    except (ConfigurationError, csv.Error) as error:
         raise ConfigurationError(
-            f"can't read {path}: {error.strerror}; expected a table with {', '.join(COLUMNS)}"
+            f"{error}; expected a table {path} with {', '.join(COLUMNS)}"
         ) from None
     if not rows or any(name not in rows[0] for name in COLUMNS):
         raise ConfigurationError(f"{path}: expected rows with the columns {', '.join(COLUMNS)}")
@@ -169,15 +170,17 @@ def observations(
 
 
 def _labelled(folder: Path, row: dict[str, str], path: Path, line: int) -> LabelledPicture:
-    picture = cv2.imread(str(folder / row["file"]), cv2.IMREAD_COLOR)
-    if picture is None:
-        raise ConfigurationError(f"{path}, line {line}: can't read the picture {row['file']}")
+    try:
+        picture = read_picture(folder / row["file"], turn=True)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{path}, line {line}: {error}") from None
     try:
         bearing = float(row["bearing_left_deg"]) if int(row["in_view"]) else None
+        if bearing is not None and not -180 <= bearing <= 180:
+            raise ValueError
     except ValueError:
         raise ConfigurationError(
             f"{path}, line {line}: in_view is {row['in_view']!r} and bearing_left_deg "
             f"{row['bearing_left_deg']!r}, expected 0 or 1 and degrees"
         ) from None
-    rgb = cast(Picture, cv2.cvtColor(picture, cv2.COLOR_BGR2RGB))
-    return LabelledPicture(row["file"], rgb, bearing)
+    return LabelledPicture(row["file"], picture, bearing)

@@ -191,6 +191,9 @@ def _read_tensors(folder: Path, member: str) -> dict[str, Any]:
     path = folder / MODEL_FILE
     try:
         with zipfile.ZipFile(path) as archive:
+            # Checkpoints are not packed: one that says otherwise could be of any size.
+            if archive.getinfo(member).file_size > path.stat().st_size:
+                raise zipfile.BadZipFile
             data = io.BytesIO(archive.read(member))
         return torch.load(data, map_location="cpu", weights_only=True)
     except OSError as error:
