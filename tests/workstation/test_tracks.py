@@ -1,7 +1,9 @@
 """Track files of every kind come out in one frame and unit; what is broken is named."""
 
+import random
 import struct
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +12,7 @@ from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from hypothesis import given
 from hypothesis import strategies as st
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import register_schema
 from scipy.spatial.transform import Rotation
 
@@ -226,21 +228,69 @@ def test_a_topic_must_be_chosen_where_there_are_several(tmp_path: Path) -> None:
         read_track(tmp_path / "a.mcap", track_format({"topic": "/up"}))
 
 
-def test_a_cut_mcap_gives_what_is_whole(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    path = tmp_path / "a.mcap"
-    with path.open("wb") as file:  # many small chunks, as a live recorder writes them
-        writer = Writer(file, chunk_size=500)
+def small_chunks(path: Path, compression: CompressionType = CompressionType.ZSTD) -> list[int]:
+    """Many of them, as a live recorder writes them; where each begins."""
+    starts: list[int] = []
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=10**9, compression=compression)
         writer.start()
         schema = register_schema(writer, PoseInFrame)
         channel = writer.register_channel("/pose", "protobuf", schema)
         for row in range(60):
             writer.add_message(channel, row, pose_message(spiral(), row).SerializeToString(), row)
+            if row % 6 == 5:
+                starts.append(file.tell())
+                writer.flush()
         writer.finish()
+    return starts
+
+
+@pytest.mark.parametrize("compression", CompressionType)
+def test_a_bad_chunk_costs_its_own_poses(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, compression: CompressionType
+) -> None:
+    path = tmp_path / "a.mcap"
+    name = "" if compression == CompressionType.NONE else compression.name.lower()
+    size_at = small_chunks(path, compression)[2] + 9 + 32 + len(name)
+    data = path.read_bytes()
+    # As it was with a bit flipped behind; nonsense; a terabyte.
+    for size in (data[size_at : size_at + 8], b"\xff" * 8, (1 << 40).to_bytes(8, "little")):
+        broken = bytearray(data)
+        broken[size_at : size_at + 8] = size
+        broken[size_at + 28] ^= 16
+        path.write_bytes(broken)
+        caplog.clear()
+        assert len(read_track(path)) == 54
+        assert [len(record.getMessage().splitlines()) for record in caplog.records] == [1]
+        assert "9 of 10 chunks" in caplog.text
+
+
+@pytest.mark.parametrize("compression", CompressionType)
+def test_no_damage_makes_the_reader_of_mcap_fail_otherwise(
+    tmp_path: Path, compression: CompressionType
+) -> None:
+    path = tmp_path / "a.mcap"
+    small_chunks(path, compression)
+    data, noise = path.read_bytes(), random.Random(17)
+    read = 0
+    for _ in range(500):
+        broken = bytearray(data)
+        for _ in range(noise.choice((1, 1, 3, 20))):
+            broken[noise.randrange(len(data))] = noise.randrange(256)
+        path.write_bytes(broken[: noise.choice((len(data), noise.randrange(len(data))))])
+        with suppress(ConfigurationError):
+            read += len(read_track(path)) > 0
+    assert read > 250
+
+
+def test_a_cut_mcap_gives_what_is_whole(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = tmp_path / "a.mcap"
+    small_chunks(path)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     assert 10 <= len(read_track(path)) < 60
     assert "cut off" in caplog.text
     path.write_bytes(b"no mcap at all")
-    with pytest.raises(ConfigurationError, match="not a readable MCAP file"):
+    with pytest.raises(ConfigurationError, match="is not an MCAP recording"):
         read_track(path)
 
 

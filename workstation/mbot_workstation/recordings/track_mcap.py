@@ -9,11 +9,10 @@ import numpy as np
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from google.protobuf.message import DecodeError
-from mcap.exceptions import McapError
-from mcap.reader import NonSeekingReader
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.recordings.raw_track import RawTrack
+from mbot_workstation.recordings.whole_chunks import WholeChunks
 
 _log = logging.getLogger(__name__)
 
@@ -59,29 +58,34 @@ def read_mcap(path: Path, topic: str | None = None) -> RawTrack:
         topic: which; None: the only one with poses.
 
     Raises:
-        ConfigurationError: no such file, no poses, poses on several topics, or damage.
+        ConfigurationError: no such file, no poses, or poses on several topics.
 
     """
     poses: dict[str, list[_Pose]] = {}
     others: set[str] = set()
-    try:
-        with path.open("rb") as stream:
-            reader = NonSeekingReader(stream, validate_crcs=True)
-            for schema, channel, record in reader.iter_messages(log_time_order=False):
-                name = "" if schema is None else schema.name
-                read = READERS.get((name, channel.message_encoding))
-                if read is None:
-                    others.add(f"{channel.topic} ({name or 'no schema'})")
-                elif topic in (None, channel.topic):
-                    poses.setdefault(channel.topic, []).append(read(record.data))
-    except OSError as error:
-        raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
-    except (McapError, DecodeError, struct.error, ValueError, IndexError) as error:
-        whole = sum(len(found) for found in poses.values())
-        if whole == 0:
-            raise ConfigurationError(f"{path} is not a readable MCAP file: {error}") from None
+    chunks, unread = WholeChunks(path), 0
+    for message in chunks.messages():
+        read = READERS.get((message.schema, message.encoding))
+        if read is None:
+            others.add(f"{message.topic} ({message.schema or 'no schema'})")
+        elif topic in (None, message.topic):
+            try:
+                pose = read(message.data)
+            except (DecodeError, struct.error, IndexError):
+                unread += 1
+            else:
+                poses.setdefault(message.topic, []).append(pose)
+    whole = sum(len(found) for found in poses.values())
+    if not chunks.is_whole or unread:
         # What is whole is good; a run that lost its end is found by its length.
-        _log.warning("%s was cut off or damaged; %d poses of it are whole", path, whole)
+        lost = f" and {unread} messages that are none" if unread else ""
+        _log.warning(
+            "%s was cut off or damaged: %s%s; %d poses are whole",
+            path,
+            chunks.words,
+            lost,
+            whole,
+        )
     if len(poses) != 1:
         raise ConfigurationError(_choice(path, topic, sorted(poses), sorted(others)))
     ((_topic, found),) = poses.items()
