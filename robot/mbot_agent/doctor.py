@@ -10,6 +10,7 @@ from pathlib import Path
 
 from mbot_agent.camera.frame_sources import frame_source
 from mbot_agent.camera.picture_check import PictureCheck
+from mbot_agent.camera.source_contract import JpegError
 from mbot_agent.configuration import Configuration, shown_source
 from mbot_protocol.errors import MbotError
 from mbot_protocol.mcore import has_deadman
@@ -62,6 +63,11 @@ def examine(
             findings.append(check(configuration))
         except MbotError as error:
             findings.append(Finding(subject, "failed", str(error)))
+        except Exception as error:
+            # A camera's library, a serial driver, a file of anybody's: each may raise anything, and
+            # must not keep the other findings from whoever asks.
+            reason = " ".join(f"{type(error).__name__} {error}".split())
+            findings.append(Finding(subject, "failed", f"could not be looked at: {reason}"))
     return findings
 
 
@@ -73,7 +79,11 @@ def _camera(configuration: Configuration) -> Finding:
         for _ in range(FRAMES):
             shot = source.read()
             height_px, width_px = shot.shape[:2]
-            if (fault := check.judge(shot.picture(), shot.captured_ns)) is not None:
+            try:
+                fault = check.judge(shot.picture(), shot.captured_ns)
+            except JpegError as error:
+                return Finding("camera", "failed", f"sends a damaged picture: {error}")
+            if fault is not None:
                 return Finding("camera", "failed", fault.detail)
         rate_hz = FRAMES / (time.monotonic() - started_s)
     shown = shown_source(configuration.camera.source)

@@ -208,6 +208,22 @@ def test_a_hanging_camera_turns_stale_and_is_opened_again(monkeypatch: pytest.Mo
         assert reopened.wait(5)
 
 
+def test_a_source_that_raises_what_nobody_thought_of_is_told_once(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    class Broken(HangingSource):
+        def read(self) -> Shot:
+            raise ZeroDivisionError("by a driver")
+
+    monkeypatch.setattr(camera_module, "frame_source", lambda _: Broken())
+    with CaptureThread(Camera(source="0")) as capture:
+        time.sleep(1.0)
+        fault = capture.fault
+    assert fault is not None
+    assert (fault.kind, "ZeroDivisionError by a driver" in fault.detail) == ("camera-lost", True)
+    assert sum(record.exc_info is not None for record in caplog.records) == 1
+
+
 def test_a_picture_is_stale_after_what_is_configured(monkeypatch: pytest.MonkeyPatch) -> None:
     camera = Encoded(stale_after_ms=300)
     camera.sends()

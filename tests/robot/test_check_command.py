@@ -1,11 +1,14 @@
 """`mbot-agent check`, by whoever asks."""
 
+import sys
 from pathlib import Path
 from typing import NoReturn
 
 import pytest
 
+from mbot_agent import doctor
 from mbot_agent import main as program
+from mbot_agent.configuration import load
 from mbot_agent.main import _check as check  # pyright: ignore[reportPrivateUsage]
 from mbot_protocol.errors import ConfigurationError
 
@@ -36,3 +39,54 @@ def test_who_may_not_read_the_configuration_is_told_who_may(
 def test_whatever_else_is_wrong_is_said_as_before(tmp_path: Path) -> None:
     assert answer(tmp_path / "none.toml").startswith("no configuration at")
     assert answer(tmp_path).endswith("Is a directory")
+
+
+SUBJECTS = ["camera", "lens", "board", "trust", "model", "disk", "network", "brltty", "clock"]
+
+
+def configured(folder: Path, more: str = "") -> Path:
+    """A configuration of a robot that has nothing yet."""
+    path = folder / "config.toml"
+    lines = ['robot_id = "rosa"', "[board]", f'port = "{folder}/none"', "[models]"]
+    path.write_text("\n".join([*lines, f'directory = "{folder}/models"', more]))
+    return path
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "raise ValueError('numpy.dtype size changed')",
+        "raise OSError('a shared library is missing')",
+        "class Picamera2:\n    def global_camera_info():\n        raise RuntimeError('no manager')",
+    ],
+    ids=["another numpy", "no library", "no manager"],
+)
+def test_a_camera_library_that_raises_is_one_line_among_the_others(
+    source: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "picamera2.py").write_text(source)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "picamera2", raising=False)
+    assert check(configured(tmp_path), as_json=False) == 1
+    said = capsys.readouterr().out.splitlines()
+    assert [line.split()[1] for line in said] == SUBJECTS
+    assert said[0].startswith("failed   camera ")
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError("x"), OSError(5, "I/O"), KeyError("y")])
+def test_whatever_a_check_raises_the_others_go_on(
+    error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> NoReturn:
+        raise error
+
+    for name in ("frame_source", "PublicKey", "shutil", "examine_lens", "examine_trust"):
+        monkeypatch.setattr(doctor, name, fails)
+    found = doctor.examine(load(configured(tmp_path)), {})
+    assert [finding.subject for finding in found] == SUBJECTS
+    assert {finding.verdict for finding in found if finding.subject in ("camera", "lens")} == {
+        "failed"
+    }

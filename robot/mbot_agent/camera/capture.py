@@ -124,9 +124,11 @@ class CaptureThread:
                         back_off.succeeded()
             except CameraError as error:
                 self._note(Fault("camera-lost", str(error)))
-            except Exception as error:
-                log.exception("the camera thread stumbled; opening the camera anew")
-                self._note(Fault("camera-lost", f"internal error: {error}"))
+            except Exception as error:  # whatever a camera's library raises, the next try may do
+                fault = Fault("camera-lost", f"internal error: {type(error).__name__} {error}")
+                if fault != self._fault:
+                    log.exception("the camera thread stumbled; opening the camera anew")
+                self._note(fault)
             self._closing.wait(back_off.next_s())
 
     def _begin(self, source: FrameSource) -> None:

@@ -2,6 +2,8 @@
 
 import logging
 import time
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from typing import Any, Self, cast
 
 from mbot_agent.camera.source_contract import READ_TIMEOUT_S, CameraError, Shot
@@ -31,31 +33,21 @@ class PiCameraSource:
         self._picamera: Any = None
 
     def __enter__(self) -> Self:
-        try:
-            # From Raspberry Pi OS's apt only; heavy, so imported where used.
-            import picamera2  # pyright: ignore[reportMissingImports]
-        except ImportError as error:
-            raise CameraError(
-                f"picamera2 cannot be imported ({error}): apt install python3-picamera2, and use "
-                "a virtual environment with --system-site-packages (deploy/install.sh makes one); "
-                "another camera needs none of it: deploy/install.sh --without-picamera2, and "
-                'camera.source = "/dev/video0" or an address'
-            ) from None
-        library = cast(Any, picamera2)
-        if not library.Picamera2.global_camera_info():
+        library = _picamera2()
+        with _explained("libcamera cannot be asked for its cameras"):
+            cameras = library.Picamera2.global_camera_info()
+        if not cameras:
             raise CameraError(
                 "libcamera finds no camera: check the cable and `rpicam-hello --list-cameras`"
             )
         try:
-            self._picamera = library.Picamera2()
-            self._begin(self._picamera)
-        except Exception as error:
-            self.__exit__(None, None, None)  # or no other attempt would get at the camera
-            if isinstance(error, CameraError):
-                raise
-            raise CameraError(
-                f"the Pi camera does not start: {error}; is another program using it?"
-            ) from None
+            with _explained("the Pi camera does not start; is another program using it?"):
+                self._picamera = library.Picamera2()
+                self._begin(self._picamera)
+        except CameraError:
+            with suppress(CameraError):
+                self.__exit__(None, None, None)  # or no other attempt would get at the camera
+            raise
         return self
 
     def _begin(self, picamera: Any) -> None:
@@ -81,23 +73,20 @@ class PiCameraSource:
         picamera.start()
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
-        if self._picamera is not None:
-            self._picamera.close()
-            self._picamera = None
+        picamera, self._picamera = self._picamera, None
+        if picamera is not None:
+            with _explained("the Pi camera cannot be closed"):
+                picamera.close()
 
     def read(self) -> Shot:
         """See FrameSource. The capture time is the sensor's own."""
-        try:
+        with _explained("the Pi camera delivers no frames"):
             request = self._picamera.capture_request(wait=READ_TIMEOUT_S)
-        except Exception as error:
-            raise CameraError(
-                f"the Pi camera delivers no frames ({type(error).__name__} {error})"
-            ) from None
-        try:
-            frame = cast(Picture, request.make_array("main"))
-            captured_boottime_ns = int(request.get_metadata()["SensorTimestamp"])
-        finally:
-            request.release()
+            try:
+                frame = cast(Picture, request.make_array("main"))
+                captured_boottime_ns = int(request.get_metadata()["SensorTimestamp"])
+            finally:
+                request.release()
         return Shot.decoded(frame, _boottime_to_monotonic(captured_boottime_ns))
 
     def hold_light(self, held: bool) -> bool:
@@ -108,6 +97,44 @@ class PiCameraSource:
             log.warning("the Pi camera's automatics cannot be set: %s", error)
             return False
         return True
+
+
+def _picamera2() -> Any:
+    """The library; heavy, so imported where used.
+
+    Raises:
+        CameraError: it is not there, or does not fit to what is.
+
+    """
+    with _explained(
+        "picamera2 cannot be imported: was a part of it built for another numpy? deploy/install.sh "
+        "makes an environment that fits"
+    ):
+        try:
+            # From Raspberry Pi OS's apt only.
+            import picamera2  # pyright: ignore[reportMissingImports]
+        except ImportError as error:
+            raise CameraError(
+                f"picamera2 cannot be imported ({error}): apt install python3-picamera2, and use "
+                "a virtual environment with --system-site-packages (deploy/install.sh makes one); "
+                "another camera needs none of it: deploy/install.sh --without-picamera2, and "
+                'camera.source = "/dev/video0" or an address'
+            ) from None
+    return cast(Any, picamera2)
+
+
+@contextmanager
+def _explained(problem: str) -> Generator[None]:
+    """Make a CameraError, in one line, of whatever picamera2 and libcamera raise: RuntimeError, but
+    also ValueError (a numpy of another ABI), OSError, KeyError.
+    """
+    try:
+        yield
+    except CameraError:
+        raise
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__} {error}".split())
+        raise CameraError(f"{problem} ({reason})") from None
 
 
 def _boottime_to_monotonic(boottime_ns: int) -> int:
