@@ -302,7 +302,10 @@ def _feeder(watchdog: Watchdog) -> Callable[[Tick], None]:
     return feed
 
 
-def _stop_for_good(motors: Motors) -> None:
+def _stop_for_good(motors: Motors) -> bool:
+    """Stop the motors; returns whether a board has confirmed it."""
     motors.halt()
     if not motors.wait_stopped(STOP_WAIT_S):
         log.error("the board did not confirm the stop in %.1f s", STOP_WAIT_S)
+        return False
+    return bool(motors.version)  # without a board there is nothing that could have been waited for

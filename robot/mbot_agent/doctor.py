@@ -13,7 +13,7 @@ from mbot_agent.camera.picture_check import PictureCheck
 from mbot_agent.camera.source_contract import JpegError
 from mbot_agent.configuration import Configuration, shown_source
 from mbot_protocol.errors import MbotError
-from mbot_protocol.mcore import has_deadman
+from mbot_protocol.mcore import has_deadman, is_of_another_board
 from mbot_protocol.public_key import PublicKey
 
 FRAMES = 10
@@ -120,6 +120,13 @@ def _board(configuration: Configuration) -> Finding:
         os.close(never)
         os.close(keep_open)
     found = f"{session.path}: firmware {session.version}"
+    if is_of_another_board(session.version):
+        return Finding(
+            "board",
+            "failed",
+            f"{found} is Makeblock's for another board than the mBot's mCore (06.xx.xxx): motors "
+            "may turn otherwise than they are told; set board.port to the mCore's",
+        )
     if has_deadman(session.version):
         return Finding("board", "ok", found)
     warning = f"{found} keeps its last command for ever if this computer dies"
@@ -183,8 +190,15 @@ def _disk(configuration: Configuration) -> Finding:
 
 
 def _network(configuration: Configuration) -> Finding:
+    from mbot_agent.network.listening import obstacle
+
     network = configuration.network
     found = f"listens on {', '.join(network.listen)}"
+    obstacles = [there for there in map(obstacle, network.listen) if there is not None]
+    if strange := [there.reason for there in obstacles if not there.is_agent]:
+        return Finding("network", "failed", f"cannot listen: {'; '.join(strange)} (network.listen)")
+    if obstacles:
+        found += ", as the daemon that runs does"
     if network.tls is None:
         return Finding("network", "ok", found)
     from mbot_agent.network.tls_files import check_certificates

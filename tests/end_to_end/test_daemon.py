@@ -341,7 +341,11 @@ def test_a_second_daemon_on_the_same_endpoint_ends_with_one_line(
         assert daemon.is_up()
         done = run_agent("run", "--config", str(daemon.config))
         assert done.returncode == 4
-        assert "is another mbot-agent running" in done.stderr.strip().splitlines()[-1]
+        assert "is taken by mbot-agent (process" in done.stderr.strip().splitlines()[-1]
+        checked = run_agent("check", "--config", str(daemon.config)).stdout
+        (network,) = (line for line in checked.splitlines() if line.split()[1] == "network")
+        assert network.startswith("ok")
+        assert network.endswith("as the daemon that runs does")
 
 
 def test_check_names_what_is_missing(tmp_path: Path) -> None:

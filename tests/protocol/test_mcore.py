@@ -78,3 +78,10 @@ def test_only_our_own_firmware_has_a_deadman() -> None:
     assert mcore.has_deadman("mbot-deadman 1")
     assert not mcore.has_deadman("06.01.107")
     assert not mcore.has_deadman("")
+
+
+def test_makeblocks_firmware_for_other_boards_is_told_from_an_mbots() -> None:
+    for version in ("09.01.016", "10.01.002", "0e.01.018", "05.01.001"):
+        assert mcore.is_of_another_board(version)
+    for version in ("06.01.009", "06.01.107", "1.2.103", "mbot-deadman 2 300ms", "somebody's", ""):
+        assert not mcore.is_of_another_board(version)

@@ -1,5 +1,6 @@
 """`mbot-agent check`, by whoever asks."""
 
+import socket
 import sys
 from pathlib import Path
 from typing import NoReturn
@@ -11,6 +12,8 @@ from mbot_agent import main as program
 from mbot_agent.configuration import load
 from mbot_agent.main import _check as check  # pyright: ignore[reportPrivateUsage]
 from mbot_protocol.errors import ConfigurationError
+
+from .fake_board import FakeBoard
 
 DAEMONS_USER = "run it as the daemon's user: sudo -u mbot-agent mbot-agent check"
 
@@ -90,3 +93,32 @@ def test_whatever_a_check_raises_the_others_go_on(
     assert {finding.verdict for finding in found if finding.subject in ("camera", "lens")} == {
         "failed"
     }
+
+
+def findings(path: Path) -> dict[str, doctor.Finding]:
+    return {finding.subject: finding for finding in doctor.examine(load(path), {})}
+
+
+@pytest.mark.parametrize(
+    ("version", "verdict"), [("06.01.107", "warning"), ("0e.01.018", "failed")]
+)
+def test_another_board_of_the_same_maker_is_no_mcore(
+    version: str, verdict: str, tmp_path: Path
+) -> None:
+    with FakeBoard(version) as board:
+        path = tmp_path / "config.toml"
+        settings = f'[board]\nport = "{board.path}"\naccept_no_deadman = true'
+        path.write_text(f'robot_id = "rosa"\ncamera.source = "{tmp_path}/none"\n{settings}')
+        found = findings(path)["board"]
+    assert (found.verdict, "another board" in found.detail) == (verdict, verdict == "failed")
+
+
+def test_a_port_that_is_taken_is_not_called_well(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        path = configured(tmp_path, f'[network]\nlisten = ["tcp/127.0.0.1:{port}"]')
+        taken = findings(path)["network"]
+        server.close()
+        free = findings(path)["network"]
+    assert (taken.verdict, free.verdict) == ("failed", "ok")
+    assert f"port {port} is taken by" in taken.detail

@@ -12,7 +12,6 @@ from mbot_agent.board import board_session
 from mbot_agent.board.motors import Motors
 from mbot_agent.configuration import Board
 from mbot_agent.hardware import DriveCommand
-from mbot_protocol.errors import UnreachableError
 from mbot_protocol.mcore import FLUSH_PADDING, STOP, Joystick
 
 from ..until import until
@@ -293,11 +292,3 @@ def test_only_the_last_delivery_is_kept(motors: Motors, board: FakeBoard) -> Non
     assert kept is not None
     assert kept[0] == ticket
     assert motors.delivery(ticket - 1, 0.01) is None
-
-
-def test_find_port_explains_an_empty_bus(monkeypatch: pytest.MonkeyPatch) -> None:
-    from mbot_agent.board import board_port
-
-    monkeypatch.setattr(board_port.list_ports, "comports", lambda: [])
-    with pytest.raises(UnreachableError, match="brltty"):
-        board_port.find_port("auto")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import serial
 from serial.tools import list_ports
+from serial.tools.list_ports_common import ListPortInfo
 
 from mbot_protocol.errors import UnreachableError
 from mbot_protocol.mcore import CH340
@@ -15,6 +16,7 @@ PSEUDO_TERMINALS = "/dev/pts/"
 """A simulated board holds its end open when we die, and the port would stay exclusive for ever."""
 
 _BY_ID = Path("/dev/serial/by-id")
+_USB_DEVICES = Path("/sys/bus/usb/devices")
 
 WRITE_TIMEOUT_S = 0.05
 """A frame takes 0.9 ms and a stop burst 5.4 ms at 115200 baud; longer means the port is stuck."""
@@ -32,18 +34,51 @@ def find_port(configured: str) -> str:
     """
     if configured != "auto":
         return configured
-    found = [port.device for port in list_ports.comports() if (port.vid, port.pid) == CH340]
+    found = [port.device for port in _usb_ports() if (port.vid, port.pid) == CH340]
     if not found:
-        raise UnreachableError(
-            "no mCore board on USB (CH340, 1a86:7523): plug it in and switch it on; if lsusb shows "
-            "it, brltty may have taken it (apt remove brltty); or set board.port"
-        )
+        raise UnreachableError(_explain_none())
     if len(found) > 1:
         raise UnreachableError(
             f"several boards on USB ({', '.join(found)}): set board.port to one of "
             "/dev/serial/by-path/* (the CH340 has no serial number to tell them apart by id)"
         )
     return _stable_name(found[0])
+
+
+def _usb_ports() -> list[ListPortInfo]:
+    return [port for port in list_ports.comports() if port.vid is not None]
+
+
+def _explain_none() -> str:
+    """Why there is no port of an mCore: what is there instead."""
+    plugged = {_usb_id(folder) for folder in _USB_DEVICES.glob("*")}
+    if CH340 in plugged:
+        return (
+            "the mCore's CH340 (1a86:7523) is on USB and has no serial port: brltty may have taken "
+            "it (apt remove brltty), or the kernel's ch341 is missing (modprobe ch341)"
+        )
+    none = "no mCore board on USB (CH340, 1a86:7523)"
+    if others := _usb_ports():
+        names = ", ".join(f"{port.device} ({port.vid:04x}:{port.pid:04x})" for port in others)
+        return f"{none}, but {names}: if that is the board, set board.port to it"
+    vendor = CH340[0]
+    if kin := [f"{vendor:04x}:{pid:04x}" for vid, pid in sorted(plugged) if vid == vendor]:
+        return (
+            f"{none}, but {', '.join(kin)}, of the same maker: a CH341 that is wired for something "
+            "else than a serial port, or a chip that this kernel has no driver for (dmesg)"
+        )
+    return f"{none}: plug it in and switch it on, or set board.port"
+
+
+def _usb_id(folder: Path) -> tuple[int, int]:
+    """Vendor and product of a device on USB; zeros of what is none, such as an interface."""
+    try:
+        vendor, product = (
+            int((folder / name).read_text(), 16) for name in ("idVendor", "idProduct")
+        )
+    except (OSError, ValueError):
+        return 0, 0
+    return vendor, product
 
 
 def _stable_name(device: str) -> str:
@@ -78,10 +113,11 @@ def open_port(path: str, baud_rate: int) -> serial.Serial:
 
 
 def _explain(path: str, error: serial.SerialException) -> str:
-    if not os.path.lexists(path):
-        return f"no board at {path}: is it plugged in and switched on? (board.port)"
-    if not os.access(path, os.R_OK | os.W_OK):
-        return f"no permission for {path}: add this user to the group dialout and log in again"
+    if not (device := Path(path).resolve()).exists():
+        gone = f" (a link to {device}, which is gone)" if os.path.lexists(path) else ""
+        return f"no board at {path}{gone}: is it plugged in and switched on? (board.port)"
     if "lock" in str(error).lower() or "busy" in str(error).lower():
         return f"{path} is in use by another process: a running mbot-agent? (fuser {path} names it)"
+    if not os.access(path, os.R_OK | os.W_OK):
+        return f"no permission for {path}: add this user to the group dialout and log in again"
     return f"cannot open {path}: {error}"

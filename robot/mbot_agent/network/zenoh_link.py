@@ -12,6 +12,7 @@ from typing import Self
 import zenoh
 
 from mbot_agent.configuration import Configuration
+from mbot_agent.network.listening import obstacle
 from mbot_agent.network.session_guard import Visitor
 from mbot_agent.network.zenoh_settings import zenoh_configuration
 from mbot_protocol.errors import UnreachableError
@@ -57,9 +58,10 @@ class Link:
         try:
             self._session = zenoh.open(zenoh_configuration(self._configuration))
         except zenoh.ZError as error:
+            found = [there.reason for there in map(obstacle, network.listen) if there is not None]
             raise UnreachableError(
-                f"cannot listen on {', '.join(network.listen)}: {_reason(error)}; is another "
-                "mbot-agent running? (network.listen)"
+                f"cannot listen on {', '.join(network.listen)}: "
+                f"{'; '.join(found) or _reason(error)} (network.listen)"
             ) from None
         return self
 

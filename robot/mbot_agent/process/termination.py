@@ -26,28 +26,37 @@ def block_signals() -> None:
     signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
 
 
-def watch(stop_motors: Callable[[], None], closing: threading.Event) -> None:
-    """Start the thread. On the first signal it calls `stop_motors`, then sets `closing`."""
+def watch(stop_motors: Callable[[], bool], closing: threading.Event) -> None:
+    """Start the thread. On the first signal it calls `stop_motors`, then sets `closing`.
+
+    Args:
+        stop_motors: says whether the board has confirmed it.
+        closing: what the daemon waits for.
+
+    """
 
     def wait() -> None:
         number = signal.sigwait(SIGNALS)
-        stop_motors()
-        log.info("%s: motors stopped, closing down", signal.Signals(number).name)
+        log.info("%s: %s, closing down", signal.Signals(number).name, _stopped(stop_motors()))
         closing.set()
 
     threading.Thread(target=wait, name="signals", daemon=True).start()
 
 
-def end_with_any_thread(stop_motors: Callable[[], None], last_words: Callable[[], None]) -> None:
+def _stopped(confirmed: bool) -> str:
+    return "motors stopped" if confirmed else "no board has confirmed that the motors stand"
+
+
+def end_with_any_thread(stop_motors: Callable[[], bool], last_words: Callable[[], None]) -> None:
     """From now on an exception that ends any thread ends the process, motors first."""
 
     def fell_over(arguments: threading.ExceptHookArgs) -> None:
         name = arguments.thread.name if arguments.thread is not None else "?"
         try:
-            stop_motors()
             log.critical(
-                "the thread %r died: motors stopped, ending",
+                "the thread %r died: %s, ending",
                 name,
+                _stopped(stop_motors()),
                 exc_info=(
                     arguments.exc_type,
                     arguments.exc_value or arguments.exc_type(),

@@ -206,6 +206,19 @@ def _take_banner(buffer: bytearray) -> tuple[int, Reply | None]:
 
 _DEADMAN_PREFIX = "mbot-deadman"
 
+_MAKEBLOCK = re.compile(r"(?P<board>[0-9a-f]{2})\.\d\d\.\d{3}")
+_MBOT = "06"
+
+
+def is_of_another_board(version: str) -> bool:
+    """Whether a firmware of this name is Makeblock's for another board than the mCore.
+
+    They speak the same protocol; motors, ports and signs are others. All are called "BB.NN.NNN", BB
+    being the board: 06 the mBot's, 09 and 10 Auriga's, 0e MegaPi's (Makeblock-Libraries).
+    """
+    found = _MAKEBLOCK.fullmatch(version)
+    return found is not None and found["board"] != _MBOT
+
 
 def has_deadman(version: str) -> bool:
     """Whether a firmware of this name stops the motors by itself when commands cease.
