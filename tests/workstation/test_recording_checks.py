@@ -120,7 +120,7 @@ def test_poses_become_a_track() -> None:
     [
         ({"time": np.zeros(N)}, "expected to rise"),
         ({"time": np.arange(N) * 11.1}, "ms"),
-        ({"position": np.full((N, 3), np.nan)}, "not finite"),
+        ({"position": np.full((N, 3), np.nan)}, "400 of 400 were lost"),
         ({"quaternion_wxyz": np.full((N, 4), 0.9)}, "expected 1"),
     ],
 )

@@ -374,10 +374,7 @@ def rows(count: int = 20) -> list[list[float | str]]:
     [
         ((5, 0), 0.0, "line 6: time is 0.000000 after 0.044444, expected to rise"),
         ((5, 0), 4 / 90, "expected to rise (1 such places)"),
-        ((7, 1), "nan", "line 8: 2 is nan; leave out the lines"),
-        ((7, 3), "inf", "line 8: 4 is inf"),
         ((7, 3), "1,5", "expected a number with a decimal point"),
-        ((7, 7), 0.5, "line 8: the quaternion's length is 0.500, expected 1"),
     ],
 )
 def test_a_bad_value_is_named_with_its_line(
@@ -386,6 +383,122 @@ def test_a_bad_value_is_named_with_its_line(
     table = rows()
     table[place[0]][place[1]] = value
     assert words in bad(tum(tmp_path / "a.tum", table))
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "words"),
+    [
+        ((7, 1), "nan", "1 of 20 were lost, the first in line 8"),
+        ((7, 3), "inf", "1 of 20 were lost, the first in line 8"),
+        ((7, 7), 0.5, "1 of 20 have no quaternion of length 1, the first in line 8"),
+    ],
+)
+def test_poses_that_are_none_are_left_out_and_counted(
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    place: tuple[int, int],
+    value: float | str,
+    words: str,
+) -> None:
+    table = rows()
+    table[place[0]][place[1]] = value
+    track = read_track(tum(tmp_path / "a.tum", table))
+    assert len(track) == 19
+    assert not (track.time_s == float(rows()[7][0])).any()
+    assert [record.getMessage().count(words) for record in caplog.records] == [1]
+
+
+def test_wrong_columns_are_no_bad_poses(tmp_path: Path) -> None:
+    table = [[*row[:7], 0.5] for row in rows()]
+    assert "line 1: the quaternion's length is 0.500, expected 1" in bad(
+        tum(tmp_path / "a.tum", table)
+    )
+
+
+def test_hardly_any_pose_left_is_refused_with_the_reason(tmp_path: Path) -> None:
+    table = [[*row[:3], "nan", *row[4:]] for row in rows(12)] + rows(9)
+    assert "holds 9 poses, expected at least 10; 12 of 21 were lost, the first in line 1" in bad(
+        tum(tmp_path / "a.tum", table)
+    )
+
+
+MOTIVE = (
+    "Format Version,1.23,Take Name,a,Capture Frame Rate,30\n\n,Type" + ",Rigid Body" * 7 + "\n"
+    ",Name"
+    + ",mbot" * 7
+    + "\n,ID"
+    + ",1" * 7
+    + "\n,,"
+    + "Rotation," * 4
+    + "Position,Position,Position\n"
+    "Frame,Time (Seconds),X,Y,Z,W,X,Y,Z\n"
+)
+VICON = (
+    "\ufeffObjects\n30\n,,Global Angle mbot:mbot,,,,,,\n"
+    "Frame,Sub Frame,RX,RY,RZ,TX,TY,TZ\n,,rad,rad,rad,mm,mm,mm\n"
+)
+
+
+def test_a_header_of_many_lines_and_lost_cells_are_read(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """As Motive writes it: names that come twice, and nothing where the body was lost."""
+    track, path = spiral(), tmp_path / "a.csv"
+    lines = [
+        f"{n},{t:.4f},"
+        + ("," * 6 if n in (20, 21) else f"{q[1]},{q[2]},{q[3]},{q[0]},{p[0]},{p[1]},{p[2]}")
+        for n, (t, p, q) in enumerate(
+            zip(track.time_s, track.position_m, track.quaternion_wxyz, strict=True)
+        )
+    ]
+    path.write_text(MOTIVE + "\n".join(lines) + "\n")
+    form = track_format({"time": 2, "position": [7, 8, 9], "quaternion": [3, 4, 5, 6]})
+    kept = np.isin(np.arange(len(track)), (20, 21), invert=True)
+    assert same(read_track(path, form), track.where(kept))
+    assert "2 of 60 were lost, the first in line 28" in caplog.text
+    named = track_format({"time": "Time (Seconds)", "position": ["X", "Y", "Z"]})
+    assert "line 7: column 'X' is twice or more" in bad(path, named)
+
+
+def test_numbers_of_frames_are_no_time_until_it_is_said_how_many_there_are(tmp_path: Path) -> None:
+    """As Vicon writes it: no time, a rotation vector, and units below the names."""
+    track, path = spiral(), tmp_path / "a.csv"
+    turns = track.attitudes.as_rotvec()
+    table = np.column_stack([np.arange(1, 61), np.zeros(60), turns, 1000 * track.position_m])
+    path.write_text(VICON + "\n".join(",".join(f"{v:.9f}" for v in row) for row in table) + "\n")
+    settings: dict[str, object] = {
+        "time": "Frame",
+        "position": ["TX", "TY", "TZ"],
+        "position_unit": "mm",
+        "rotation_vector": ["RX", "RY", "RZ"],
+        "euler_unit": "rad",
+    }
+    assert "no column of time: 'Frame' counts by one" in bad(path, track_format(settings))
+    read = read_track(path, track_format(settings | {"frames_hz": 90}))
+    shifted = Track(read.time_s - read.time_s[0] + track.time_s[0], *poses(read))
+    assert same(shifted, track)
+
+
+def poses(track: Track) -> tuple[Array, Array]:
+    return track.position_m, track.quaternion_wxyz
+
+
+def test_a_position_of_two_columns_is_on_the_floor(tmp_path: Path) -> None:
+    track, path = spiral(), tmp_path / "a.csv"
+    table = np.column_stack([track.time_s, track.position_m[:, :2], track.yaw_rad])
+    write_csv(path, "t,x,y,yaw", table)
+    settings: dict[str, object] = {
+        "time": "t",
+        "position": ["x", "y"],
+        "euler": ["yaw"],
+        "euler_axes": "z",
+        "euler_unit": "rad",
+    }
+    read = read_track(path, track_format(settings))
+    np.testing.assert_allclose(read.position_m[:, :2], track.position_m[:, :2], atol=1e-6)
+    assert not read.position_m[:, 2].any()
+    with pytest.raises(ValueError, match="on the floor and up is z, not y"):
+        track_format(settings | {"up": "y"})
 
 
 def test_a_short_line_is_named(tmp_path: Path) -> None:

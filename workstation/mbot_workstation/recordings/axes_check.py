@@ -73,10 +73,10 @@ def check_frame(runs: Sequence[DrivenRun], declared: TrackFormat) -> None:
         (_level([_as_if(track, declared, other) for track in tracks]), other)
         for other in _others(declared)
     ]
-    best, other = min(others, key=lambda pair: pair[0].misfit)
-    far_better = FAR_BETTER * best.misfit + CLEAR_DEG < level.misfit
-    if best.is_fine and (far_better or not level.is_fine):
-        raise ConfigurationError(_named(level, declared, other))
+    for best, other in sorted(others, key=lambda pair: pair[0].misfit)[:1]:
+        far_better = FAR_BETTER * best.misfit + CLEAR_DEG < level.misfit
+        if best.is_fine and (far_better or not level.is_fine):
+            raise ConfigurationError(_named(level, declared, other))
     if level.is_fine:
         return
     if level.excess_m > 0:
@@ -123,7 +123,9 @@ def _others(declared: TrackFormat) -> list[TrackFormat]:
     orders = [declared.quaternion_order]
     if declared.quaternion is not None:
         orders.append("w-last" if declared.quaternion_order == "w-first" else "w-first")
-    axes = [declared.up, *(axis for axis in ("z", "y", "x") if axis not in declared.up)]
+    axes = [declared.up]
+    if len(declared.position) == 3:
+        axes += [axis for axis in ("z", "y", "x") if axis not in declared.up]
     return [
         msgspec.structs.replace(declared, up=axis, quaternion_order=order)
         for axis in axes

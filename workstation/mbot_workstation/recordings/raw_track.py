@@ -1,14 +1,20 @@
 """Poses as a file has them, and what must hold before they are a track."""
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.recordings.track import Array, Track
-from mbot_workstation.recordings.track_format import METRES, SECONDS, TrackFormat
+from mbot_workstation.recordings.track_format import METRES, SECONDS, TrackFormat, seconds_of
 from mbot_workstation.recordings.track_frame import to_our_frame
+
+Mask = NDArray[np.bool_]
+
+_log = logging.getLogger(__name__)
 
 FEWEST_POSES = 10
 """Less says nothing about a drive; a second at 90 Hz has 90."""
@@ -45,34 +51,62 @@ class RawTrack:
     quaternion_wxyz: Array
 
     def to_track(self, form: TrackFormat) -> Track:
-        """The track in our frame and units.
+        """The track in our frame and units, without poses that hold no number or no attitude.
 
         Raises:
-            ConfigurationError: too few poses, time that doesn't rise or is of another unit,
-                values that are not finite, or quaternions that are none.
+            ConfigurationError: too few poses, time that doesn't rise or is of another unit, or
+                quaternions that mostly are none.
 
         """
-        if len(self.time) < FEWEST_POSES:
-            raise ConfigurationError(
-                f"{self.path} holds {len(self.time)} poses, expected at least {FEWEST_POSES}"
-            )
-        self._check_finite()
-        time_s = self.time * SECONDS[form.time_unit]
-        self._check_time(time_s, form)
-        quaternion = self._unit_quaternions()
+        whole = self._whole()
+        time_s = whole.time * seconds_of(form)
+        whole._check_time(time_s, form)
+        norms = np.linalg.norm(whole.quaternion_wxyz, axis=1, keepdims=True)
         position_m, quaternion = to_our_frame(
-            self.position * METRES[form.position_unit], quaternion, form.up, form.handedness
+            whole.position * METRES[form.position_unit],
+            whole.quaternion_wxyz / norms,
+            form.up,
+            form.handedness,
         )
         return Track(time_s, position_m, quaternion)
 
-    def _check_finite(self) -> None:
+    def _whole(self) -> "RawTrack":
+        """Without the poses that are none, which are counted."""
         table = np.column_stack([self.time, self.position, self.quaternion_wxyz])
-        bad = ~np.isfinite(table).all(axis=1)
-        if bad.any():
+        known = np.asarray(np.isfinite(table).all(axis=1))
+        lengths = np.linalg.norm(self.quaternion_wxyz, axis=1)
+        unit = np.asarray(np.abs(lengths - 1) <= UNIT_TOLERANCE)
+        if known.any() and np.count_nonzero(unit[known]) * 2 < np.count_nonzero(known):
+            at = int(np.argmax(known & ~unit))
             raise ConfigurationError(
-                f"{self.path}, {self.places[int(np.argmax(bad))]}: a value is not finite; leave "
-                "out poses of moments the tracker had lost"
+                f"{self.path}, {self.places[at]}: the quaternion's length is {lengths[at]:.3f}, "
+                "expected 1, and so it is in most places; are these its columns?"
             )
+        kept = known & unit
+        if np.count_nonzero(kept) < FEWEST_POSES:
+            raise ConfigurationError(
+                f"{self.path} holds {np.count_nonzero(kept)} poses, expected at least "
+                f"{FEWEST_POSES}{self._left_out(known, unit)}"
+            )
+        if not kept.all():
+            _log.warning("%s: poses are left out%s", self.path, self._left_out(known, unit))
+        return RawTrack(
+            self.path,
+            tuple(place for place, keep in zip(self.places, kept, strict=True) if keep),
+            self.time[kept],
+            self.position[kept],
+            self.quaternion_wxyz[kept],
+        )
+
+    def _left_out(self, known: Mask, unit: Mask) -> str:
+        """Why, how many and where, such as "; 4 of 5,328 were lost, the first in line 507"."""
+        words = ""
+        for bad, why in ((~known, "were lost"), (known & ~unit, "have no quaternion of length 1")):
+            if bad.any():
+                where = self.places[int(np.argmax(bad))]
+                count = np.count_nonzero(bad)
+                words += f"; {count:,} of {len(bad):,} {why}, the first in {where}"
+        return words
 
     def _check_time(self, time_s: Array, form: TrackFormat) -> None:
         steps_s = np.diff(time_s)
@@ -88,8 +122,13 @@ class RawTrack:
         if SHORTEST_MEDIAN_STEP_S <= step_s <= LONGEST_MEDIAN_STEP_S:
             return
         slowest, fastest = USUAL_RATES_HZ
+        if form.frames_hz is None and (np.diff(self.time) == 1).mean() > 0.5:
+            raise ConfigurationError(
+                f"{self.path} has no column of time: {form.time!r} counts by one, as numbers of "
+                "frames do; say how many there are a second, such as frames_hz = 100 in track.toml"
+            )
         for unit, factor in SECONDS.items():
-            rate_hz = SECONDS[form.time_unit] / (step_s * factor)
+            rate_hz = seconds_of(form) / (step_s * factor)
             if slowest <= rate_hz <= fastest:
                 raise ConfigurationError(
                     f"{self.path}: a pose every {step_s:g} s if time is in {form.time_unit}; in "
@@ -98,14 +137,3 @@ class RawTrack:
         raise ConfigurationError(
             f"{self.path}: a pose every {step_s:g} s, expected 2 to 2000 a second"
         )
-
-    def _unit_quaternions(self) -> Array:
-        norms = np.linalg.norm(self.quaternion_wxyz, axis=1)
-        bad = np.abs(norms - 1) > UNIT_TOLERANCE
-        if bad.any():
-            at = int(np.argmax(bad))
-            raise ConfigurationError(
-                f"{self.path}, {self.places[at]}: the quaternion's length is {norms[at]:.3f}, "
-                "expected 1; are these its columns?"
-            )
-        return self.quaternion_wxyz / norms[:, None]

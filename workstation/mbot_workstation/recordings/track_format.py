@@ -27,24 +27,28 @@ class TrackFormat(Struct, frozen=True, forbid_unknown_fields=True):
     """What the numbers in a track mean. The defaults are TUM's: time x y z qx qy qz qw.
 
     Attributes:
-        time, position, quaternion, euler: columns. Without a quaternion one to three Euler angles
-            serve; with both, the quaternion is taken.
+        time, position, quaternion, euler, rotation_vector: columns. A position of two is on the
+            floor. Without a quaternion one to three Euler angles serve, or a rotation vector: the
+            axis, as long as the angle. With several, the quaternion is taken.
         time_unit, position_unit: of the columns.
+        frames_hz: where the column of time counts frames: so many a second.
         up: the axis of the tracker's frame that points up, "-y" if y points down.
         handedness: of the tracker's frame; Unity's and DirectX's are left-handed.
         quaternion_order: of the columns in `quaternion`.
         euler_axes: one letter a column: the axes turned about, in order, each about the axes as
             turned so far (intrinsic): "zyx" is yaw, pitch, roll in a frame with z up.
-        euler_unit: of the angles.
+        euler_unit: of the angles, and of a rotation vector.
         topic: which topic of an MCAP file, where it holds poses on several.
 
     """
 
     time: Column = 1
-    position: tuple[Column, Column, Column] = (2, 3, 4)
+    position: Annotated[tuple[Column, ...], Meta(min_length=2, max_length=3)] = (2, 3, 4)
     quaternion: tuple[Column, Column, Column, Column] | None = (5, 6, 7, 8)
     euler: tuple[Column, ...] | None = None
+    rotation_vector: tuple[Column, Column, Column] | None = None
     time_unit: TimeUnit = "s"
+    frames_hz: Annotated[float, Meta(gt=0)] | None = None
     position_unit: LengthUnit = "m"
     up: Up = "z"
     handedness: Literal["right", "left"] = "right"
@@ -54,7 +58,11 @@ class TrackFormat(Struct, frozen=True, forbid_unknown_fields=True):
     topic: str | None = None
 
     def __post_init__(self) -> None:
-        if self.quaternion is None:
+        if len(self.position) == 2 and self.up not in ("z", "-z"):
+            raise ValueError(
+                f"position has two columns, so they are on the floor and up is z, not {self.up}"
+            )
+        if self.quaternion is None and self.rotation_vector is None:
             if self.euler is None:
                 raise ValueError("neither `quaternion` nor `euler` names columns: one must")
             if len(self.euler) != len(self.euler_axes):
@@ -94,6 +102,11 @@ def read_track_format(folder: Path) -> TrackFormat | None:
         raise ConfigurationError(f"{path}: {error}") from None
 
 
+def seconds_of(form: TrackFormat) -> float:
+    """One unit of its column of time."""
+    return SECONDS[form.time_unit] if form.frames_hz is None else 1 / form.frames_hz
+
+
 def track_format(settings: dict[str, object]) -> TrackFormat:
     """The format that these settings describe; `preset` gives what they leave out.
 
@@ -104,7 +117,7 @@ def track_format(settings: dict[str, object]) -> TrackFormat:
     wanted = dict(settings)
     preset = wanted.pop("preset", None)
     if preset is None:
-        if "euler" in wanted:
+        if "euler" in wanted or "rotation_vector" in wanted:
             wanted.setdefault("quaternion", None)
         return msgspec.convert(wanted, TrackFormat)
     if not isinstance(preset, str) or preset not in PRESETS:

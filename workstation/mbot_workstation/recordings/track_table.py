@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.text_file import read_text
@@ -15,15 +16,22 @@ from mbot_workstation.recordings.track import Array
 from mbot_workstation.recordings.track_format import Column, TrackFormat
 from mbot_workstation.recordings.track_frame import from_euler
 
+MOST_HEADER_LINES = 20
+"""Vicon's have 5, Motive's 7, Qualisys' 11."""
+
 DELIMITERS = (",", ";", "\t")
 
 
 @dataclass(frozen=True, slots=True)
 class _Table:
-    """A file's fields. `lines` are the numbers of the rows' lines, for messages."""
+    """A file's fields. `lines` are the numbers of the rows' lines, for messages.
+
+    Where a header has several lines, names may be in any of them: `header` has the line and the
+    fields of the one that has most of those wanted.
+    """
 
     path: Path
-    header: tuple[str, ...]
+    header: tuple[int, tuple[str, ...]] | None
     lines: Sequence[int]
     rows: Sequence[Sequence[str]]
 
@@ -35,23 +43,37 @@ def read_table(path: Path, form: TrackFormat) -> RawTrack:
         ConfigurationError: the file is unusable; with line and column.
 
     """
-    table = _table(path)
+    table = _table(path, form)
     time = _numbers(table, (form.time,))[:, 0]
     position = _numbers(table, form.position)
+    if len(form.position) == 2:
+        position = np.column_stack([position, np.zeros(len(position))])
     if form.quaternion is not None:
         quaternion = _numbers(table, form.quaternion)
         if form.quaternion_order == "w-last":
             quaternion = np.roll(quaternion, 1, axis=1)
     else:
-        angles = _numbers(table, form.euler or ())
+        angles = _numbers(table, form.rotation_vector or form.euler or ())
         if form.euler_unit == "deg":
             angles = np.radians(angles)
-        quaternion = from_euler(angles, form.euler_axes)
+        quaternion = _attitudes(angles, form)
     places = tuple(f"line {line}" for line in table.lines)
     return RawTrack(path, places, time, position, quaternion)
 
 
-def _table(path: Path) -> _Table:
+def _attitudes(angles: Array, form: TrackFormat) -> Array:
+    """Quaternions, w first; of lost poses again no numbers."""
+    quaternion = np.full((len(angles), 4), np.nan)
+    known = np.isfinite(angles).all(axis=1)
+    if known.any() and form.rotation_vector is not None:
+        turns = Rotation.from_rotvec(angles[known])
+        quaternion[known] = turns.as_quat(scalar_first=True)
+    elif known.any():
+        quaternion[known] = from_euler(angles[known], form.euler_axes)
+    return quaternion
+
+
+def _table(path: Path, form: TrackFormat) -> _Table:
     text = read_text(path)
     numbered = [
         (number, line)
@@ -62,17 +84,30 @@ def _table(path: Path) -> _Table:
         raise ConfigurationError(f"{path} is empty")
     lines = [number for number, _line in numbered]
     rows = _split([line for _number, line in numbered], path)
-    header: tuple[str, ...] = ()
-    if not _is_number(rows[0][0]):
-        header = tuple(name.strip().strip('"') for name in rows[0])
-        lines, rows = lines[1:], rows[1:]
-    return _Table(path, header, lines, rows)
+    size = _header_lines(rows)
+    attitude = form.quaternion or form.rotation_vector or form.euler or ()
+    wanted = {name for name in (form.time, *form.position, *attitude) if isinstance(name, str)}
+    named = [tuple(name.strip().strip('"') for name in row) for row in rows[:size]]
+    headers = list(zip(lines, named, strict=False))
+    header = max(headers, key=lambda one: len(wanted & {*one[1]}), default=None)
+    return _Table(path, header, lines[size:], rows[size:])
+
+
+def _header_lines(rows: Sequence[Sequence[str]]) -> int:
+    """How many lines are before the numbers; the last of them holds words only."""
+    words_only = [
+        number
+        for number, row in enumerate(rows[:MOST_HEADER_LINES], start=1)
+        if any(row) and not any(_is_number(field) for field in row)
+    ]
+    return max(words_only, default=int(not _is_number(rows[0][0])))
 
 
 def _split(lines: Sequence[str], path: Path) -> Sequence[Sequence[str]]:
     if path.suffix.lower() != ".csv":
         return [line.split() for line in lines]
-    delimiter = max(DELIMITERS, key=lines[0].count)
+    first = next((line for line in lines if any(one in line for one in DELIMITERS)), "")
+    delimiter = max(DELIMITERS, key=first.count)
     return list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
 
 
@@ -92,36 +127,33 @@ def _number(table: _Table, line: int, fields: Sequence[str], index: int, column:
             f"{table.path}, line {line}: {len(fields)} fields, so there is no column {column!r}; "
             "was the file cut off?"
         )
+    if not fields[index].strip():
+        return math.nan  # as many write what they had lost
     try:
-        value = float(fields[index])
+        return float(fields[index])
     except ValueError:
         raise ConfigurationError(
             f"{table.path}, line {line}: {column!r} is {fields[index]!r}, expected a number with a "
             "decimal point"
         ) from None
-    if not math.isfinite(value):
-        raise ConfigurationError(
-            f"{table.path}, line {line}: {column!r} is {fields[index].strip()}; leave out the "
-            "lines of moments the tracker had lost"
-        )
-    return value
 
 
 def _index(table: _Table, column: Column) -> int:
     if isinstance(column, int):
         return column - 1
-    if not table.header:
+    if table.header is None:
         raise ConfigurationError(
             f"{table.path} has no header, so there is no column {column!r}; give columns by number "
             "from 1 in track.toml"
         )
-    if table.header.count(column) != 1:
-        there = "twice or more" if column in table.header else "not"
+    line, names = table.header
+    if names.count(column) != 1:
+        there = "twice or more" if column in names else "not"
         raise ConfigurationError(
-            f"{table.path}: column {column!r} is {there} among {', '.join(table.header)}; name the "
-            "columns in track.toml, see docs/recordings.md"
+            f"{table.path}, line {line}: column {column!r} is {there} among {', '.join(names)}; "
+            "give the columns in track.toml by name or by number, see docs/recordings.md"
         )
-    return table.header.index(column)
+    return names.index(column)
 
 
 def _is_number(text: str) -> bool:
