@@ -164,10 +164,13 @@ def _model(configuration: Configuration) -> Finding:
     from mbot_agent.models.sequence_floors import SequenceFloors
     from mbot_agent.models.trust import Trust
 
+    none = Finding("model", "warning", "none yet: `workstation push-model` sends one")
+    if not configuration.models.path.is_dir():  # the daemon makes it, and whose it is matters
+        return none
     store = ModelDirectory(configuration.models.path, configuration.models.keep)
     active = store.activation.active
     if not active:
-        return Finding("model", "warning", "none yet: `workstation push-model` sends one")
+        return none
     floors = SequenceFloors(configuration.models.path)
     Trust(configuration.trust, configuration.robot_id, floors).signer_of(
         active, store.label(active)
@@ -181,9 +184,13 @@ def _model(configuration: Configuration) -> Finding:
 
 
 def _disk(configuration: Configuration) -> Finding:
-    path = configuration.models.path
+    wanted = configuration.models.path
+    path = next(folder for folder in (wanted, *wanted.absolute().parents) if folder.is_dir())
     if not os.access(path, os.W_OK):
         return Finding("disk", "failed", f"cannot write {path}: run as the daemon's user, or chown")
+    owner, above = path.stat().st_uid, path.parent.stat().st_uid
+    if path == wanted and owner == 0 != above:  # root may write it, and would not notice
+        return Finding("disk", "failed", f"{path} is root's, and not the daemon's: chown -R it")
     free_bytes = shutil.disk_usage(path).free
     verdict = "ok" if free_bytes >= FULL_DISK_BYTES else "warning"
     return Finding("disk", verdict, f"{free_bytes / 2**20:.0f} MiB free in {path}")

@@ -1,5 +1,6 @@
 """`mbot-agent check`, by whoever asks."""
 
+import os
 import socket
 import sys
 from pathlib import Path
@@ -122,3 +123,31 @@ def test_a_port_that_is_taken_is_not_called_well(tmp_path: Path) -> None:
         free = findings(path)["network"]
     assert (taken.verdict, free.verdict) == ("failed", "ok")
     assert f"port {port} is taken by" in taken.detail
+
+
+def test_who_checks_before_the_first_start_leaves_nothing_behind(tmp_path: Path) -> None:
+    """Made by `sudo mbot-agent check` the folder would be root's, and no use to the daemon."""
+    path = configured(tmp_path)
+    before = sorted(tmp_path.rglob("*"))
+    found = findings(path)
+    assert sorted(tmp_path.rglob("*")) == before
+    assert (found["model"].verdict, found["disk"].verdict) == ("warning", "ok")
+    assert "none yet" in found["model"].detail
+
+
+def test_a_folder_of_roots_is_not_the_daemons(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = configured(tmp_path)
+    (tmp_path / "models").mkdir()
+    assert findings(path)["disk"].verdict == "ok"
+    status = Path.stat
+
+    def stat(self: Path, *, follow_symlinks: bool = True) -> os.stat_result:
+        found = list(status(self, follow_symlinks=follow_symlinks))
+        found[4] = 0 if self.name == "models" else 987
+        return os.stat_result(found)
+
+    monkeypatch.setattr(Path, "stat", stat)
+    assert (found := findings(path)["disk"]).verdict == "failed"
+    assert "is root's" in found.detail

@@ -49,11 +49,27 @@ def test_a_drive_under_way_loses_its_oldest_files_and_never_the_open_one(tmp_pat
     assert [path.name for path in sorted(folder.iterdir())] == ["002.mcap"]
 
 
-def test_what_is_old_goes_but_not_the_newest_whatever_the_clock_says(tmp_path: Path) -> None:
+def test_what_is_old_goes_but_not_the_newest(tmp_path: Path) -> None:
     found = directory(tmp_path, longest_days=30)
-    drives = [drive(found, 10, days_old=60) for _ in range(NEWEST_STAY + 2)]
+    drives = [drive(found, 10, days_old=60) for _ in range(3)]
+    drives += [drive(found, 10, days_old=20) for _ in range(NEWEST_STAY + 2)]
     found.make_room()
-    assert [one.name for one in found.drives()] == [one.name for one in drives[2:]]
+    assert [one.name for one in found.drives()] == [one.name for one in drives[3:]]
+
+
+@pytest.mark.parametrize("days", [-40, 400])
+def test_a_clock_that_is_wrong_costs_nothing_until_ten_drives_say_so(
+    days: int, tmp_path: Path
+) -> None:
+    """Ahead or behind: no drive is old by the date of one other."""
+    found = directory(tmp_path, longest_days=30)
+    drives = [drive(found, 10) for _ in range(25)]
+    drives += [drive(found, 10, days_old=days) for _ in range(NEWEST_STAY - 1)]
+    found.make_room()
+    assert len(found.drives()) == len(drives)
+    drive(found, 10, days_old=days)
+    found.make_room()
+    assert len(found.drives()) == (NEWEST_STAY if days < 0 else len(drives) + 1)
 
 
 def test_room_is_made_for_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

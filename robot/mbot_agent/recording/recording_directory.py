@@ -9,7 +9,6 @@ import hashlib
 import os
 import re
 import shutil
-import time
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -20,8 +19,9 @@ from mbot_protocol import atomic_file
 from mbot_protocol.errors import RefusedError
 
 NEWEST_STAY = 10
-"""Drives that do not go for their age, whatever the clock says: a Pi has none that runs on without
-power, so that a drive of today may carry a date of months ago."""
+"""Drives that do not go for their age, and by whose dates others are old. No clock is asked: a Pi
+has none that runs on without power, and one that is months ahead costs no drive before ten in a row
+have its date."""
 
 _DRIVE = re.compile(r"drive-(\d{4,9})-(\d{8}-\d{6})")
 """Counted, since a robot's clock may go back; and dated, in UTC, for people."""
@@ -114,8 +114,9 @@ class RecordingDirectory:
         """
         settings, drives = self._settings, self.drives()
         total_bytes = sum(file.size_bytes for drive in drives for file in drive.files)
-        too_old_ns = time.time_ns() - round(settings.longest_days * 86_400e9)
         old = {drive.name for drive in drives[:-NEWEST_STAY]}
+        today_ns = min((one.ended_unix_time_ns for one in drives[-NEWEST_STAY:]), default=0)
+        too_old_ns = today_ns - round(settings.longest_days * 86_400e9)
         for drive, file in self._removable(drives):
             outdated = drive.name in old and file.written_unix_time_ns < too_old_ns
             too_much = total_bytes > settings.largest_mb * 1e6
