@@ -5,12 +5,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration.room.panorama_checks import read_tags
+from mbot_workstation.calibration.room.panorama_checks import PanoramaTags, read_tags
 from mbot_workstation.calibration.room.panorama_import import prepare_room
 from mbot_workstation.calibration.room.panorama_tilt import find_tilt
 from mbot_workstation.calibration.room.panorama_turn import (
@@ -46,6 +46,16 @@ def written(path: Path, picture: NDArray, *, tags: str = "") -> Path:
         encoded = encoded[:2] + segment + encoded[2:]
     path.write_bytes(encoded)
     return path
+
+
+def xmp(first: str, inside: str = "") -> str:
+    """A packet as cameras write it; `first` goes on after "GPano:" where it is not empty."""
+    return (
+        '<x:xmpmeta xmlns:x="adobe:ns:meta/">'
+        '<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#"><rdf:Description '
+        f'xmlns:GPano="http://ns.google.com/photos/1.0/panorama/" {first and f"GPano:{first}"}>'
+        f"{inside}</rdf:Description></rdf:RDF></x:xmpmeta>"
+    )
 
 
 run = partial(output_of, panorama_command)
@@ -92,7 +102,7 @@ def test_a_room_without_upright_edges_is_left_as_it_is(tmp_path: Path) -> None:
     photo = written(
         tmp_path / "fog.jpg",
         np.repeat(plain[..., None], 3, axis=2),
-        tags='<x GPano:PosePitchDegrees="3.5" GPano:PoseRollDegrees="-1"/>',
+        tags=xmp('PosePitchDegrees="3.5" GPano:PoseRollDegrees="-1"'),
     )
     prepared = prepare_room(photo)
     assert (prepared.pitch_deg, prepared.roll_deg, prepared.tilt) == (0, 0, None)
@@ -130,18 +140,47 @@ def test_a_vertical_tells_pitch_and_roll(pitch: float, roll: float) -> None:
     assert tilt_of(vertical) == pytest.approx((pitch, roll), abs=1e-6)
 
 
-@given(st.binary(max_size=300))
-def test_tags_never_stumble(data: bytes) -> None:
-    read_tags(data)
-    read_tags(b'<GPano:PosePitchDegrees="' + data + b'"/>')
+def tags_of(folder: Path, text: str) -> PanoramaTags:
+    return read_tags(written(folder / "tags.jpg", room()[:64, :128], tags=text).read_bytes())
 
 
-def test_tags_are_read_as_attributes_and_as_elements() -> None:
-    tags = read_tags(
-        b'<a GPano:ProjectionType="equirectangular" GPano:FullPanoHeightPixels="1000"/>'
-        b"<GPano:CroppedAreaImageHeightPixels>500</GPano:CroppedAreaImageHeightPixels>"
-    )
-    assert (tags.projection, tags.share) == ("equirectangular", (1.0, 0.5))
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.text(max_size=300))
+def test_tags_never_stumble(tmp_path: Path, data: str) -> None:
+    read_tags(data.encode("utf-8", "replace"))
+    tags_of(tmp_path, data.encode("utf-8", "replace").decode() or "-")
+    tags_of(tmp_path, xmp(f'PosePitchDegrees="{data}"').encode("utf-8", "replace").decode())
+
+
+CUT = PanoramaTags("cylindrical", (0.5, 1.0), (3.0, -1.0))
+TOLD = {
+    "ProjectionType": "Cylindrical",
+    "CroppedAreaImageWidthPixels": "512",
+    "FullPanoWidthPixels": "1024",
+    "PosePitchDegrees": "3.0",
+    "PoseRollDegrees": "-1",
+}
+
+
+@pytest.mark.parametrize("between", ["\n  ", ""])
+def test_tags_are_read_as_attributes_and_as_elements(tmp_path: Path, between: str) -> None:
+    attributes = " ".join(f'GPano:{name}="{value}"' for name, value in TOLD.items())
+    elements = between.join(f"<GPano:{n}>{v}</GPano:{n}>" for n, v in TOLD.items())
+    assert tags_of(tmp_path, xmp(attributes.removeprefix("GPano:"))) == CUT
+    assert tags_of(tmp_path, xmp("", f"{between}{elements}{between}")) == CUT
+    renamed = xmp("", elements).replace("GPano:", "photo:").replace(":GPano", ":photo")
+    assert tags_of(tmp_path, renamed) == CUT, "a prefix is any name"
+
+
+def test_no_entity_is_unfolded_and_nothing_else_is_read(tmp_path: Path) -> None:
+    laughs = "".join(f'<!ENTITY a{n + 1} "{f"&a{n};" * 10}">' for n in range(9))
+    secret = tmp_path / "secret"
+    secret.write_text("cylindrical")
+    for entities in (f'<!ENTITY a0 "ha">{laughs}', f'<!ENTITY a9 SYSTEM "{secret.as_uri()}">'):
+        bomb = f"<!DOCTYPE x [{entities}]>" + xmp(
+            "", "<GPano:ProjectionType>&a9;</GPano:ProjectionType>"
+        )
+        assert tags_of(tmp_path, bomb) == PanoramaTags()
 
 
 def fisheyes() -> NDArray[np.uint8]:
@@ -174,6 +213,7 @@ def cut_above_and_below() -> NDArray[np.uint8]:
         (cut_above_and_below(), "upper or lower edge with different things"),
         (framed(), "plain frame around it"),
         (fisheyes(), "two round fisheye pictures"),
+        (np.zeros((256, 512, 3), np.uint8), "one colour from top to bottom"),
     ],
 )
 def test_what_is_no_panorama_is_refused_as_what_it_is(
@@ -187,9 +227,9 @@ def test_what_is_no_panorama_is_refused_as_what_it_is(
 
 def test_what_the_file_says_of_itself_counts(tmp_path: Path) -> None:
     for tags, words in (
-        ('<x GPano:ProjectionType="cylindrical"/>', "has a cylindrical projection"),
+        (xmp('ProjectionType="cylindrical"'), "has a cylindrical projection"),
         (
-            '<x GPano:FullPanoHeightPixels="2000" GPano:CroppedAreaImageHeightPixels="800"/>',
+            xmp('FullPanoHeightPixels="2000" GPano:CroppedAreaImageHeightPixels="800"'),
             "covers 360 x 72 degrees",
         ),
     ):

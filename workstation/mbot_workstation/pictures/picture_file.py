@@ -38,26 +38,37 @@ def decode_picture(encoded: bytes, *, turn: bool = False) -> Picture | None:
         ConfigurationError: it has more than `MOST_PIXELS`.
 
     """
-    if not _is_picture(encoded):
+    if _opened(encoded) is None:
         return None
     kind = cv2.IMREAD_COLOR if turn else cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
     decoded = cv2.imdecode(np.frombuffer(encoded, np.uint8), kind)
     return None if decoded is None else cast(Picture, cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB))
 
 
-def _is_picture(encoded: bytes) -> bool:
-    """Whether it begins as one, by its header alone."""
+def read_xmp(encoded: bytes) -> bytes:
+    """The XML that cameras and stitchers write into a picture file; empty if there is none.
+
+    Raises:
+        ConfigurationError: the picture has more than `MOST_PIXELS`.
+
+    """
+    image = _opened(encoded)
+    told = "" if image is None else image.info.get("xmp", "")
+    return told.encode() if isinstance(told, str) else bytes(told)
+
+
+def _opened(encoded: bytes) -> Image.Image | None:
+    """Its header, and nothing decoded; None if it is no picture."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
-            Image.open(BytesIO(encoded), formats=_FORMATS).close()
+            return Image.open(BytesIO(encoded), formats=_FORMATS)
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
         raise ConfigurationError(
             f"the picture has more than {MOST_PIXELS:,} pixels; reduce it"
         ) from None
     except Exception:  # Pillow's readers raise whatever a broken header leads to
-        return False
-    return True
+        return None
 
 
 def read_picture(path: Path, *, turn: bool = False) -> Picture:

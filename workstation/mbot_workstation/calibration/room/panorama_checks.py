@@ -1,13 +1,15 @@
 """Whether a picture is a whole 360-degree photo, and if not, what it is."""
 
-import re
+from contextlib import suppress
 from dataclasses import dataclass
+from xml.parsers import expat
 
 import cv2
 import numpy as np
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.picture import Picture
+from mbot_workstation.pictures.picture_file import read_xmp
 from mbot_workstation.simulation.room import ASPECT_TOLERANCE, SMALLEST_WIDTH_PX
 
 SEAM_SHARE, SEAM_LEVELS = 1.5, 2.0
@@ -22,10 +24,7 @@ PLAIN_LEVELS = 3.0
 """Spread along a column of a frame; along any column of six real rooms it is 27 or more."""
 
 BLACK_BELOW = 12
-TAG_BYTES = 262_144
-"""Where a JPEG's XMP data is; it comes before the picture."""
-
-_TAG = re.compile(rb"GPano:(\w+)(?:\s*=\s*[\"']|>)([^\"'<]{1,60})")
+_GPANO = "http://ns.google.com/photos/1.0/panorama/ "
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,10 +45,7 @@ class PanoramaTags:
 
 def read_tags(data: bytes) -> PanoramaTags:
     """The tags of a file; what is missing or no number counts as not said."""
-    found = {
-        name.decode("latin-1"): value.decode("latin-1").strip()
-        for name, value in _TAG.findall(data[:TAG_BYTES])
-    }
+    found = _photo_sphere(read_xmp(data))
     shares = [
         _share(found, "CroppedAreaImageWidthPixels", "FullPanoWidthPixels"),
         _share(found, "CroppedAreaImageHeightPixels", "FullPanoHeightPixels"),
@@ -59,6 +55,36 @@ def read_tags(data: bytes) -> PanoramaTags:
         (shares[0], shares[1]),
         (_number(found, "PosePitchDegrees", 0.0), _number(found, "PoseRollDegrees", 0.0)),
     )
+
+
+def _photo_sphere(xmp: bytes) -> dict[str, str]:
+    """What stands there, as attributes or as elements, until it is no XML."""
+    found: dict[str, str] = {}
+    text: list[str] = []
+
+    def note(name: str, value: str) -> None:
+        if name.startswith(_GPANO):
+            found[name.removeprefix(_GPANO)] = value.strip()
+
+    def start(_: str, attributes: dict[str, str]) -> None:
+        text.clear()
+        for name, value in attributes.items():
+            note(name, value)
+
+    def end(name: str) -> None:
+        note(name, "".join(text))
+        text.clear()
+
+    def refuse(*_: object) -> None:  # XMP has no document type, whose entities could be a bomb
+        raise expat.ExpatError
+
+    parser = expat.ParserCreate(namespace_separator=" ")
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = text.append
+    parser.StartDoctypeDeclHandler = refuse
+    with suppress(expat.ExpatError, ValueError):  # the latter of encodings that there aren't
+        parser.Parse(xmp.strip(b"\0 \r\n\t"), True)
+    return found
 
 
 def check_projection(picture: Picture, tags: PanoramaTags, name: str) -> None:
@@ -88,6 +114,8 @@ def check_projection(picture: Picture, tags: PanoramaTags, name: str) -> None:
         raise ConfigurationError(
             f"{name} covers {360 * tags.share[0]:.0f} x {180 * tags.share[1]:.0f} degrees, {wanted}"
         )
+    if float(picture[:, :: -(-width // SMALLEST_WIDTH_PX)].std(axis=0).max()) < PLAIN_LEVELS:
+        raise ConfigurationError(f"{name} is of one colour from top to bottom, {wanted}")
     if _is_two_circles(picture):
         raise ConfigurationError(
             f"{name} shows two round fisheye pictures side by side, not stitched yet; {wanted} in "
@@ -115,9 +143,8 @@ def check_projection(picture: Picture, tags: PanoramaTags, name: str) -> None:
 
 def seam_difference(picture: Picture) -> tuple[float, float]:
     """Mean difference of the outer columns, and of the sharpest 1 % of neighbours, in levels."""
-    levels = picture.astype(np.float32)
-    seam = float(np.abs(levels[:, 0] - levels[:, -1]).mean())
-    neighbours = np.abs(np.diff(levels, axis=1)).mean(axis=(0, 2))
+    seam = float(cv2.absdiff(picture[:, 0], picture[:, -1]).mean())
+    neighbours = cv2.absdiff(picture[:, 1:], picture[:, :-1]).mean(axis=(0, 2))
     return seam, float(np.percentile(neighbours, 99))
 
 
