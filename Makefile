@@ -99,6 +99,10 @@ deb: $(VENV)/.all $(FIRMWARE)/mbot-deadman.hex ## As dist, and a Debian package 
 pins: $(VENV)/.all ## Resolve anew which wheels a release has; writes deploy/requirements
 	rm -rf deploy/requirements out/dist-cache
 	$(BIN)/python -m mbot_workstation.releases.make_release --version 0 --sequence 0 --without-firmware $(DIST)
+	$(PIP) download --only-binary=:all: -c constraints.txt --dest out/dist-cache/build hatchling
+	$(BIN)/python -c 'from pathlib import Path; from mbot_workstation.releases.robot_wheels import requirement as pin; \
+		print("# Wheels that build the daemon from a checkout. `make pins` writes it.", \
+		*map(pin, sorted(Path("out/dist-cache/build").iterdir())), sep="\n")' > deploy/requirements/build.txt
 
 benchmark: $(VENV)/.all ## Measure the daemon; use a quiet machine
 	$(BIN)/python benchmarks/agent.py

@@ -277,20 +277,28 @@ failed_update() {
     fail "the release could not be installed, see above"
 }
 
+# What root runs of others' is pinned by digest, as in a release; hatchling, that builds ours, as well.
 build_checkout() {
     run rm -rf "$folder"
     run "$python" -m venv --system-site-packages "$folder/venv" || return 1
-    constraints=$checkout/deploy/constraints-$release.txt
-    set -- --no-cache-dir --only-binary=:all: --compile
-    [ ! -f "$constraints" ] || set -- "$@" --constraint "$constraints"
-    # --only-binary: a Pi Zero 2 W would compile numpy for hours and then run out of memory.
-    # --compile: the service may not write .pyc files. TMPDIR: Trixie's /tmp lies in memory.
-    if ! run env TMPDIR="$root/var/tmp" "$folder/venv/bin/python" -m pip install "$@" \
-        "${checkout}[robot]"; then
+    pins=$checkout/deploy/requirements
+    if ! install_pinned --compile -r "$pins/$release-$(dpkg --print-architecture).txt" ||
+        ! install_pinned --target "$folder/build" -r "$pins/build.txt" ||
+        ! run env TMPDIR="$root/var/tmp" PYTHONPATH="$folder/build" \
+            "$folder/venv/bin/python" -m pip install --no-cache-dir --no-index --no-deps \
+            --no-build-isolation --compile "$checkout"; then
         run rm -rf "$folder"
         return 1
     fi
+    run rm -rf "$folder/build"
     run install -D -m 0644 "$checkout/deploy/systemd/$service" "$folder/deploy/systemd/$service"
+}
+
+# --only-binary: a Pi Zero 2 W would compile numpy for hours and then run out of memory.
+# --compile: the service may not write .pyc files. TMPDIR: Trixie's /tmp lies in memory.
+install_pinned() {
+    run env TMPDIR="$root/var/tmp" "$folder/venv/bin/python" -m pip install --no-cache-dir \
+        --no-deps --require-hashes --only-binary=:all: "$@"
 }
 
 # 1 to 32 of a-z, 0-9, '-' and '_', beginning with a letter or digit.

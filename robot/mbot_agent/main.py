@@ -189,11 +189,15 @@ def _check(path: "Path", *, as_json: bool) -> int:
     from mbot_agent.doctor import examine
 
     findings = examine(configuration, keys_by_file(path))
-    for finding in findings:
-        if as_json:
-            print(json.dumps({name: getattr(finding, name) for name in finding.__slots__}))
-        else:
-            print(f"{finding.verdict:8} {finding.subject:8} {finding.detail}")
+    try:
+        for finding in findings:
+            if as_json:
+                print(json.dumps({name: getattr(finding, name) for name in finding.__slots__}))
+            else:
+                print(f"{finding.verdict:8} {finding.subject:8} {finding.detail}")
+        sys.stdout.flush()
+    except BrokenPipeError:  # who read has read enough, as `head` has
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return 1 if any(finding.verdict == "failed" for finding in findings) else 0
 
 

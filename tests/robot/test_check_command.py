@@ -2,6 +2,7 @@
 
 import os
 import socket
+import subprocess
 import sys
 from pathlib import Path
 from typing import NoReturn
@@ -151,3 +152,14 @@ def test_a_folder_of_roots_is_not_the_daemons(
     monkeypatch.setattr(Path, "stat", stat)
     assert (found := findings(path)["disk"]).verdict == "failed"
     assert "is root's" in found.detail
+
+
+def test_a_reader_who_has_read_enough_is_no_error(tmp_path: Path) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-m", "mbot_agent.main", "check", "--config"]
+    done = subprocess.run(
+        [*command, str(configured(tmp_path))], stdout=writer, stderr=subprocess.PIPE, check=False
+    )
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (1, b"")

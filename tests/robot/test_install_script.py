@@ -10,6 +10,7 @@ import pty
 import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -199,14 +200,39 @@ def test_service_is_enabled_and_checked_but_never_started(machine: Machine) -> N
     assert started == [watched]
 
 
-@pytest.mark.parametrize(("release", "constrained"), [("bookworm", True), ("trixie", False)])
-def test_bookworms_numpy_is_not_replaced(machine: Machine, release: str, constrained: bool) -> None:
+@pytest.mark.parametrize("release", ["bookworm", "trixie"])
+@pytest.mark.parametrize("architecture", ["arm64", "amd64"])
+def test_root_installs_nothing_that_is_not_pinned_by_its_digest(
+    machine: Machine, release: str, architecture: str
+) -> None:
     (machine.root / "etc/os-release").write_text(f'VERSION_CODENAME="{release}"\n')
-    machine.installed()
-    pip = next(line for line in machine.asked() if "-m pip install" in line)
-    assert ("constraints-bookworm.txt" in pip) is constrained
-    assert pip.endswith(f" {CHECKOUT}[robot]")
-    assert "-m venv --system-site-packages" in "\n".join(machine.asked())
+    machine.knows("architecture", f"{architecture}\n")
+    machine.installed("--without-picamera2")
+    asked = machine.asked()
+    *pinned, own = (line.split() for line in asked if "-m pip install" in line)
+    assert own[-1] == str(CHECKOUT)
+    assert {"--no-index", "--no-deps", "--no-build-isolation"} <= set(own)
+    files = [Path(words[words.index("-r") + 1]) for words in pinned]
+    assert [file.name for file in files] == [f"{release}-{architecture}.txt", "build.txt"]
+    for words, file in zip(pinned, files, strict=True):
+        assert {"--require-hashes", "--no-deps", "--only-binary=:all:"} <= set(words)
+        assert file.is_file()
+    assert "-m venv --system-site-packages" in "\n".join(asked)
+
+
+def test_all_that_the_robot_and_its_build_want_is_pinned() -> None:
+    """What `make pins` would write anew; on Bookworm numpy and OpenCV are older ones."""
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())
+    tested = dict(re.findall(r"(?m)^(.+)==(.+)$", (CHECKOUT / "constraints.txt").read_text()))
+    wanted = [*project["project"]["dependencies"]]
+    wanted += project["project"]["optional-dependencies"]["robot"]
+    for path in (CHECKOUT / "deploy/requirements").iterdir():
+        words = project["build-system"]["requires"] if path.stem == "build" else wanted
+        pins = re.findall(r"(?m)^(\S+)==(\S+) --hash=sha256:[0-9a-f]{64}$", path.read_text())
+        assert len(pins) == len(path.read_text().splitlines()) - 1
+        assert {re.split("[<>=; ]", word)[0] for word in words} <= dict(pins).keys()
+        own = {"numpy", "opencv-python-headless"} if "bookworm" in path.name else set()
+        assert all(tested.get(name, pin) == pin for name, pin in pins if name not in own)
 
 
 def test_second_install_changes_nothing_and_keeps_an_edited_configuration(
