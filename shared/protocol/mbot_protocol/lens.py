@@ -36,23 +36,45 @@ def folds_in_view(camera: CameraModel, view: FieldOfView) -> bool:
 
 
 def _folds(camera: CameraModel, outermost: float) -> bool:
-    k1, k2, _, _, k3, k4, k5, k6 = (*camera.distortion, 0.0, 0.0, 0.0)[:8]
-    if not any((k1, k2, k3, k4, k5, k6)):
-        return False
     corner = _corner(camera)
     slopes: NDArray[np.float64] = np.linspace(0.0, outermost, STEPS * 10)
-    squared = slopes**2
-    above = 1 + squared * (k1 + squared * (k2 + squared * k3))
-    below = 1 + squared * (k4 + squared * (k5 + squared * k6))
-    if (below <= 0).any():
+    seen = _seen(camera, slopes)
+    if seen is slopes:
+        return False
+    if not np.isfinite(seen).all():
         return True
-    seen = slopes * above / below
     if outermost < OUTERMOST and seen.max() < corner:
         return bool((np.diff(seen) <= 0).any())
     reached = int(np.argmax(seen >= corner))
     if seen[reached] < corner:
         return True
     return bool((np.diff(seen[: reached + 1]) <= 0).any())
+
+
+def ray_slope(camera: CameraModel, seen: float) -> float:
+    """The slope of the ray that appears so far from the axis, in focal lengths.
+
+    Where the distortion folds before, the outermost that appears at all.
+    """
+    slopes: NDArray[np.float64] = np.linspace(0.0, OUTERMOST, STEPS * 10)
+    places = _seen(camera, slopes)
+    if places is slopes:
+        return seen
+    rises = places[1:] > places[:-1]
+    until = len(slopes) if rises.all() else int(np.argmin(rises)) + 1
+    return float(np.interp(seen, places[:until], slopes[:until]))
+
+
+def _seen(camera: CameraModel, slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How far from the axis rays of these slopes appear; infinite where nothing does. The same
+    array without any radial distortion."""
+    k1, k2, _, _, k3, k4, k5, k6 = (*camera.distortion, 0.0, 0.0, 0.0)[:8]
+    if not any((k1, k2, k3, k4, k5, k6)):
+        return slopes
+    squared = slopes**2
+    above = 1 + squared * (k1 + squared * (k2 + squared * k3))
+    below = 1 + squared * (k4 + squared * (k5 + squared * k6))
+    return np.where(below > 0, slopes * above / np.where(below > 0, below, 1.0), -np.inf)
 
 
 def _corner(camera: CameraModel) -> float:

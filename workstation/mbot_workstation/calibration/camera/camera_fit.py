@@ -41,6 +41,9 @@ LIMIT_DEVIATIONS, LIMIT_MEDIANS = 3.0, 3.0
 than 3 standard deviations (1.48 times the median deviation). Sharp pictures of a flat board are
 within twice the median, shaken ones beyond 5 times (drawn pictures)."""
 
+USUAL_ERROR = 1e-4
+"""Of the picture's width: how far corners of good pictures are off."""
+
 MOST_ROUNDS = 10
 """Of leaving pictures out and fitting again; two or three settle it."""
 
@@ -142,16 +145,39 @@ def fit_camera(sightings: Sequence[Sighting], *, keep_outliers: bool = False) ->
         start = replace(camera, distortion=(*camera.distortion[:4], 0.0))
         camera, deviations = solve(some, start, flags)
     if folds_within(camera):
-        # OpenCV's rational model, a quotient of two polynomials, keeps rising further out.
-        flags = cv2.CALIB_RATIONAL_MODEL
-        start = replace(camera, distortion=(0.0,) * 8)
-        camera, deviations = solve(some, start, flags)
+        camera, deviations, flags = _unfolded(some, camera, coarser=not keep_outliers)
     spread = np.maximum(deviations, _by_pictures(some, camera, flags))
     pictures = tuple(
         _judge(view, camera, sighting, bool(keeps))
         for view, sighting, keeps in zip(views, sightings, kept, strict=True)
     )
-    return CameraFit(camera, spread, pictures, float(limit), flags != cv2.CALIB_FIX_K3)
+    return CameraFit(camera, spread, pictures, float(limit), not flags & cv2.CALIB_FIX_K3)
+
+
+def _unfolded(
+    views: Sequence[View], start: CameraModel, *, coarser: bool
+) -> tuple[CameraModel, Values, int]:
+    """In place of one whose picture folds over: a camera, its deviations, OpenCV's flags for it.
+
+    It may be a wide lens, which OpenCV's rational model follows, as that keeps rising further out.
+    Or the finest terms bend where no board was seen: what does not is preferred then, if corners
+    fit it nearly as well.
+    """
+    tried: list[tuple[float, CameraModel, Values, int]] = []
+    k1, k2, p1, p2, _ = start.distortion
+    ways = (
+        ((0.0,) * 8, cv2.CALIB_RATIONAL_MODEL),
+        ((k1, k2, p1, p2, 0.0), cv2.CALIB_FIX_K3),
+        ((k1, 0.0, p1, p2, 0.0), cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3),
+    )
+    for distortion, flags in ways if coarser else ways[:1]:
+        camera, deviations = solve(views, replace(start, distortion=distortion), flags)
+        apart = np.concatenate([residuals(v, camera, pose_of(v, camera)).ravel() for v in views])
+        tried.append((float(np.sqrt(2 * (apart**2).mean())), camera, deviations, flags))
+    tried.sort(key=lambda one: one[0])
+    most_px = tried[0][0] + USUAL_ERROR * start.width_px
+    good = [one for one in tried if one[0] <= most_px and not folds_within(one[1])]
+    return (good or tried)[0][1:]
 
 
 def solve(views: Sequence[View], start: CameraModel, flags: int = 0) -> tuple[CameraModel, Values]:

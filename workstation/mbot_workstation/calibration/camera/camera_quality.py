@@ -12,7 +12,7 @@ from mbot_protocol.camera_model import (
     PI_CAMERA_VERTICAL_FOV_DEG,
     CameraModel,
 )
-from mbot_protocol.lens import folds_within
+from mbot_protocol.lens import folds_within, ray_slope
 from mbot_workstation.calibration.camera.camera_fit import CameraFit, PictureFit
 from mbot_workstation.calibration.camera.picture_sizes import scaled_corners
 
@@ -26,9 +26,10 @@ lines converge."""
 SAME_POSE_DEG, SAME_POSE_SHARE = 3.0, 0.05
 """Two boards are in one pose if turned by less, and moved by less than this of their distance."""
 
-WORST_FOCAL = 0.01
-"""Half the 95 % interval of the focal lengths, relative: more than 1 % is 0.5 degrees at the edge
-of the view."""
+WORST_FOCAL, NOTED_FOCAL = 0.02, 0.01
+"""Half the 95 % interval of the focal lengths, relative: 1 % is 0.3 degrees at the edge of the Pi
+camera's view. Half of what training varies the view by (4 %, `variation.presets`) is left to what
+else is not known."""
 
 WORST_ERROR = 0.001
 """Of the picture's width: bent boards and shaken cameras are beyond, a tenth of it is usual."""
@@ -38,6 +39,8 @@ FEWEST_AREAS = 6
 
 FEWEST_IN_AREA = 8
 """Corners without which an area counts as empty; a board that only touches it says little."""
+
+_MORE_TILTED = "more pictures with the board tilted, filling the view"
 
 MOST_LEFT_OUT = 1 / 3
 
@@ -92,7 +95,7 @@ def judge(fit: CameraFit) -> CameraQuality:
     if uncertain > WORST_FOCAL:
         objections.append(
             f"the focal length is known to +-{100 * uncertain:.1f} % only, expected "
-            f"{100 * WORST_FOCAL:g}: more pictures with the board tilted, filling the view"
+            f"{100 * WORST_FOCAL:g}: {_MORE_TILTED}"
         )
     if len(empty) > len(AREAS) - FEWEST_AREAS:
         objections.append(
@@ -110,7 +113,7 @@ def judge(fit: CameraFit) -> CameraQuality:
             "are they from one camera, with one focus and zoom?"
         )
     return CameraQuality(
-        tuple(objections), _notes(fit, empty, len(objections)), empty, poses, tilt_deg
+        tuple(objections), _notes(fit, empty, uncertain, len(objections)), empty, poses, tilt_deg
     )
 
 
@@ -157,14 +160,21 @@ def _largest_tilt_deg(pictures: Sequence[PictureFit]) -> float:
     return float(np.degrees(np.arccos(np.clip(normals @ normals.T, -1, 1).min())))
 
 
-def _notes(fit: CameraFit, empty: Sequence[str], objections: int) -> tuple[str, ...]:
+def _notes(
+    fit: CameraFit, empty: Sequence[str], uncertain: float, objections: int
+) -> tuple[str, ...]:
     notes: list[str] = []
+    if NOTED_FOCAL < uncertain <= WORST_FOCAL:
+        notes.append(
+            f"the focal length is known to +-{100 * uncertain:.1f} %, better to "
+            f"{100 * NOTED_FOCAL:g}: {_MORE_TILTED}"
+        )
     if empty and not objections:
         notes.append(f"no picture has the board in the {_listed(empty)} of the view")
     if not fit.k3_is_told:
-        notes.append("the pictures can't tell k3 from 0, so it is 0")
+        notes.append("the pictures can't tell k3, so it is 0")
     if len(fit.camera.distortion) > len(NARROW):
-        notes.append("a wide lens: five coefficients would fold its picture over, so it has eight")
+        notes.append("five coefficients would fold its picture over, so it has eight")
     if folds_within(fit.camera):
         notes.append("the lens folds its corners over; what a policy looks at is not touched")
     view = view_deg(fit.camera)
@@ -179,10 +189,11 @@ def _notes(fit: CameraFit, empty: Sequence[str], objections: int) -> tuple[str, 
 
 
 def view_deg(camera: CameraModel) -> tuple[float, float]:
-    """Field of view across and up, without distortion."""
+    """Field of view across and up, through the optical axis, as the lens shows it."""
     across, up = (
-        np.degrees(
-            np.arctan((principal + 0.5) / focal) + np.arctan((size - principal - 0.5) / focal)
+        sum(
+            np.degrees(np.arctan(ray_slope(camera, away / focal)))
+            for away in (principal + 0.5, size - principal - 0.5)
         )
         for size, principal, focal in (
             (camera.width_px, camera.principal_x_px, camera.focal_x_px),
