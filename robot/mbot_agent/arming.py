@@ -77,6 +77,7 @@ class Orders:
         epoch: changes before this one: a decision begun under another epoch is outdated.
         stop: the last stop.
         let_go_ns: when the hand let go (monotonic), while that is why the robot stands; else 0.
+        given_ns: when a person last wanted it to move (monotonic); 0 before the first time.
 
     """
 
@@ -84,6 +85,7 @@ class Orders:
     epoch: int = 0
     stop: Stop = Stop()
     let_go_ns: int = 0
+    given_ns: int = 0
 
     @property
     def is_armed(self) -> bool:
@@ -101,7 +103,7 @@ class Orders:
             if not seen_stops:
                 raise RefusedError("the command names no stop count: upgrade the workstation")
             raise RefusedError(f"{self.stop.in_words(now_ns)}; look, then run again")
-        return self._to(mode)
+        return replace(self._to(mode), given_ns=now_ns)
 
     def ready(self) -> "Orders":
         """Nothing is in the way any more of a robot that was told to wait for that."""

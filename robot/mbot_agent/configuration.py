@@ -140,6 +140,7 @@ class Control(Struct, frozen=True, forbid_unknown_fields=True):
     on_lost_link: Literal["drive", "stop"] = "drive"
     lost_link_after_s: Annotated[float, Meta(ge=1, le=60)] = 3.0
     longest_hold_s: Annotated[float, Meta(ge=0, le=10)] = 2.0
+    longest_wait_s: Annotated[float, Meta(ge=1, le=3600)] = 30.0
 
 
 class Models(Struct, frozen=True, forbid_unknown_fields=True):

@@ -67,6 +67,7 @@ class ControlLoop:
         self._observer: Observer | None = None
         self._observer_for: tuple[tuple[int, ...], FieldOfView] | None = None
         self._hold = Hold(configuration.control.longest_hold_s)
+        self._longest_wait_s = configuration.control.longest_wait_s
         self._stuck = StuckCheck()
         self._resets = board.resets
         self._ticks = 0
@@ -153,8 +154,8 @@ class ControlLoop:
         """
         orders = self._helm.orders
         faults = self.faults(orders.mode)
-        if orders.mode is Mode.WAITING and not faults:
-            self._helm.begin(orders)
+        if orders.mode is Mode.WAITING:
+            self._begin_or_give_up(orders, faults, now_ns)
         reset, self._resets = self._board.resets != self._resets, self._board.resets
         driving = orders.mode is Mode.RUNNING
         paused_ns = now_ns - self.latest.started_ns if self.latest is not None else 0
@@ -166,6 +167,19 @@ class ControlLoop:
         elif overdue is not None:
             self._helm.latch(overdue.detail)
         return self._helm.orders
+
+    def _begin_or_give_up(self, orders: Orders, faults: tuple[Fault, ...], now_ns: int) -> None:
+        """A word counts for a while, and only while somebody is there, where that is wanted: nobody
+        who comes later to have a look sets the robot in motion by it.
+        """
+        waited_s = (now_ns - orders.given_ns) / 1e9
+        if (lost := self._link_fault()) is not None:
+            self._helm.latch(f"nobody was there any more to wait for: {lost.detail}")
+        elif waited_s > self._longest_wait_s:
+            why = faults[0].detail if faults else "the loop stood still"
+            self._helm.latch(f"waited {waited_s:.0f} s in vain: {why}")
+        elif not faults:
+            self._helm.begin(orders)
 
     def _decide(self, tick: Tick) -> Tick:
         """The policy's action, if it is to drive; or the fault that it has met."""

@@ -1,5 +1,6 @@
 """The running daemon: its parts, put together in the order in which they must start and end."""
 
+import contextlib
 import gc
 import logging
 import secrets
@@ -20,10 +21,12 @@ from mbot_agent.process.last_end import LastEnd
 from mbot_agent.process.watchdog import Watchdog
 from mbot_agent.releases.own_release import own_release, update_goes_on
 from mbot_agent.tick import Tick
+from mbot_protocol.release_ledger import UNDER_FIRE
 
 if TYPE_CHECKING:
     from mbot_agent.camera.capture import CaptureThread
-    from mbot_agent.command_service import CommandService
+    from mbot_agent.commands.command_service import CommandService
+    from mbot_agent.commands.stop_service import StopService
     from mbot_agent.control_loop import ControlLoop
     from mbot_agent.helm import Helm
     from mbot_agent.models.model_keeper import ModelKeeper
@@ -77,14 +80,15 @@ def rehearse(configuration: Configuration) -> str:
         MbotError: what would not work.
 
     """
-    from mbot_agent import command_service, control_loop
+    from mbot_agent import control_loop
+    from mbot_agent.commands import command_service, stop_service
     from mbot_agent.models import model_service
     from mbot_agent.models.model_directory import ModelDirectory
     from mbot_agent.models.policy import Policy
     from mbot_agent.network import zenoh_link
     from mbot_protocol.golden_frames import check_deviation
 
-    parts = (command_service, control_loop, model_service, zenoh_link)
+    parts = (command_service, stop_service, control_loop, model_service, zenoh_link)
     words = f"{len(parts)} parts are there"
     models = configuration.models
     # Nothing is made or written here: the updater lets a release on trial read only.
@@ -109,7 +113,8 @@ def _drive(
 
     camera = parts.enter_context(CaptureThread(configuration.camera))
 
-    from mbot_agent.command_service import CommandService
+    from mbot_agent.commands.command_service import CommandService
+    from mbot_agent.commands.stop_service import StopService
     from mbot_agent.control_loop import ControlLoop
     from mbot_agent.helm import Helm
     from mbot_agent.models.pilot import Pilot
@@ -143,9 +148,10 @@ def _drive(
         presence.heard,
         lambda: update_goes_on(inbox),
     )
+    stops = StopService(helm, motors)
     releases = _releases(configuration, inbox, helm)
-    link.serve("releases/**", releases.answers)
-    watchdog = _serve(link, configuration.access, commands, models, motors, parts)
+    link.serve(releases.answers)
+    watchdog = _serve(link, configuration.access, stops, commands, models, motors, parts)
     loop.subscribe(_telemetry(configuration, session_id, link, notices, camera, parts))
     if recorder is not None:
         loop.subscribe(recorder.offer)
@@ -163,11 +169,15 @@ def _orders_at_start(start: str, last_end: LastEnd) -> Orders:
     orders = Orders(Mode.IDLE)
     if start != "running":
         return orders
+    why = ""
     if last_end.was_crash:
         why = "the daemon did not end in order the last time"
+    elif last_end.unmarked:
+        why = f"a crash could not be told from a clean end, no mark of it: {last_end.unmarked}"
+    if why:
         log.warning("not driving: %s; `workstation run` sets it in motion", why)
         return orders.stopped(time.monotonic_ns(), why=why)
-    return replace(orders, mode=Mode.WAITING)
+    return replace(orders, mode=Mode.WAITING, given_ns=time.monotonic_ns())
 
 
 def _disarm_unless_driving(loop: "ControlLoop", helm: "Helm") -> Callable[[str], None]:
@@ -212,23 +222,41 @@ class _Models:
 def _serve(
     link: "Link",
     access: Access,
+    stops: "StopService",
     commands: "CommandService",
     models: _Models,
     motors: Motors,
     parts: ExitStack,
 ) -> Watchdog:
     """Answer from now on; what watches that this goes on."""
-    from mbot_agent.command_service import PULSE
+    from mbot_agent.commands.stop_service import PULSE
+    from mbot_agent.network.pulse import Pulse
     from mbot_agent.network.session_guard import SessionGuard
-    from mbot_agent.network.stop_probe import StopProbe
 
-    commands.serve(link)
-    link.serve("models/**", models.service.answers)
+    stops.serve(link)
+    served = commands.serve(link)
+    link.serve(models.service.answers)
     link.announce()
-    guard = parts.enter_context(SessionGuard(access, link.visitors))
+    guard = parts.enter_context(
+        SessionGuard(access, link.visitors, lambda: link.queries, _tell_of_floods)
+    )
     link.watch_visitors(guard.look_now)
-    probe = parts.enter_context(StopProbe(lambda timeout_s: link.answers(PULSE, timeout_s)))
-    return Watchdog({"motors": lambda: motors.progress_ns, "serve stop": lambda: probe.answered_ns})
+    pulse = parts.enter_context(Pulse(lambda timeout_s: link.answers(PULSE, timeout_s)))
+    return Watchdog(
+        {
+            "motors": lambda: motors.progress_ns,
+            "stop": lambda: stops.progress_ns,
+            "commands": lambda: min(one.progress_ns for one in served),
+            "network": lambda: pulse.answered_ns,
+        }
+    )
+
+
+def _tell_of_floods() -> None:
+    """Root's updater reads it: a death by the watchdog meanwhile is no fault of the release."""
+    log.warning("somebody floods the robot with messages")
+    with contextlib.suppress(OSError):
+        (state_directory() / UNDER_FIRE).touch()
 
 
 def _releases(configuration: Configuration, inbox: Path, helm: "Helm") -> "ReleaseService":
@@ -277,7 +305,7 @@ def _recorder(
     robot_id, settings = configuration.robot_id, configuration.recording
     directory = RecordingDirectory(configuration.recordings_path, settings)
     service = RecordingService(robot_id, directory, enabled=settings.enabled)
-    link.serve("recordings/**", service.answers)
+    link.serve(service.answers)
     if not settings.enabled:
         return None
     return parts.enter_context(

@@ -7,10 +7,30 @@ does not know of it is obeyed.
 
 import threading
 import time
+from dataclasses import dataclass
 
 from mbot_agent.arming import Mode, Orders
 from mbot_agent.hardware import Board, DriveCommand
+from mbot_protocol.errors import RefusedError
 from mbot_protocol.mcore import STOP, Joystick
+
+MOST_SENDERS = 64
+"""Whose last press is remembered. The one that is forgotten had its last command long ago: none is
+good for more than a second."""
+
+
+@dataclass(frozen=True, slots=True)
+class Press:
+    """One of the times that a hand has taken hold.
+
+    Attributes:
+        sender: whose hand.
+        number: which time; grows.
+
+    """
+
+    sender: int
+    number: int
 
 
 class Helm:
@@ -22,6 +42,8 @@ class Helm:
         self._orders = orders
         self._manual_until_ns = 0
         self._by_hand = STOP
+        self._press: Press | None = None
+        self._over: dict[int, int] = {}
 
     @property
     def by_hand(self) -> Joystick:
@@ -45,12 +67,14 @@ class Helm:
             orders = self._orders.armed(mode, seen_stops, time.monotonic_ns())
             if self._orders.mode is Mode.MANUAL:
                 self._board.stop()
+            self._end_press()
             self._orders = orders
             self._board.arm()
 
     def stop(self, by: str = "") -> None:
         """Stop, and stay so until somebody who knows of this stop says otherwise."""
         with self._lock:
+            self._end_press()
             self._orders = self._orders.stopped(time.monotonic_ns(), by=by)
             self._board.disarm()
             self._board.stop()
@@ -63,6 +87,7 @@ class Helm:
         with self._lock:
             if not self._orders.is_armed:
                 return
+            self._end_press()
             self._orders = self._orders.stopped(time.monotonic_ns(), why=why)
             self._board.disarm()
             self._board.stop()
@@ -70,26 +95,42 @@ class Helm:
     def begin(self, orders: Orders) -> None:
         """What these orders were waiting for has come."""
         with self._lock:
-            if self._orders == orders:
+            if self._orders == orders and orders.mode is Mode.WAITING:
                 self._orders = orders.ready()
                 self._board.arm()
 
-    def steer_by_hand(self, joystick: Joystick, hold_ns: int, seen_stops: int) -> None:
-        """Drive as a person says, for so long at most.
+    def steer_by_hand(
+        self, joystick: Joystick, until_ns: int, seen_stops: int, press: Press
+    ) -> None:
+        """Drive as a person says, until then at most (monotonic).
 
         Raises:
-            RefusedError: there has been a stop that the sender does not know of.
+            RefusedError: there has been a stop that the sender does not know of, or this press is
+                over: the hand has let go, or something has ended it.
 
         """
         with self._lock:
-            now_ns = time.monotonic_ns()
-            orders = self._orders.armed(Mode.MANUAL, seen_stops, now_ns)
+            self._release_if_due(time.monotonic_ns())
+            orders = self._orders.armed(Mode.MANUAL, seen_stops, time.monotonic_ns())
+            if press.number <= self._over.get(press.sender, 0):
+                raise RefusedError("this hand has let go: let go, then take hold anew")
+            if press != self._press:
+                self._end_press()
+                self._press = press
             if self._orders.mode is not Mode.MANUAL:
                 self._orders = orders
                 self._board.arm()
-            self._manual_until_ns = now_ns + hold_ns
+            self._manual_until_ns = until_ns
             self._by_hand = joystick
-            self._board.drive(DriveCommand(joystick, self._manual_until_ns))
+            self._board.drive(DriveCommand(joystick, until_ns))
+
+    def let_go(self, press: Press) -> None:
+        """A hand lets go: what it has sent before and is still on its way moves nothing."""
+        with self._lock:
+            if press == self._press:
+                self._release(time.monotonic_ns())
+            else:
+                self._is_over(press)
 
     def steer_by_policy(self, orders: Orders, command: DriveCommand) -> int | None:
         """Drive as the policy decided, unless the orders have changed since it began.
@@ -112,8 +153,26 @@ class Helm:
     def end_manual_if_due(self) -> None:
         """A person who has let go has stopped driving."""
         with self._lock:
-            now_ns = time.monotonic_ns()
-            if self._orders.mode is Mode.MANUAL and now_ns >= self._manual_until_ns:
-                self._orders = self._orders.released(now_ns)
-                self._board.disarm()
-                self._board.stop()
+            self._release_if_due(time.monotonic_ns())
+
+    def _release_if_due(self, now_ns: int) -> None:
+        if self._orders.mode is Mode.MANUAL and now_ns >= self._manual_until_ns:
+            self._release(now_ns)
+
+    def _release(self, now_ns: int) -> None:
+        self._end_press()
+        self._orders = self._orders.released(now_ns)
+        self._board.disarm()
+        self._board.stop()
+
+    def _end_press(self) -> None:
+        """Whatever ends a press ends it for good: who still holds has to take hold anew."""
+        if self._press is not None:
+            self._is_over(self._press)
+            self._press = None
+
+    def _is_over(self, press: Press) -> None:
+        last = self._over.pop(press.sender, 0)
+        self._over[press.sender] = max(last, press.number)
+        if len(self._over) > MOST_SENDERS:
+            del self._over[next(iter(self._over))]

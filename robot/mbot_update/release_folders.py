@@ -11,7 +11,7 @@ from pathlib import Path
 
 from mbot_protocol import atomic_file
 from mbot_protocol.errors import RefusedError
-from mbot_protocol.release_ledger import Ledger, read_ledger
+from mbot_protocol.release_ledger import UNDER_FIRE, Ledger, read_ledger
 
 WHOLE = "whole"
 BEFORE_RELEASES = "0-before-releases"
@@ -42,6 +42,7 @@ class ReleaseFolders:
         self.inbox = root / "var/lib/mbot-agent/releases"
         self.lives = self.application / "lives"
         self.at_work = root / "run/mbot-agent-update"
+        self.under_fire = root / "var/lib/mbot-agent" / UNDER_FIRE
         self._ledger_path = self.application / "ledger.json"
         self._link = self.application / "current"
 

@@ -2,12 +2,13 @@
 
 The daemon's unit tells root of each end (`ExecStopPost`). What dies ten times before it has once
 lived for an hour goes back, however many days and boots lie in between. Ends that were asked for
-count for nothing, nor do those by a wrong configuration, in an update, or by the machine's own end;
-a power cut is none. Afterwards only what systemd counts is held against a release: it was not the
-release that changed.
+count for nothing, nor do those by a wrong configuration, in an update, by the machine's own end, or
+by the watchdog while somebody floods the daemon; a power cut is none. Afterwards only what systemd
+counts is held against a release: it was not the release that changed.
 """
 
 import os
+import time
 
 from mbot_protocol import atomic_file
 from mbot_update import system
@@ -16,6 +17,9 @@ from mbot_update.release_folders import ReleaseFolders
 SHORT_S = 3600.0
 TOO_MANY = 10
 """As StartLimitBurst= of the daemon's unit."""
+
+UNDER_FIRE_S = 30.0
+"""The watchdog's 5 s, the 3 s that its abort may take, and the motors' stop, doubled."""
 
 PROVEN = "proven"
 
@@ -27,7 +31,7 @@ def count_end(folders: ReleaseFolders) -> None:
         return
     if system.lived_s() >= SHORT_S:
         _note(folders, version, PROVEN)
-    elif _died() and system.is_up():
+    elif _died(folders) and system.is_up():
         _note(folders, version, str(short_lives(folders) + 1))
         if too_many(folders):
             system.start_putting_back()
@@ -49,11 +53,21 @@ def begin_anew(folders: ReleaseFolders) -> None:
     atomic_file.remove(folders.lives)
 
 
-def _died() -> bool:
+def is_under_fire(folders: ReleaseFolders) -> bool:
+    """Whether the daemon has told of a flood just before now."""
+    try:
+        ago_s = time.time() - folders.under_fire.stat().st_mtime
+    except OSError:
+        return False
+    return abs(ago_s) <= UNDER_FIRE_S
+
+
+def _died(folders: ReleaseFolders) -> bool:
     result, status = (os.environ.get(name, "") for name in ("SERVICE_RESULT", "EXIT_STATUS"))
     asked_for = result in ("", "success")
     misconfigured = (result, status) == ("exit-code", str(system.WRONG_CONFIGURATION))
-    return not asked_for and not misconfigured
+    under_fire = result == "watchdog" and is_under_fire(folders)
+    return not asked_for and not misconfigured and not under_fire
 
 
 def _record(folders: ReleaseFolders, version: str) -> str:

@@ -5,13 +5,14 @@ the ledger names where it came from; whoever finds that name there later goes ba
 the old release is what a boot starts, until the one write that accepts the new one.
 """
 
+import sys
 import time
 from dataclasses import replace
 from typing import IO
 
 from mbot_protocol.errors import MbotError, RefusedError
 from mbot_protocol.public_key import PublicKey
-from mbot_protocol.release_ledger import BUSY, Outcome
+from mbot_protocol.release_ledger import BUSY, Ledger, Outcome
 from mbot_update import health_gate, short_lives, system, taking_in
 from mbot_update.release_folders import BEFORE_RELEASES, ReleaseFolders
 
@@ -90,7 +91,11 @@ def change_over(folders: ReleaseFolders, version: str, number: str = "", floor: 
     # One of before there were releases goes as soon as a release has shown itself in its place.
     replaced = "" if old == BEFORE_RELEASES and runs else old
     ledger = folders.ledger.accepted(version, replaced, floor)
-    folders.note(replace(ledger, outcome=outcome))
+    try:
+        folders.note(replace(ledger, outcome=outcome))
+    except OSError as error:
+        # It would run on, though nobody has accepted it, until a boot goes back unasked.
+        return _go_back(folders, version, number, f"the disk takes no note of it: {error.strerror}")
     short_lives.begin_anew(folders)
     folders.sweep()
     return outcome
@@ -147,17 +152,20 @@ def put_back_by_itself(folders: ReleaseFolders) -> Outcome:
     found = system.service()
     if (found.result, found.exit_status) == ("exit-code", system.WRONG_CONFIGURATION):
         raise RefusedError("the daemon ended because of its configuration, not of its release")
+    if found.result == "watchdog" and short_lives.is_under_fire(folders):
+        system.start_without_waiting()
+        raise RefusedError("the daemon was flooded with messages: that is not its release's fault")
     current, ledger = folders.current, folders.ledger
     target = _other(folders, barred=frozenset(ledger.rejected))
     outcome = Outcome("", current, "rolled-back", f"{DIED}: {target} runs")
     ledger = replace(ledger.with_rejected(current, DIED), came_from=target, outcome=outcome)
-    folders.note(ledger)
+    _note_if_possible(folders, ledger)
     folders.switch(target)
-    previous = "" if target == ledger.previous else ledger.previous
-    folders.note(replace(ledger, came_from="", previous=previous))
     system.reload_units()
     system.start_without_waiting()
-    folders.sweep()
+    previous = "" if target == ledger.previous else ledger.previous
+    if _note_if_possible(folders, replace(ledger, came_from="", previous=previous)):
+        folders.sweep()
     return outcome
 
 
@@ -176,18 +184,27 @@ def _other(folders: ReleaseFolders, barred: frozenset[str]) -> str:
 
 
 def _go_back(folders: ReleaseFolders, version: str, number: str, why: str) -> Outcome:
-    ledger = folders.ledger
-    outcome = Outcome(number, version, "rolled-back", f"{why}; {ledger.came_from} runs again")
-    ledger = replace(ledger.with_rejected(version, why), outcome=outcome)
-    folders.note(ledger)
-    folders.switch(ledger.came_from)
-    folders.note(replace(ledger, came_from=""))
+    """The old release runs before anything is noted: a disk that takes no note must not keep the
+    new one running. Until it is noted, whoever finds the ledger goes back once more."""
+    old = folders.ledger.came_from
+    folders.switch(old)
     system.reload_units()
-    if not system.restart():
-        outcome = replace(outcome, detail=f"{why}; {ledger.came_from} is back, but not READY")
-        folders.note(replace(ledger, came_from="", outcome=outcome))
-    folders.sweep()
+    runs = f"{old} runs again" if system.restart() else f"{old} is back, but not READY"
+    outcome = Outcome(number, version, "rolled-back", f"{why}; {runs}")
+    ledger = replace(folders.ledger.with_rejected(version, why), came_from="", outcome=outcome)
+    if _note_if_possible(folders, ledger):
+        folders.sweep()
     return outcome
+
+
+def _note_if_possible(folders: ReleaseFolders, ledger: Ledger) -> bool:
+    """Whether it is noted: a robot that drives matters more than a disk that is full."""
+    try:
+        folders.note(ledger)
+    except OSError as error:
+        print(f"mbot-agent: not noted: {error}", file=sys.stderr)
+        return False
+    return True
 
 
 def _refused(folders: ReleaseFolders, number: str, error: MbotError) -> Outcome:

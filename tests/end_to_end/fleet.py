@@ -110,7 +110,7 @@ class TalkingRobot:
         self.link.__enter__()
         for topic in TOPICS:
             if topic.flow is Flow.QUERY:
-                self.link.serve(topic.name, {topic.name: self._answer(topic.name)})
+                self.link.serve({topic.name: self._answer(topic.name)})
         self.link.announce()
         return self
 

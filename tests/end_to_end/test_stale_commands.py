@@ -83,6 +83,6 @@ def late_commands(session_id: int, now_ns: int) -> list[bytes]:
         if number % 2:
             command.run.CopyFrom(Run())
         else:
-            command.drive.CopyFrom(Drive(wheels=Wheels(left=1, right=1), hold_ms=1000))
+            command.drive.CopyFrom(Drive(wheels=Wheels(left=1, right=1), hold_ms=1000, press=1))
         commands.append(command)
     return [command.SerializeToString() for command in commands]

@@ -12,7 +12,8 @@ from typing import Any
 from mbot_agent import main
 from mbot_agent.board.motors import Motors
 from mbot_agent.camera.capture import CaptureThread
-from mbot_agent.command_service import CommandService
+from mbot_agent.commands.command_service import CommandService
+from mbot_agent.commands.stop_service import StopService
 from mbot_agent.control_loop import ControlLoop
 from mbot_agent.network.presence import Presence
 from mbot_agent.network.telemetry_publisher import Telemetry
@@ -43,7 +44,9 @@ if __name__ == "__main__":
     suffer("motors", Motors, "_wait")
     suffer("camera", CaptureThread, "_take")
     suffer("telemetry", Telemetry, "_send")
-    suffer("stop", CommandService, "pulse")
+    suffer("stop", StopService, "take")
+    suffer("confirm", StopService, "confirm")
+    suffer("command", CommandService, "command")
     suffer("main", ControlLoop, "_decide")
     suffer("presence", Presence, "look")
     main.main()

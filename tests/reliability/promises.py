@@ -39,6 +39,10 @@ LOCK_OUT = "end_to_end/test_lock_out.py"
 LOOP = "robot/test_control_loop.py"
 STUCK = "robot/test_stuck.py::test_a_picture_that_stands_still_for_3_s_of_driving_is_stuck"
 BORDER = "end_to_end/test_stuck.py::test_a_robot_at_the_border_stops_and_says_that_it_is_stuck"
+ATTACK = (
+    "end_to_end/test_stop_under_attack.py::"
+    "test_no_viewer_keeps_anybody_elses_stop_from_being_confirmed"
+)
 CAMERA_ENDS = f"{CAMERA}::test_the_robot_stops_for_a_camera_that_ends"
 SLOW = f"{PROCESS}::test_a_decision_that_takes_2_s_stops_the_robot"
 SIGTERM = f"{PROCESS}::test_sigterm_in_motion_stops_at_once"
@@ -77,6 +81,11 @@ PROMISES: dict[str, tuple[Promise, ...]] = {
             "longest_s == 2",
         ),
         Promise(
+            "once, within 30 s",
+            f"{LOOP}::test_waiting_is_not_a_gap_but_has_an_end",
+            "longest_s == 30",
+        ),
+        Promise(
             "ends with 7",
             "workstation/test_main.py::test_armed_but_standing_says_for_what_it_waits",
             "done.returncode == 7",
@@ -85,6 +94,7 @@ PROMISES: dict[str, tuple[Promise, ...]] = {
     ),
     "safety.md": (
         Promise("no STOP: 100 ms", LOG, "min(stop_ms) < STOP_BAR_MS"),
+        Promise("confirmed within 100 ms", ATTACK, "sorted(found.confirmed_ms)[-2] <= 100"),
         Promise("within 600 ms of the last frame", CAMERA_ENDS, "within(600, stopped_ms)"),
         Promise("stops within 4 s", BORDER, "within(4, stopped_s)"),
         Promise("within 600 ms of the last one", SLOW, "within(600, stopped_ms)"),

@@ -14,9 +14,12 @@ import pytest
 
 from mbot_agent.process.termination import THREAD_DIED
 from mbot_protocol.errors import MbotError
+from mbot_protocol.keys import COMMAND, STOP
+from mbot_protocol.v1.messages_pb2 import Command, CommandReply
 from mbot_workstation.link.remote_control import NotStandingError, RemoteControl
+from mbot_workstation.link.robot_link import RobotLink
 
-from ..end_to_end.processes import PROGRAMS, Daemon, Process, until
+from ..end_to_end.processes import PROGRAMS, ROBOT_ID, Daemon, Process, until
 from ..robot.fake_board import FakeBoard
 from .effort import REPEATS
 from .motion import FORWARD, FORWARD_BOARD, driven_since, driving, script
@@ -26,8 +29,18 @@ Record = Callable[[str, object], None]
 STOP_BAR_MS = 100
 
 
+def ask(daemon: Daemon, thread: str) -> None:
+    """Have a thread at work that waits for a question."""
+    topic = {"stop": STOP, "confirm": STOP, "command": COMMAND}.get(thread)
+    if topic is not None:
+        with suppress(MbotError), RobotLink(daemon.address, ROBOT_ID) as link:
+            link.query(topic, Command(schema_version=1), CommandReply, 0.3)
+
+
 @pytest.mark.timeout(300)
-@pytest.mark.parametrize("thread", ["motors", "camera", "telemetry", "stop", "main"])
+@pytest.mark.parametrize(
+    "thread", ["motors", "camera", "telemetry", "stop", "confirm", "command", "main"]
+)
 def test_an_exception_that_ends_any_thread_ends_the_process_with_the_motors_off(
     daemon: Daemon, board: FakeBoard, thread: str, record_property: Record
 ) -> None:
@@ -40,6 +53,7 @@ def test_an_exception_that_ends_any_thread_ends_the_process_with_the_motors_off(
             with driving(daemon, board, script(daemon, "ailing_daemon.py")) as process:
                 ailment.write_text(f"{thread} dies")
                 died_s = time.monotonic()
+                ask(daemon, thread)
                 assert board.wait_for(0, 0)
                 assert process.wait() == THREAD_DIED
                 ended_ms.append((time.monotonic() - died_s) * 1000)
@@ -69,7 +83,7 @@ def service_manager(directory: Path) -> Iterator[tuple[dict[str, str], Callable[
 
 
 @pytest.mark.timeout(120)
-@pytest.mark.parametrize("thread", ["motors", "stop"])
+@pytest.mark.parametrize("thread", ["motors", "stop", "confirm", "command"])
 def test_a_thread_that_hangs_starves_the_watchdog(
     daemon: Daemon, board: FakeBoard, thread: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -80,6 +94,7 @@ def test_a_thread_that_hangs_starves_the_watchdog(
             heard()
             assert until(lambda: any("WATCHDOG=1" in line for line in heard()), 2)
             (daemon.directory / "ailment").write_text(f"{thread} hangs")
+            ask(daemon, thread)
             assert until(lambda: "no progress" in daemon.log.read_text(), 5)
             heard()
             lines: list[str] = []
@@ -182,10 +197,6 @@ def timed_ms(act: Callable[[], object]) -> float:
 
 def link_stop(link: object) -> None:
     """One STOP and its reply, whatever it says of the board."""
-    from mbot_protocol.keys import STOP
-    from mbot_protocol.v1.messages_pb2 import Command, CommandReply
-    from mbot_workstation.link.robot_link import RobotLink
-
     assert isinstance(link, RobotLink)
     reply = link.query(STOP, Command(schema_version=1), CommandReply, 1.0)
     assert reply.accepted

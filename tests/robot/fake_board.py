@@ -16,6 +16,9 @@ from mbot_protocol.mcore import HEADER
 _UNLOCK, _NUMBER = 0x40045431, 0x80045430
 """TIOCSPTLCK and TIOCGPTN, which Python's termios does not have."""
 
+WIRE_S_PER_BYTE = 10 / 115_200
+"""Eight bits, a start and a stop; a pty has no wire, and a stop burst takes a real one 5.4 ms."""
+
 STOP_FRAME = bytes.fromhex("ff5507000205 0000 0000".replace(" ", ""))
 
 
@@ -110,10 +113,12 @@ class FakeBoard:
             if not ready:
                 continue
             data = os.read(self._master, 4096)
+            time.sleep(len(data) * WIRE_S_PER_BYTE)
             self.received += data
             self._buffer += data
             while (reply := self._take()) is not None:
                 if reply and not self.mute:
+                    time.sleep(len(reply) * WIRE_S_PER_BYTE)
                     os.write(self._master, reply)
 
     def _take(self) -> bytes | None:

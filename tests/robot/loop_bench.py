@@ -9,11 +9,14 @@ from mbot_agent.configuration import Configuration
 from mbot_agent.control_loop import ControlLoop
 from mbot_agent.faults import Fault
 from mbot_agent.hardware import Delivery, DriveCommand, Frame
-from mbot_agent.helm import Helm
+from mbot_agent.helm import Helm, Press
 from mbot_agent.models.pilot import Pilot
 from mbot_agent.tick import Tick
 from mbot_protocol.mcore import Joystick
 from mbot_protocol.picture import Picture
+
+HAND = Press(sender=7, number=1)
+"""Somebody who has taken hold for the first time."""
 
 
 class ObedientBoard:
@@ -101,11 +104,18 @@ class Bench:
         self.helm = Helm(self.board, Orders(Mode.IDLE))
         self.pilot = Pilot()
         configuration = Configuration(robot_id="mbot-1")
-        self.loop = ControlLoop(configuration, self.camera, self.board, self.helm, self.pilot)
+        self.link_fault: Fault | None = None
+        self.loop = ControlLoop(
+            configuration, self.camera, self.board, self.helm, self.pilot, lambda: self.link_fault
+        )
 
     def run(self) -> None:
         """As a person does who has just looked."""
         self.helm.run(self.stops)
+
+    def hold(self, joystick: Joystick, hold_ns: int = 10**9) -> None:
+        """As a hand does that has taken hold."""
+        self.helm.steer_by_hand(joystick, time.monotonic_ns() + hold_ns, self.stops, HAND)
 
     @property
     def stops(self) -> int:

@@ -5,11 +5,14 @@ from typing import Any
 
 import pytest
 
-from mbot_agent.arming import Mode
-from mbot_agent.command_service import LONGEST_EXPIRY_NS, CommandService
+from mbot_agent.arming import Mode, State
+from mbot_agent.commands.command_service import LONGEST_EXPIRY_NS, CommandService
+from mbot_agent.commands.stop_service import StopService
 from mbot_agent.configuration import Configuration
 from mbot_agent.faults import Fault
+from mbot_agent.helm import Press
 from mbot_agent.models.policy import Policy
+from mbot_agent.network.requests import Request
 from mbot_agent.network.wire_messages import wire_decision
 from mbot_protocol.mcore import STOP
 from mbot_protocol.schema import SCHEMA_VERSION
@@ -21,6 +24,13 @@ from .tiny_models import constant_model
 SESSION = 42
 
 
+class Asked(Request):
+    """A request that came over no network."""
+
+    def __init__(self, payload: bytes) -> None:
+        self.payload = payload
+
+
 class Service:
     """A command service, and a person who sends what the test says."""
 
@@ -28,6 +38,7 @@ class Service:
         self.bench = Bench()
         self.heard = 0
         self.numbers = 0
+        self.presses = 0
         self.updating = False
         self.service = CommandService(
             Configuration(robot_id="mbot-1"),
@@ -40,6 +51,7 @@ class Service:
             self._hear,
             lambda: self.updating,
         )
+        self.stops = StopService(self.bench.helm, self.bench.board)
 
     def _hear(self) -> None:
         self.heard += 1
@@ -64,11 +76,23 @@ class Service:
         return self.send(self.command(run=messages.Run(), **changes))
 
     def drive(self, **changes: Any) -> messages.CommandReply:
+        self.presses += 1
+        return self.send(self.drive_command(300, self.presses, **changes))
+
+    def drive_command(
+        self, hold_ms: int, press: int, *, let_go: bool = False, **changes: Any
+    ) -> messages.Command:
+        """Good for as long as it holds."""
         wheels = messages.Wheels(left=0.5, right=0.5)
-        return self.send(self.command(drive=messages.Drive(wheels=wheels, hold_ms=300), **changes))
+        drive = messages.Drive(wheels=wheels, hold_ms=hold_ms, press=press, let_go=let_go)
+        good = {"expires_monotonic_ns": time.monotonic_ns() + hold_ms * 1_000_000}
+        return self.command(drive=drive, **(good | changes))
 
     def stop(self, payload: bytes = b"") -> messages.CommandReply:
-        return messages.CommandReply.FromString(self.service.stop(payload))
+        """STOP, and what all who wait are answered then."""
+        request = Asked(payload)
+        self.stops.take(request)
+        return self.stops.confirm()
 
     @property
     def status(self) -> messages.Status:
@@ -116,9 +140,7 @@ def test_nothing_that_was_sent_before_a_stop_moves_the_robot_after_it(
     early = (
         service.command(run=messages.Run())
         if what == "run"
-        else service.command(
-            drive=messages.Drive(wheels=messages.Wheels(left=1, right=1), hold_ms=1000)
-        )
+        else service.drive_command(1000, press=1)
     )
     service.stop(messages.Command(sender="max").SerializeToString())
     reply = service.send(early)
@@ -155,7 +177,8 @@ def test_a_hand_that_let_go_is_told_apart_from_an_older_stop(service: Service) -
     assert service.status.let_go_monotonic_ns == 0
     assert service.drive().accepted
     assert service.status.let_go_monotonic_ns == 0
-    service.bench.helm.steer_by_hand(STOP, 0, service.bench.stops)  # as good as over
+    hand = Press(17, service.presses)
+    service.bench.helm.steer_by_hand(STOP, 0, service.bench.stops, hand)  # as good as over
     tick = service.bench.loop.tick(time.monotonic_ns())
     status = service.status
     assert status.state == messages.STATE_STOPPED
@@ -267,7 +290,42 @@ def test_asked_to_wait_it_waits(service: Service) -> None:
 
 @pytest.mark.parametrize("hold_ms", [0, 1001])
 def test_a_hand_holds_for_a_second_at_most(service: Service, hold_ms: int) -> None:
-    wheels = messages.Wheels(left=1, right=1)
-    drive = messages.Drive(wheels=wheels, hold_ms=hold_ms)
-    assert "expected 1 to 1000" in service.send(service.command(drive=drive)).reason
+    drive = service.drive_command(
+        hold_ms, press=1, expires_monotonic_ns=time.monotonic_ns() + 10**9
+    )
+    assert "expected 1 to 1000" in service.send(drive).reason
     assert service.bench.board.commands == []
+
+
+def test_a_hands_command_lives_no_longer_than_it_holds(service: Service) -> None:
+    """One that was held up on its way would set a robot in motion whose hand has let go."""
+    good = time.monotonic_ns() + 900_000_000
+    long = service.drive_command(300, press=1, expires_monotonic_ns=good)
+    assert "no longer than it holds" in service.send(long).reason
+    assert service.bench.board.commands == []
+    short = service.drive_command(
+        300, press=1, expires_monotonic_ns=time.monotonic_ns() + 50_000_000
+    )
+    assert service.send(short).accepted
+    [command] = service.bench.board.commands
+    assert command.deadline_ns == short.expires_monotonic_ns
+    assert "press from 1 on" in service.send(service.drive_command(300, press=0)).reason
+
+
+def test_a_press_that_was_let_go_is_never_taken_again(service: Service) -> None:
+    assert service.send(service.drive_command(300, press=1)).accepted
+    late = service.drive_command(1000, press=1)
+    assert service.send(service.drive_command(1, press=1, let_go=True)).accepted is True
+    assert service.bench.helm.orders.mode is Mode.STOPPED
+    late.number = service.numbers + 1  # as if it had overtaken nothing
+    assert "take hold anew" in service.send(late).reason
+    assert service.bench.helm.orders.mode is Mode.STOPPED
+    assert service.bench.tick().state is State.STOPPED
+    service.numbers += 1
+    assert service.send(service.drive_command(300, press=2)).accepted
+
+
+def test_a_hand_may_let_go_of_what_never_arrived(service: Service) -> None:
+    assert service.send(service.drive_command(1, press=1, let_go=True)).accepted
+    assert "take hold anew" in service.send(service.drive_command(300, press=1)).reason
+    assert not service.bench.helm.orders.is_armed

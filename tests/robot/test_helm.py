@@ -4,10 +4,11 @@ import pytest
 
 from mbot_agent.arming import Mode, Orders
 from mbot_agent.hardware import DriveCommand
-from mbot_agent.helm import Helm
+from mbot_agent.helm import MOST_SENDERS, Helm, Press
+from mbot_protocol.errors import RefusedError
 from mbot_protocol.mcore import Joystick
 
-from .loop_bench import ObedientBoard
+from .loop_bench import HAND, ObedientBoard
 
 FORWARD = Joystick(-100, 100)
 
@@ -19,6 +20,10 @@ def motors() -> ObedientBoard:
 
 def helm_of(motors: ObedientBoard, mode: Mode = Mode.IDLE) -> Helm:
     return Helm(motors, Orders(mode))
+
+
+def held(helm: Helm, press: Press = HAND, hold_ns: int = 10**9) -> None:
+    helm.steer_by_hand(FORWARD, time.monotonic_ns() + hold_ns, helm.orders.stop.count, press)
 
 
 def test_a_decision_begun_before_a_stop_never_reaches_the_motors(motors: ObedientBoard) -> None:
@@ -44,7 +49,7 @@ def test_a_decision_begun_before_stop_and_run_again_is_outdated_too(
 def test_resting_for_old_orders_does_not_stop_a_hand(motors: ObedientBoard) -> None:
     helm = helm_of(motors, Mode.RUNNING)
     orders = helm.orders
-    helm.steer_by_hand(FORWARD, 10**9, helm.orders.stop.count)
+    held(helm)
     helm.rest(orders)
     assert motors.asked == [FORWARD]
 
@@ -53,7 +58,7 @@ def test_a_hand_that_lets_go_has_stopped(
     motors: ObedientBoard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     helm = helm_of(motors, Mode.RUNNING)
-    helm.steer_by_hand(FORWARD, 200_000_000, helm.orders.stop.count)
+    held(helm, hold_ns=200_000_000)
     helm.end_manual_if_due()
     assert helm.orders.mode is Mode.MANUAL
     later_ns = time.monotonic_ns() + 200_000_000
@@ -65,7 +70,7 @@ def test_a_hand_that_lets_go_has_stopped(
 
 def test_run_takes_over_from_a_hand_standing(motors: ObedientBoard) -> None:
     helm = helm_of(motors)
-    helm.steer_by_hand(FORWARD, 10**9, helm.orders.stop.count)
+    held(helm)
     helm.run(helm.orders.stop.count)
     assert motors.asked == [FORWARD, "stop"]
     assert helm.orders.mode is Mode.RUNNING
@@ -93,13 +98,12 @@ def test_the_board_is_armed_by_a_word_and_disarmed_by_a_stop(
     helm = helm_of(motors)
     helm.rest(helm.orders)
     helm.begin(helm.orders)
-    assert motors.armed == 1  # `begin` itself is what comes of a word
-    motors.armed = 0
+    assert motors.armed == 0  # nobody has said anything yet
     if word == "run":
         helm.run(helm.orders.stop.count)
     elif word == "drive":
         for _ in range(3):  # a hand says it again and again; the board needs it once
-            helm.steer_by_hand(FORWARD, 10**9, helm.orders.stop.count)
+            held(helm)
     else:
         helm.run(helm.orders.stop.count, when_ready=True)
         motors.armed = 0
@@ -110,3 +114,59 @@ def test_the_board_is_armed_by_a_word_and_disarmed_by_a_stop(
     helm.run(helm.orders.stop.count)
     helm.latch("the board was reset")
     assert motors.disarmed == 2
+
+
+@pytest.mark.parametrize("end", ["stop", "latch", "run", "let go", "its time", "another hand"])
+def test_whatever_ends_a_press_ends_it_for_good(motors: ObedientBoard, end: str) -> None:
+    helm = helm_of(motors)
+    held(helm, hold_ns=0 if end == "its time" else 10**9)
+    ends = {
+        "stop": helm.stop,
+        "latch": lambda: helm.latch("stuck"),
+        "run": lambda: helm.run(helm.orders.stop.count),
+        "let go": lambda: helm.let_go(HAND),
+        "its time": helm.end_manual_if_due,
+        "another hand": lambda: held(helm, Press(8, 1)),
+    }
+    ends[end]()
+    orders, asked = helm.orders, list(motors.asked)
+    with pytest.raises(RefusedError, match="take hold anew"):
+        held(helm)
+    assert (helm.orders, motors.asked) == (orders, asked)
+    held(helm, Press(HAND.sender, HAND.number + 1))
+
+
+def test_a_late_command_of_a_hold_that_is_over_moves_nothing(motors: ObedientBoard) -> None:
+    """The next beat may be 400 ms away, and the motors have stopped by themselves meanwhile."""
+    helm = helm_of(motors)
+    held(helm, hold_ns=0)
+    with pytest.raises(RefusedError, match="take hold anew"):
+        held(helm)
+    assert helm.orders.mode is Mode.STOPPED
+    assert motors.asked == [FORWARD, "stop"]
+
+
+def test_the_presses_of_the_latest_senders_are_remembered(motors: ObedientBoard) -> None:
+    helm = helm_of(motors)
+    for sender in range(MOST_SENDERS):
+        helm.let_go(Press(sender, 5))
+    helm.let_go(Press(0, 3))  # an older one, heard of late: 5 stays over
+    helm.let_go(Press(MOST_SENDERS, 1))
+    with pytest.raises(RefusedError):
+        held(helm, Press(0, 5))
+    held(helm, Press(1, 1))  # the one that has been silent for longest is forgotten
+
+
+def test_what_was_waited_for_arms_no_other_orders(motors: ObedientBoard) -> None:
+    """A STOP, or another word, may come between the look at the faults and this."""
+    helm = helm_of(motors)
+    helm.run(helm.orders.stop.count, when_ready=True)
+    waiting, motors.armed = helm.orders, 0
+    helm.stop()
+    helm.begin(waiting)
+    assert (helm.orders.mode, motors.armed) == (Mode.STOPPED, 0)
+    helm.run(helm.orders.stop.count, when_ready=True)
+    helm.begin(waiting)
+    assert (helm.orders.mode, motors.armed) == (Mode.WAITING, 1)
+    helm.begin(helm.orders)
+    assert helm.orders.mode is Mode.RUNNING

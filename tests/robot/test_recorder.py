@@ -56,7 +56,7 @@ def test_a_drive_is_recorded_exactly_from_arming_to_the_stop(tmp_path: Path) -> 
 def test_what_a_hand_told_the_board_is_recorded(tmp_path: Path) -> None:
     drive = Drive()
     with recorder_in(tmp_path) as recorder:
-        drive.bench.helm.steer_by_hand(Joystick(-100, 90), 10**9, drive.bench.stops)
+        drive.bench.hold(Joystick(-100, 90))
         recorder.offer(drive.tick())
         drive.bench.helm.stop()
         recorder.offer(drive.tick())

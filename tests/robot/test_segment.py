@@ -91,7 +91,7 @@ def test_only_what_changes_is_told() -> None:
     assert list(log.changes(drive.tick())) == []
     drive.bench.run()
     assert [words for _, words in log.changes(drive.tick())] == ["now running"]
-    drive.bench.helm.steer_by_hand(STOP, 0, drive.bench.stops)
+    drive.bench.hold(STOP, 0)
     assert [words for _, words in log.changes(drive.tick())] == ["now stopped: the hand has let go"]
 
 

@@ -1,54 +1,84 @@
+"""The guard's thread on real sockets: this process holds both ends."""
+
+import socket
+import time
+from contextlib import suppress
+
 from mbot_agent.configuration import Access
-from mbot_agent.network.session_guard import (
-    BANNED_S,
-    LARGEST_RATE,
-    LOOK_EVERY_S,
-    MOST_A_NAME,
-    Doorkeeper,
-    Visitor,
-)
+from mbot_agent.network.doorkeeper import Visitor
+from mbot_agent.network.session_guard import MOST_QUERIES, SessionGuard
 from mbot_protocol.keys import Right
 
-ACCESS = Access(
-    people={"vera": (Right.VIEW,), "paul": (Right.PUSH,)},
-    routers=("lab",),
-)
+from ..until import until
+
+ACCESS = Access(people={"vera": (Right.VIEW,)})
 
 
-def visitor(name: str | None, port: int) -> Visitor:
-    return Visitor(name, ("10.0.0.7", port), f"session {port}")
+def linked() -> tuple[socket.socket, socket.socket, Visitor]:
+    """The robot's end, vera's end, and what Zenoh says of the link between them."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        hers = socket.create_connection(server.getsockname())
+        ours, address = server.accept()
+    return ours, hers, Visitor("person:vera", address, "a session")
 
 
-def test_who_is_on_the_roll_stays_and_who_is_not_goes() -> None:
-    known = [visitor("person:vera", 1), visitor("router:lab", 2), visitor(None, 3)]
-    strangers = [visitor("person:nick", 4), visitor("robot:mbot-2", 5), visitor("vera", 6)]
-    found = Doorkeeper(ACCESS).unwelcome([(one, 0) for one in (*known, *strangers)], 0.0)
-    assert set(found) == set(strangers)
+def is_shut(end: socket.socket) -> bool:
+    end.settimeout(0.01)
+    try:
+        while data := end.recv(1 << 20):
+            assert data
+        return True
+    except TimeoutError:
+        return False
+    except OSError:
+        return True
 
 
-def test_one_name_has_a_few_places_and_the_first_to_come_stay() -> None:
-    keeper = Doorkeeper(ACCESS)
-    first = [visitor("person:vera", port) for port in range(MOST_A_NAME)]
-    assert keeper.unwelcome([(one, 0) for one in first], 0.0) == {}
-    late = visitor("person:vera", 99)
-    other = visitor("person:paul", 100)
-    assert set(keeper.unwelcome([(one, 0) for one in (late, other, *first)], 1.0)) == {late}
-    assert keeper.unwelcome([(one, 0) for one in (late, *first[1:])], 2.0) == {}
+def test_who_does_not_read_is_shown_out_and_who_reads_is_not() -> None:
+    ours, hers, visitor = linked()
+    reads, too, reader = linked()
+    ours.setblocking(False)
+    with SessionGuard(ACCESS, lambda: [visitor, reader]), suppress(BlockingIOError):
+        while True:
+            ours.send(bytes(1 << 16))
+    with SessionGuard(ACCESS, lambda: [visitor, reader]):
+        assert until(lambda: is_shut_for_writing(ours), 3)
+        for _ in range(10):
+            reads.sendall(b"news")
+            assert too.recv(4) == b"news"
+            time.sleep(0.03)
+        assert not is_shut(too)
+    for one in (ours, hers, reads, too):
+        one.close()
 
 
-def test_a_router_brings_as_many_as_it_likes() -> None:
-    many = [(visitor("router:lab", port), 0) for port in range(20)]
-    assert Doorkeeper(ACCESS).unwelcome(many, 0.0) == {}
+def is_shut_for_writing(end: socket.socket) -> bool:
+    try:
+        end.send(b"x")
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+    return False
 
 
-def test_who_may_only_look_and_floods_is_shown_out_for_a_while() -> None:
-    keeper = Doorkeeper(ACCESS)
-    vera, paul = visitor("person:vera", 1), visitor("person:paul", 2)
-    quick = round(LARGEST_RATE * LOOK_EVERY_S * 1.5)
-    assert keeper.unwelcome([(vera, 0), (paul, 0)], 10.0) == {}
-    assert keeper.unwelcome([(vera, quick // 3), (paul, 9 * quick)], 10.0 + LOOK_EVERY_S) == {}
-    flood = quick + quick // 3
-    assert set(keeper.unwelcome([(vera, flood), (paul, 0)], 10.0 + 2 * LOOK_EVERY_S)) == {vera}
-    again = visitor("person:vera", 3)
-    assert set(keeper.unwelcome([(again, 0)], 15.0)) == {again}
-    assert keeper.unwelcome([(again, 0)], 11.0 + BANNED_S) == {}
+def test_who_floods_is_shown_out() -> None:
+    ours, hers, visitor = linked()
+    with SessionGuard(ACCESS, lambda: [visitor]):
+        time.sleep(0.15)  # it has looked once
+        hers.sendall(bytes(100_000))
+        assert until(lambda: is_shut(hers), 3)
+    ours.close()
+    hers.close()
+
+
+def test_a_flood_is_told_of_and_a_few_questions_are_not() -> None:
+    told: list[float] = []
+    asked = 0
+    with SessionGuard(Access(), list, lambda: asked, lambda: told.append(time.monotonic())):
+        for each, fires in ((MOST_QUERIES // 2, False), (3 * MOST_QUERIES, True)):
+            end_s = time.monotonic() + 2.5
+            while time.monotonic() < end_s:
+                asked += each // 10
+                time.sleep(0.1)
+            assert bool(told) is fires

@@ -1,11 +1,13 @@
 """A release that dies again and again, more slowly than systemd counts."""
 
 import os
+import time
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from mbot_protocol.errors import RefusedError
 from mbot_update import main, short_lives, system, update_steps
 
 from .release_bench import HEALTHY, Robot, archive
@@ -136,3 +138,34 @@ def test_the_unit_says_it_by_the_command_line(
     monkeypatch.setenv("SERVICE_RESULT", "oom-kill")
     assert main.main() == 0
     assert short_lives.short_lives(robot.folders) == 1
+
+
+def test_a_death_by_the_watchdog_under_fire_is_held_against_nobody(
+    robot: Robot, ends: Ends
+) -> None:
+    fire = robot.folders.under_fire
+    fire.parent.mkdir(parents=True, exist_ok=True)
+    fire.touch()
+    ends.end("watchdog", "ABRT")
+    assert ends.counted == 0
+    ends.end("signal", "SEGV")
+    assert ends.counted == 1, "a crash is one, fire or not"
+    long_ago_s = time.time() - 2 * short_lives.UNDER_FIRE_S
+    os.utime(fire, (long_ago_s, long_ago_s))
+    ends.end("watchdog", "ABRT")
+    assert ends.counted == 2
+
+
+def test_what_systemd_gave_up_under_fire_is_started_again(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[str] = []
+    monkeypatch.setattr(system, "start_without_waiting", lambda: started.append("started"))
+    monkeypatch.setattr(
+        system, "service", lambda: replace(HEALTHY, state="failed", result="watchdog")
+    )
+    robot.folders.under_fire.parent.mkdir(parents=True, exist_ok=True)
+    robot.folders.under_fire.touch()
+    with pytest.raises(RefusedError, match="flooded"):
+        update_steps.put_back_by_itself(robot.folders)
+    assert (robot.folders.current, started) == ("0.2", ["started"])

@@ -11,7 +11,7 @@ from mbot_agent.camera.opencv_source import OpenCvSource, device_index
 from mbot_agent.camera.source_contract import CameraError
 from mbot_agent.configuration import Camera
 from mbot_agent.network.health import read_health
-from mbot_agent.network.stop_probe import StopProbe
+from mbot_agent.network.pulse import Pulse
 from mbot_agent.process.service_manager import notify
 
 
@@ -63,7 +63,7 @@ def test_systemd_hears_what_it_is_told(tmp_path: Path, monkeypatch: pytest.Monke
 
 def test_a_stop_service_that_is_silent_is_not_taken_for_answering() -> None:
     answers = iter([True, False])
-    probe = StopProbe(lambda _timeout_s: next(answers))
+    probe = Pulse(lambda _timeout_s: next(answers))
     probe.ask()
     answered_ns = probe.answered_ns
     probe.ask()

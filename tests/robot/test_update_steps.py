@@ -1,5 +1,6 @@
 """An update, step by step: what becomes of it, and what a kill at any step leaves."""
 
+import errno
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -270,3 +271,49 @@ def test_a_daemon_that_is_about_to_be_started_again_is_not_put_back(
     states = iter([replace(HEALTHY, state="activating"), replace(HEALTHY, state="failed")])
     monkeypatch.setattr(update_steps.system, "service", lambda: next(states))
     assert update_steps.is_given_up(robot.folders)
+
+
+class FullDisk:
+    """Takes no note any more, from when it is told so."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.full = False
+        whole = atomic_file.replace
+
+        def replace_if_room(path: Path, data: bytes, *, mode: int = 0o666) -> None:
+            if self.full and path.name == "ledger.json":
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            whole(path, data, mode=mode)
+
+        monkeypatch.setattr(atomic_file, "replace", replace_if_room)
+
+
+@pytest.mark.parametrize("good", [True, False])
+def test_a_disk_that_fills_up_during_a_trial_leaves_the_old_release_running(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, good: bool
+) -> None:
+    disk = FullDisk(monkeypatch)
+
+    def fill(step: str) -> None:
+        disk.full |= step == "restart"
+
+    robot.system.before = fill
+    robot.system.starts = lambda version: good or version == "0.1"
+    robot.receives(archive(tmp_path))
+    outcome = update_steps.work(robot.folders)
+    assert robot.system.restarted == ["0.2", "0.1"]
+    assert (robot.folders.current, outcome.phase) == ("0.1", "rolled-back")
+    assert robot.folders.ledger.came_from == "0.1", "whoever finds it goes back once more"
+    disk.full = False
+    update_steps.recover(robot.folders)
+    assert (robot.folders.current, robot.folders.ledger.came_from) == ("0.1", "")
+
+
+def test_a_full_disk_keeps_no_dead_release_from_going_back(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot.receives(archive(tmp_path))
+    assert update_steps.work(robot.folders).phase == "installed"
+    FullDisk(monkeypatch).full = True
+    update_steps.put_back_by_itself(robot.folders)
+    assert (robot.folders.current, robot.system.restarted[-1]) == ("0.1", "0.1")

@@ -32,6 +32,7 @@ from mbot_workstation.by_hand.hand_session import HandSession
 from mbot_workstation.by_hand.terminal_keys import (
     FIRST_REPEAT_WITHIN_S,
     HELD_FOR_S,
+    HELD_UP_WITHIN_S,
     KeyRepeats,
     TerminalKeys,
     split_keys,
@@ -140,6 +141,28 @@ def test_a_tap_is_no_held_key() -> None:
     assert keys.wheels(1.02) is None, "another key was held"
     keys.take("d", 1.05)
     assert keys.wheels(1.05) == pytest.approx((0.24, -0.24))
+
+
+def test_keys_that_were_held_up_drive_nothing() -> None:
+    """A line that hung brings them in one piece, or in several at once, long after the hand."""
+    keys = KeyRepeats(0.4)
+    for _ in range(10):
+        keys.take("w", 1.0)
+        assert keys.wheels(1.0) is None
+    keys.take("w", 1.0 + HELD_UP_WITHIN_S / 2)
+    assert keys.wheels(1.004) is None
+    keys.take("w", 1.03)
+    assert keys.wheels(1.03) is None, "one of a heap is no first repeat"
+    keys.take("w", 1.06)
+    assert keys.wheels(1.06) == (0.4, 0.4)
+
+
+def test_several_of_one_key_in_one_read_are_none() -> None:
+    ours, theirs = pty.openpty()
+    with TerminalKeys(0.5, theirs) as keys:
+        os.write(ours, b"wwwwwww")
+        assert keys.read(1.0).wheels is None
+    os.close(ours)
 
 
 def test_arrows_are_keys() -> None:

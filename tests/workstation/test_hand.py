@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from mbot_protocol.errors import ConfigurationError, RefusedError, UnreachableError
 from mbot_protocol.v1.messages_pb2 import Status
 from mbot_workstation.by_hand.hand import FRESH_S, HELD_UP_S, Hand, HandRepeat
-from mbot_workstation.by_hand.hand_drive import HOLD_MS, LET_GO_MS, HandDrive
+from mbot_workstation.by_hand.hand_drive import HOLD_MS, HandDrive
 from mbot_workstation.console.page_messages import (
     LetGo,
     RunRequest,
@@ -106,7 +106,7 @@ class Control:
 
     def __init__(self, clock: "Clock") -> None:
         self.clock = clock
-        self.told: list[tuple[float, float, int]] = []
+        self.told: list[tuple[object, ...]] = []
         self.stops = 3
         self.dead = False
         self.catch_up_takes_s = 0.0
@@ -117,10 +117,14 @@ class Control:
         self.seen = seen_stops
         return Status()
 
-    def drive(self, left: float, right: float, hold_ms: int) -> str:
+    def drive(self, left: float, right: float, hold_ms: int, press: int) -> str:
         self._check(self.seen)
-        self.told.append((left, right, hold_ms))
+        self.told.append((left, right, hold_ms, press))
         return "manual"
+
+    def let_go(self, press: int) -> None:
+        self._check(self.seen)
+        self.told.append(("let go", press))
 
     def _check(self, seen_stops: int) -> None:
         if self.dead:
@@ -160,7 +164,7 @@ def test_each_repeat_is_one_command_and_none_is_made_up(bench: Bench) -> None:
     for _ in range(3):
         bench.repeat()
     bench.drive.step()
-    assert bench.control.told == [(0.5, 0.5, HOLD_MS)] * 3
+    assert bench.control.told == [(0.5, 0.5, HOLD_MS, 1)] * 3
 
 
 def test_without_repeats_the_robot_is_let_go_once(bench: Bench) -> None:
@@ -168,7 +172,7 @@ def test_without_repeats_the_robot_is_let_go_once(bench: Bench) -> None:
     bench.clock.now_s += FRESH_S
     bench.drive.step()
     bench.drive.step()
-    assert bench.control.told == [(0.5, 0.5, HOLD_MS), (0.0, 0.0, LET_GO_MS)]
+    assert bench.control.told == [(0.5, 0.5, HOLD_MS, 1), ("let go", 1)]
     assert bench.repeat(), "the same press does not begin again"
     assert len(bench.control.told) == 2
 
@@ -182,7 +186,7 @@ def test_however_it_ends_the_robot_is_let_go(bench: Bench, end: str) -> None:
         "stop": bench.drive.let_all_go,
     }[end]()
     bench.drive.step()
-    assert bench.control.told[-1] == (0.0, 0.0, LET_GO_MS)
+    assert bench.control.told[-1][0] == "let go"
 
 
 def test_a_stop_by_anybody_ends_it_until_a_new_press_that_has_seen_it(bench: Bench) -> None:
@@ -217,7 +221,7 @@ def test_the_end_of_the_console_lets_go(bench: Bench) -> None:
         bench.drive.repeat(ANNA, said(sent_s=bench.clock.now_s))
         while not bench.control.told:
             pass
-    assert bench.control.told[-1] == (0.0, 0.0, LET_GO_MS)
+    assert bench.control.told[-1][0] == "let go"
 
 
 def test_what_the_page_says_is_read_as_what_it_is() -> None:

@@ -212,7 +212,8 @@ def test_drive_sends_again_and_stops_at_the_end(robot: FakeRobot) -> None:
     assert 3 <= len(drives) <= 5
     assert {(c.drive.wheels.left, c.drive.wheels.right) for c in drives} == {(-0.5, 0.25)}
     assert drives[0].drive.hold_ms == 500
-    assert drives[-1].drive.hold_ms <= 200  # no longer than asked for
+    lasts_s = (drives[-1].expires_monotonic_ns - drives[0].expires_monotonic_ns) / 1e9
+    assert lasts_s <= 0.9 - 0.5 + 0.01  # no longer than asked for
     assert stop.WhichOneof("action") == "stop"
 
 

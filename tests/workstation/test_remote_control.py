@@ -62,6 +62,17 @@ def test_a_command_that_was_held_up_is_refused(robot: FakeRobot, control: Remote
         control.run()
 
 
+def test_a_hands_command_is_good_for_no_longer_than_it_holds(
+    robot: FakeRobot, control: RemoteControl
+) -> None:
+    control.drive(0.5, 0.5, 300, press=4)
+    control.let_go(4)
+    drive, over = robot.commands()
+    assert drive.expires_monotonic_ns <= robot.now_ns() + 300_000_000
+    assert (drive.drive.press, drive.drive.let_go) == (4, False)
+    assert (over.drive.press, over.drive.let_go, over.drive.hold_ms) == (4, True, 1)
+
+
 def test_nobody_drives_on_through_somebodys_stop(robot: FakeRobot, control: RemoteControl) -> None:
     control.drive(0.5, 0.5, 300)
     robot.stops += 1

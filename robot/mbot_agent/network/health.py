@@ -22,6 +22,15 @@ def read_health() -> Health:
     return Health(_temperature_c(), _load(), _resident_bytes())
 
 
+def anonymous_bytes() -> int:
+    """Memory of this process's own, in bytes; 0 where the kernel does not tell."""
+    try:
+        _, resident, shared, *_ = _STATM.read_text().split()
+        return (int(resident) - int(shared)) * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, ValueError):
+        return 0
+
+
 def _temperature_c() -> float | None:
     try:
         return int(_THERMAL.read_text()) / 1000

@@ -1,8 +1,7 @@
-"""Who may stay connected: nobody keeps others from a STOP by taking up places or the processor.
+"""Nobody keeps others from a STOP by taking up places, the processor or memory.
 
 Zenoh admits whoever has a certificate of the fleet's authority, and drops what no rule allows, but
-it keeps the session. Here people who are not on the roll are shown out at once, one name gets a few
-places, and who may only look and floods the robot is shown out for a while. Zenoh has no call to
+it keeps the session. Here those who have to go (doorkeeper) are shown out. Zenoh has no call to
 close a session, so its socket is shut down, by the far end's address.
 """
 
@@ -12,131 +11,67 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Any, Self
 
 from mbot_agent.configuration import Access
-from mbot_protocol.access_rules import Kind, common_name
-from mbot_protocol.keys import Right
+from mbot_agent.network.doorkeeper import LOOK_EVERY_S, Doorkeeper, Traffic, Visitor
+from mbot_agent.network.health import anonymous_bytes
 
 log = logging.getLogger(__name__)
 
-LOOK_EVERY_S = 0.1
+MOST_HELD_BYTES = 64 << 20
+"""More memory of its own than the daemon had when it was ready. A pushed model takes 2 MB until it
+is stored; each declaration of a stranger's, denied or not, takes 1.3 kB and 38 bytes of wire."""
 
-MOST_A_NAME = 4
-"""Sessions: telemetry, a recording, a command, and one that has not been given up yet."""
+MOST_QUERIES = 300
+"""A second, to the daemon in all, that are no flood: a fetch is 200 at most, hand commands and
+pages that look are a few dozen."""
 
-LARGEST_RATE = 100_000
-"""Bytes a second from who may only look or drive: 20 hand commands a second are 4,000. A push sends
-megabytes, so who may push is not counted."""
-
-BANNED_S = 30.0
-
-_TCP_INFO_BYTES_RECEIVED = 128
-"""Where tcpi_bytes_received is in Linux's struct tcp_info (linux/tcp.h, since 4.1)."""
-
-
-@dataclass(frozen=True, slots=True)
-class Visitor:
-    """One link.
-
-    Attributes:
-        name: the common name of the certificate; None: plain TCP, from this machine.
-        address: the far end's host and port.
-        session: its identifier.
-
-    """
-
-    name: str | None
-    address: tuple[str, int]
-    session: str
-
-
-class Doorkeeper:
-    """Decides who has to go; pure but for the time that is passed in."""
-
-    def __init__(self, access: Access) -> None:
-        people = {
-            common_name(Kind.PERSON, name): frozenset(rights)
-            for name, rights in access.people.items()
-        }
-        self._rights: dict[str, frozenset[Right]] = people
-        self._routers = {common_name(Kind.ROUTER, name) for name in access.routers}
-        self._since_s: dict[Visitor, float] = {}
-        self._received: dict[Visitor, tuple[float, int]] = {}
-        self._banned_until_s: dict[str, float] = {}
-
-    def unwelcome(
-        self, visitors: Iterable[tuple[Visitor, int]], now_s: float
-    ) -> dict[Visitor, str]:
-        """Those who have to go, and why.
-
-        Args:
-            visitors: all there are, with the bytes that each has sent so far.
-            now_s: monotonic.
-
-        """
-        here = dict(visitors)
-        self._since_s = {one: self._since_s.get(one, now_s) for one in here}
-        found: dict[Visitor, str] = {}
-        of_a_name: dict[str, int] = {}
-        for visitor in sorted(here, key=lambda one: self._since_s[one]):
-            name = visitor.name
-            if name is None or name in self._routers:
-                continue
-            if name not in self._rights:
-                found[visitor] = "is not on this robot's roll"
-            elif self._floods(visitor, here[visitor], now_s):
-                found[visitor] = f"floods the robot, and may come again in {BANNED_S:.0f} s"
-            else:
-                of_a_name[name] = of_a_name.get(name, 0) + 1
-                if of_a_name[name] > MOST_A_NAME:
-                    found[visitor] = f"has {MOST_A_NAME} sessions already"
-        self._received = {one: seen for one, seen in self._received.items() if one in here}
-        return found
-
-    def _floods(self, visitor: Visitor, received: int, now_s: float) -> bool:
-        assert visitor.name is not None
-        if self._banned_until_s.get(visitor.name, 0.0) > now_s:
-            return True
-        before = self._received.get(visitor)
-        if before is None:
-            self._received[visitor] = now_s, received
-            return False
-        seen_s, then = before
-        if now_s - seen_s < LOOK_EVERY_S / 2:
-            return False
-        self._received[visitor] = now_s, received
-        too_fast = (received - then) / (now_s - seen_s) > LARGEST_RATE
-        if too_fast and Right.PUSH not in self._rights[visitor.name]:
-            self._banned_until_s[visitor.name] = now_s + BANNED_S
-            return True
-        return False
+# Where these are in Linux's struct tcp_info (linux/tcp.h; the last since 4.9).
+_BYTES_RECEIVED, _DATA_SEGMENTS_IN, _RECEIVER_LIMITED_US = 128, 152, 176
 
 
 class SessionGuard:
-    """The thread that looks, and shows out. A context manager; idle without certificates."""
+    """The thread that looks, and shows out. A context manager; without certificates it only tells
+    of floods.
+    """
 
-    def __init__(self, access: Access, links: Callable[[], list[Visitor]]) -> None:
-        """`links` are those there are now; it must return at once."""
+    def __init__(
+        self,
+        access: Access,
+        links: Callable[[], list[Visitor]],
+        queries: Callable[[], int] = lambda: 0,
+        under_fire: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Prepare the thread.
+
+        Args:
+            access: who may do what.
+            links: those there are now; it must return at once.
+            queries: how many have come in so far.
+            under_fire: told now and then while somebody floods the daemon.
+
+        """
         self._doorkeeper = Doorkeeper(access)
-        self._needed = bool(access.people or access.routers)
+        self._shows_out = bool(access.people or access.routers)
         self._links = links
+        self._queries = queries
+        self._under_fire = under_fire
+        self._counted = time.monotonic(), 0
+        self._most_bytes = anonymous_bytes() + MOST_HELD_BYTES
         self._closing = False
         self._news = threading.Event()
         self._thread = threading.Thread(target=self._run, name="sessions", daemon=True)
 
     def __enter__(self) -> Self:
-        if self._needed:
-            self._thread.start()
+        self._thread.start()
         return self
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
         self._closing = True
         self._news.set()
-        if self._needed:
-            self._thread.join(timeout=1.0)
+        self._thread.join(timeout=1.0)
 
     def look_now(self) -> None:
         """Somebody has come or gone; any thread may say so."""
@@ -144,10 +79,12 @@ class SessionGuard:
 
     def _run(self) -> None:
         while not self._closing:
-            self._news.wait(LOOK_EVERY_S)
+            self._news.wait(LOOK_EVERY_S if self._shows_out else 1.0)
             self._news.clear()
             try:
-                self._look()
+                if self._shows_out:
+                    self._look()
+                self._count()
             except OSError as error:
                 log.debug("nobody was shown out: %s", error)
 
@@ -156,11 +93,25 @@ class SessionGuard:
         if not visitors:
             return
         sockets = _sockets()
-        counted = [(one, _received(sockets.get(one.address))) for one in visitors]
-        for visitor, why in self._doorkeeper.unwelcome(counted, time.monotonic()).items():
+        seen = [(one, _traffic(sockets.get(one.address))) for one in visitors]
+        unwelcome = self._doorkeeper.unwelcome(seen, time.monotonic())
+        if (held_bytes := anonymous_bytes()) > self._most_bytes:
+            self._most_bytes = held_bytes + MOST_HELD_BYTES // 2
+            unwelcome |= self._doorkeeper.hoarders(seen, time.monotonic())
+        for visitor, why in unwelcome.items():
             log.warning("%s %s: shown out", visitor.name, why)
             if (fd := sockets.get(visitor.address)) is not None:
                 _with_socket(fd, lambda one: one.shutdown(socket.SHUT_RDWR))
+
+    def _count(self) -> None:
+        """Once a second: is the daemon flooded?"""
+        at_s, before = self._counted
+        now_s, queries = time.monotonic(), self._queries()
+        if now_s - at_s < 1.0:
+            return
+        self._counted = now_s, queries
+        if queries - before > MOST_QUERIES * (now_s - at_s):
+            self._under_fire()
 
 
 def _sockets() -> dict[tuple[str, int], int]:
@@ -177,17 +128,21 @@ def _sockets() -> dict[tuple[str, int], int]:
     return found
 
 
-def _received(fd: int | None) -> int:
-    """Bytes that have come in on a socket."""
+def _traffic(fd: int | None) -> Traffic:
+    """What has gone over a socket."""
     if fd is None:
-        return 0
+        return Traffic()
     try:
         info = _with_socket(
             fd, lambda one: one.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 192)
         )
-        return struct.unpack_from("Q", info, _TCP_INFO_BYTES_RECEIVED)[0]
+        return Traffic(
+            struct.unpack_from("Q", info, _BYTES_RECEIVED)[0],
+            struct.unpack_from("I", info, _DATA_SEGMENTS_IN)[0],
+            struct.unpack_from("Q", info, _RECEIVER_LIMITED_US)[0],
+        )
     except (OSError, struct.error):
-        return 0
+        return Traffic()
 
 
 def _with_socket(fd: int, act: Callable[[socket.socket], Any]) -> Any:

@@ -6,14 +6,16 @@
 import logging
 import re
 import threading
+import time
 from collections.abc import Callable, Mapping
 from typing import Self
 
 import zenoh
 
 from mbot_agent.configuration import Configuration
+from mbot_agent.network.doorkeeper import Visitor
 from mbot_agent.network.listening import obstacle
-from mbot_agent.network.session_guard import Visitor
+from mbot_agent.network.requests import Replies, Request
 from mbot_agent.network.zenoh_settings import zenoh_configuration
 from mbot_protocol.errors import UnreachableError
 from mbot_protocol.keys import ALIVE, DOORS, PRESENCE, ROOT, Topic
@@ -21,7 +23,10 @@ from mbot_protocol.keys import ALIVE, DOORS, PRESENCE, ROOT, Topic
 log = logging.getLogger(__name__)
 
 MOST_WAITING = 16
-"""Queries waiting for one service; more are dropped, oldest first, and get no reply."""
+"""Queries waiting on one key; more are dropped, oldest first, and get no reply."""
+
+REPLY_THREADS = 4
+"""Of each key. A peer that does not read holds one for 200 ms (zenoh_settings)."""
 
 Answer = Callable[[bytes], bytes]
 """Takes a query's payload, returns the reply's. Must not raise."""
@@ -36,6 +41,8 @@ class Link:
         self._session: zenoh.Session | None = None
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._queryables: list[zenoh.Queryable[zenoh.handlers.Handler[zenoh.Query]]] = []
+        self._replies: list[Replies] = []
+        self._served: list[Listener] = []
         self._tokens: list[zenoh.LivelinessToken] = []
         self._listeners: list[zenoh.LinkEventsListener[zenoh.handlers.Handler[zenoh.LinkEvent]]]
         self._listeners = []
@@ -68,6 +75,8 @@ class Link:
     def __exit__(self, kind: object, error: object, trace: object) -> None:
         if self._session is not None:
             self._session.close()
+        for replies in self._replies:
+            replies.close()
 
     def announce(self) -> None:
         """Show that this robot is alive, and to each who may do what, until the session ends."""
@@ -119,7 +128,9 @@ class Link:
 
     def is_watched(self, topic: Topic) -> bool:
         """Whether anybody listens to it now."""
-        return self._publisher(topic).matching_status
+        # The stubs call it a bool; it is an object that is always true.
+        status = self._publisher(topic).matching_status
+        return status.matching  # pyright: ignore[reportAttributeAccessIssue, reportUnknownVariableType]
 
     def _publisher(self, topic: Topic) -> zenoh.Publisher:
         publisher = self._publishers.get(topic.name)
@@ -133,27 +144,61 @@ class Link:
             self._publishers[topic.name] = publisher
         return publisher
 
-    def serve(self, below: str, answers: Mapping[str, Answer]) -> None:
-        """Answer queries on some keys, one after another, on a thread of their own.
+    def serve(self, answers: Mapping[str, Answer]) -> "list[Listener]":
+        """Answer queries on these keys, one after another: their answers take turns.
 
         Args:
-            below: the keys' common part below the robot's prefix; may end in `/**`.
-            answers: by topic name. A query that names none of them exactly gets no reply.
+            answers: by topic name.
 
         """
-        prefix = f"{ROOT}/{self._robot_id}/"
+        turn = threading.Lock()
+
+        def in_turn(answer: Answer) -> Callable[[Request], None]:
+            def take(request: Request) -> None:
+                with turn:
+                    reply = answer(request.payload)
+                request.answer(reply)
+
+            return take
+
+        return [self.listen(name, in_turn(answer)) for name, answer in answers.items()]
+
+    def listen(
+        self,
+        name: str,
+        take: Callable[[Request], None],
+        *,
+        most_waiting: int = MOST_WAITING,
+        reply_threads: int = REPLY_THREADS,
+    ) -> "Listener":
+        """Hand over each query on one key, on a thread of its own.
+
+        The key is declared as it is: a router passes on what somebody has declared, and its rules
+        let a robot declare the keys of the table and no wildcard.
+
+        Args:
+            name: of the topic.
+            take: is handed each query; what it raises leaves that one unanswered.
+            most_waiting: queries that have come and were not handed over; older ones are dropped.
+            reply_threads: how many replies may be held up by those who do not read them.
+
+        """
+        key = f"{ROOT}/{self._robot_id}/{name}"
         # A ring, not a FIFO: a full FIFO would hold up Zenoh's own thread, and a STOP with it.
         queryable = self._open_session.declare_queryable(
-            prefix + below, zenoh.handlers.RingChannel(MOST_WAITING)
+            key, zenoh.handlers.RingChannel(most_waiting)
         )
-
-        def run() -> None:
-            for query in queryable:
-                with query:
-                    _answer(query, answers.get(str(query.key_expr).removeprefix(prefix)))
-
         self._queryables.append(queryable)
-        threading.Thread(target=run, name=f"serve {below}", daemon=True).start()
+        replies = Replies(name, reply_threads)
+        self._replies.append(replies)
+        listener = Listener(queryable, key, take, replies)
+        self._served.append(listener)
+        return listener
+
+    @property
+    def queries(self) -> int:
+        """How many have come in so far, on all keys."""
+        return sum(listener.taken for listener in self._served)
 
     @property
     def _open_session(self) -> zenoh.Session:
@@ -162,16 +207,51 @@ class Link:
         return self._session
 
 
-def _answer(query: zenoh.Query, answer: Answer | None) -> None:
-    """Reply to one query. Whatever goes wrong, the thread must live on to serve the next."""
-    if answer is None:
-        return
-    try:
-        payload = query.payload
-        reply = answer(b"" if payload is None else payload.to_bytes())
-        query.reply(query.key_expr, reply, encoding=zenoh.Encoding.APPLICATION_PROTOBUF)
-    except Exception:
-        log.exception("a query on %s went unanswered", query.key_expr)
+class Listener:
+    """The thread of one key.
+
+    Attributes:
+        taken: queries so far.
+
+    """
+
+    def __init__(
+        self,
+        queryable: zenoh.Queryable[zenoh.handlers.Handler[zenoh.Query]],
+        key: str,
+        take: Callable[[Request], None],
+        replies: Replies,
+    ) -> None:
+        self._queryable = queryable
+        self._key = key
+        self._take = take
+        self._replies = replies
+        self._taking_since_ns: int | None = None
+        self.taken = 0
+        name = f"serve {key.split('/', 2)[2]}"
+        threading.Thread(target=self._run, name=name, daemon=True).start()
+
+    @property
+    def progress_ns(self) -> int:
+        """When the thread was last seen to work, monotonic: now, unless it is at something."""
+        since_ns = self._taking_since_ns
+        return time.monotonic_ns() if since_ns is None else since_ns
+
+    def _run(self) -> None:
+        for query in self._queryable:
+            request = Request(query, self._replies)
+            self.taken += 1
+            if str(query.key_expr) != self._key:  # whoever asks by a wildcard asks nobody
+                request.answer(None)
+                continue
+            self._taking_since_ns = time.monotonic_ns()
+            try:
+                self._take(request)
+            except Exception:
+                # Whatever goes wrong, the thread must live on to serve the next.
+                log.exception("a query on %s went unanswered", self._key)
+                request.answer(None)
+            self._taking_since_ns = None
 
 
 def _reason(error: Exception) -> str:

@@ -8,7 +8,7 @@ import json
 import zenoh
 
 from mbot_agent.configuration import Configuration, Network
-from mbot_protocol.access_rules import Json, request_limits, robot_access
+from mbot_protocol.access_rules import LONGEST_BLOCK_US, Json, request_limits, robot_access
 
 LARGEST_MESSAGE_BYTES = 128 * 1024
 """A message is put together from fragments up to this size, for each of 16 priorities of each
@@ -59,6 +59,7 @@ def _common(network: Network) -> Json:
         "transport/unicast/accept_timeout": ACCEPT_TIMEOUT_MS,
         "transport/link/rx/max_message_size": LARGEST_MESSAGE_BYTES,
         "transport/link/tx/lease": LEASE_MS,
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": LONGEST_BLOCK_US,
         "transport/link/protocols": [p for p in ("tcp", "tls") if _speaks(network, p)],
         "transport/shared_memory/enabled": False,
     }

@@ -16,6 +16,11 @@ from mbot_protocol.keys import ALIVE, DOORS, PRESENCE, TOPICS, Flow, Right
 Json = dict[str, Any]
 """A part of Zenoh's configuration, as `Config.insert_json5` takes it."""
 
+LONGEST_BLOCK_US = 200_000
+"""Who does not read for so long, while something waits for them, is given up by robots and routers:
+whatever else goes out is held up meanwhile, a STOP on its way through a router too. Zenoh's default
+is 5 s (transport/link/tx/queue/congestion_control/block/wait_before_close)."""
+
 
 class Kind(Enum):
     """What a certificate belongs to."""

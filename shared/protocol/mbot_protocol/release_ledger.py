@@ -18,6 +18,9 @@ RESERVE_BYTES = 64 << 20
 
 REMEMBERED = 50
 
+UNDER_FIRE = "under-fire"
+"""A file in the daemon's folder, touched while somebody floods it with messages."""
+
 BUSY = ("checking", "building", "trying")
 """Phases of an update that goes on."""
 

@@ -12,10 +12,6 @@ from mbot_workstation.by_hand.hand import FRESH_S, Grip, Hand, HandRepeat
 HOLD_MS = 300
 """Of each command: the robot stops by itself if two in a row are lost, or this process dies."""
 
-LET_GO_MS = 1
-"""The hand's last command: wheels at zero, and over at once. It disarms without being a STOP, which
-would count and be somebody's name in everybody's log at each key that is lifted."""
-
 Tell = Callable[[int, str], None]
 """Hears which page's drive has ended, and why, in words."""
 
@@ -27,8 +23,12 @@ class HandControl(Protocol):
         """Learn the robot's clock; refuses where there was another stop."""
         ...
 
-    def drive(self, left: float, right: float, hold_ms: int) -> str:
+    def drive(self, left: float, right: float, hold_ms: int, press: int) -> str:
         """Drive for so long."""
+        ...
+
+    def let_go(self, press: int) -> None:
+        """Take no more of this press."""
         ...
 
 
@@ -43,6 +43,7 @@ class HandDrive:
         self._monotonic_s = monotonic_s
         self._hand = Hand()
         self._driving: Grip | None = None
+        self._presses = 0  # as the robot counts them, for which all pages are one hand
         self._sent_s = 0.0
         self._news = threading.Condition()
         self._is_news = False
@@ -94,8 +95,9 @@ class HandDrive:
                 if now_held is None or not now_held.is_same_press(held):
                     return
                 held = now_held
+                self._presses += 1
             self._sent_s = held.arrived_s
-            self._control.drive(held.left, held.right, HOLD_MS)
+            self._control.drive(held.left, held.right, HOLD_MS, self._presses)
             self._driving = held
         except MbotError as error:
             self._driving = None
@@ -106,7 +108,7 @@ class HandDrive:
     def _let_robot_go(self) -> None:
         self._driving = None
         try:
-            self._control.drive(0.0, 0.0, LET_GO_MS)
+            self._control.let_go(self._presses)
         except MbotError:
             return  # stopped already, or out of reach: then the last command runs out
 

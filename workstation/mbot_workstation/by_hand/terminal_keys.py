@@ -23,6 +23,10 @@ FIRST_REPEAT_WITHIN_S = 0.8
 HELD_FOR_S = 0.2
 """They repeat 10 to 33 times a second; with 10 two may be lost on the way over ssh."""
 
+HELD_UP_WITHIN_S = 0.008
+"""Half of what the fastest keyboards are set to (60 a second). Keys that come closer together were
+held up on their way: they say what the hand did then, not what it does now."""
+
 WAYS = {
     "w": (1.0, 1.0),
     "s": (-1.0, -1.0),
@@ -45,13 +49,16 @@ class KeyRepeats:
         self._key = ""
         self._came_s = 0.0
         self._held = False
+        self._held_up = False
 
     def take(self, key: str, now_s: float) -> None:
         """A key has come."""
         again = key == self._key
         within_s = HELD_FOR_S if self._held else FIRST_REPEAT_WITHIN_S
-        self._held = again and now_s - self._came_s <= within_s
-        self._key, self._came_s = key, now_s
+        since_s = now_s - self._came_s
+        held_up = again and since_s < HELD_UP_WITHIN_S
+        self._held = again and not (held_up or self._held_up) and since_s <= within_s
+        self._key, self._came_s, self._held_up = key, now_s, held_up
 
     def wheels(self, now_s: float) -> tuple[float, float] | None:
         """What the held key wants; None while none is held."""

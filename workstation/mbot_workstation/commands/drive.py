@@ -135,12 +135,14 @@ def _for_seconds(options: DriveOptions, left: float, right: float) -> None:
     with options.link() as link:
         control = RemoteControl(link)
         control.synchronise()  # before anything moves: the first command must not come late
-        began_s = time.monotonic()
+        began_s, holds_until_s = time.monotonic(), 0.0
         try:
             while (driven_s := time.monotonic() - began_s) < options.seconds:
-                # The last command holds no longer than asked for.
-                left_ms = max(1, round((options.seconds - driven_s) * 1000))
-                control.drive(left, right, min(HOLD_MS, left_ms))
+                # The last command holds just until the end.
+                if holds_until_s < options.seconds:
+                    hold_s = min(HOLD_MS / 1000, options.seconds - driven_s)
+                    control.drive(left, right, max(1, round(hold_s * 1000)))
+                    holds_until_s = driven_s + hold_s
                 # On the grid of RESEND_S, however long the reply took.
                 now_s = time.monotonic() - began_s
                 due_s = (now_s // RESEND_S + 1) * RESEND_S

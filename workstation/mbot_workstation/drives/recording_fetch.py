@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
@@ -36,6 +37,9 @@ from mbot_workstation.wording import one_line
 TIMEOUT_S = 10.0
 DIGEST_TIMEOUT_S = 60.0
 """The robot reads the whole file from its card before it answers."""
+
+PIECE_EVERY_S = 0.005
+"""At most 200 a second, 13 MB/s: who may only look and asks a robot far more often is shown out."""
 
 PART = ".part"
 
@@ -140,6 +144,7 @@ def _fetch_file(
     if part.exists() and part.stat().st_size > file.size_bytes:
         part.unlink()
     hashed = hashlib.sha256(part.read_bytes() if part.exists() else b"")
+    next_s = 0.0
     with part.open("ab") as out:
         while (at := out.tell()) < file.size_bytes:
             request = RecordingRead(
@@ -150,6 +155,8 @@ def _fetch_file(
                 offset_bytes=at,
                 count_bytes=min(CHUNK_BYTES, file.size_bytes - at),
             )
+            time.sleep(max(0.0, next_s - time.monotonic()))
+            next_s = time.monotonic() + PIECE_EVERY_S
             data = _ask(link, RECORDING_READ, request, RecordingPart).data
             if not 0 < len(data) <= request.count_bytes:
                 raise RefusedError(

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import msgspec
 import tomli_w
 
-from mbot_protocol.access_rules import Kind, request_limits, router_access
+from mbot_protocol.access_rules import LONGEST_BLOCK_US, Kind, request_limits, router_access
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.enrolment.certificates import Identity, check_issued
 from mbot_workstation.enrolment.roll import ROLL_FILE, Roll, decode_roll, encode_roll
@@ -131,7 +131,12 @@ def zenohd_json5(roll: Roll, name: str, folder: str = f"/{ROUTER_FOLDER}") -> st
             "shared_memory": {"enabled": False},
             "link": {
                 "protocols": ["tls"],
-                "tx": {"lease": LEASE_MS},
+                "tx": {
+                    "lease": LEASE_MS,
+                    "queue": {
+                        "congestion_control": {"block": {"wait_before_close": LONGEST_BLOCK_US}}
+                    },
+                },
                 "rx": {"max_message_size": LARGEST_ROUTED_BYTES},
                 "tls": {
                     "root_ca_certificate": f"{folder}/ca.pem",

@@ -92,7 +92,19 @@ class RemoteControl:
         self._clock: RobotClock | None = None
 
     def synchronise(self) -> Status:
-        """Learn the robot's session, clock and last stop anew; raises as `RobotLink.query` does."""
+        """Learn the robot's session, clock and last stop anew; before what may set it in motion.
+
+        Raises:
+            UnreachableError: also where a STOP would not get through.
+            NewerSchemaError, MalformedMessageError: as `RobotLink.query`.
+
+        """
+        if not self._link.reaches(STOP):
+            raise UnreachableError(
+                f"a STOP does not get through to robot {self._link.robot_id} at "
+                f"{self._link.endpoint}, so nothing is sent that sets it in motion: upgrade its "
+                "mbot-agent, or connect to the robot itself"
+            )
         status = self._link.status()
         self._clock = RobotClock(status.now_monotonic_ns, self._monotonic_ns())
         self._session_id = status.session_id
@@ -142,19 +154,35 @@ class RemoteControl:
             status = self._link.status()
         return status
 
-    def drive(self, left: float, right: float, hold_ms: int) -> str:
+    def drive(self, left: float, right: float, hold_ms: int, press: int = 1) -> str:
         """Drive by hand for `hold_ms` (at most 1000); then the robot stops by itself.
 
         Args:
             left, right: wheels in [-1, 1], 1 is full speed forward.
-            hold_ms: how long this command holds.
+            hold_ms: how long this command holds; it is not obeyed later than that either.
+            press: which time that this hand has taken hold; once a press is over (let go, or none
+                of its commands for as long as one holds), the robot takes no more of it.
 
         Raises:
             RefusedError, UnreachableError, ...: as `run`.
 
         """
         wheels = Wheels(left=left, right=right)
-        return self._send(Command(drive=Drive(wheels=wheels, hold_ms=hold_ms)))
+        drive = Drive(wheels=wheels, hold_ms=hold_ms, press=press)
+        return self._send(Command(drive=drive), min(TIME_TO_LIVE_S, hold_ms / 1000))
+
+    def let_go(self, press: int) -> None:
+        """The hand has let go: what it has said before and is on its way moves nothing.
+
+        It disarms without being a STOP, which would count, and be somebody's name in everybody's
+        log at each key that is lifted.
+
+        Raises:
+            RefusedError, UnreachableError, ...: as `run`.
+
+        """
+        # A robot of before there were presses sees wheels at zero, over at once.
+        self._send(Command(drive=Drive(wheels=Wheels(), hold_ms=1, press=press, let_go=True)))
 
     def stop(self) -> str:
         """Stop the motors. Needs no status before, never expires, and does not give up at once.
@@ -190,12 +218,12 @@ class RemoteControl:
                 )
             time.sleep(CONFIRM_PAUSE_S)
 
-    def _send(self, command: Command) -> str:
+    def _send(self, command: Command, good_for_s: float = TIME_TO_LIVE_S) -> str:
         if self._clock is None:
             self.synchronise()
         assert self._clock is not None
         command.session_id = self._session_id
-        command.expires_monotonic_ns = self._clock.expiry_ns(self._monotonic_ns(), TIME_TO_LIVE_S)
+        command.expires_monotonic_ns = self._clock.expiry_ns(self._monotonic_ns(), good_for_s)
         command.stop_count = self._stop_count
         command.sender_id = self._sender_id
         command.number = next(self._numbers)

@@ -2,6 +2,7 @@
 
 import getpass
 import os
+import time
 from contextlib import ExitStack
 from typing import Self, TypeVar
 
@@ -32,6 +33,9 @@ from mbot_workstation.wording import one_line
 M = TypeVar("M", bound=Message)
 
 QUERY_TIMEOUT_S = 2.0
+
+REACH_TIMEOUT_S = 2.0
+REACH_PAUSE_S = 0.005
 
 # A command overtakes a push that goes on beside it; a push or a fetch leaves the link to all else.
 _PRIORITIES = {
@@ -152,6 +156,25 @@ class RobotLink:
                 f"the link to {self.endpoint} broke: {one_line(str(error))}"
             ) from None
         raise self._why_silent(topic, timeout_s)
+
+    def reaches(self, topic: Topic, timeout_s: float = REACH_TIMEOUT_S) -> bool:
+        """Whether a query on this key would come to the robot.
+
+        A router passes on only what the robot behind it has declared and the rules let through; a
+        robot that is connected to directly hears everything that it serves.
+        """
+        session = self._open_session()
+        if not session.info.routers_zid():
+            return True
+        with session.declare_querier(topic.key(self._robot_id)) as querier:
+            until_s = time.monotonic() + timeout_s
+            # What the router knows comes a round trip after it was asked for.
+            # The stubs call it a bool; it is an object that is always true.
+            while not querier.matching_status.matching:  # pyright: ignore[reportAttributeAccessIssue]
+                if time.monotonic() > until_s:
+                    return False
+                time.sleep(REACH_PAUSE_S)
+        return True
 
     def status(self, timeout_s: float = QUERY_TIMEOUT_S) -> Status:
         """The robot's state now; raises as `query` does."""

@@ -219,12 +219,16 @@ class Stop(_message.Message):
     def __init__(self) -> None: ...
 
 class Drive(_message.Message):
-    __slots__ = ("wheels", "hold_ms")
+    __slots__ = ("wheels", "hold_ms", "press", "let_go")
     WHEELS_FIELD_NUMBER: _ClassVar[int]
     HOLD_MS_FIELD_NUMBER: _ClassVar[int]
+    PRESS_FIELD_NUMBER: _ClassVar[int]
+    LET_GO_FIELD_NUMBER: _ClassVar[int]
     wheels: Wheels
     hold_ms: int
-    def __init__(self, wheels: _Optional[_Union[Wheels, _Mapping[str, object]]] = ..., hold_ms: _Optional[int] = ...) -> None: ...
+    press: int
+    let_go: bool
+    def __init__(self, wheels: _Optional[_Union[Wheels, _Mapping[str, object]]] = ..., hold_ms: _Optional[int] = ..., press: _Optional[int] = ..., let_go: bool = ...) -> None: ...
 
 class CommandReply(_message.Message):
     __slots__ = ("schema_version", "accepted", "reason", "state", "stop_count", "standing")

@@ -3,15 +3,14 @@
 import time
 from collections.abc import Callable
 
-from google.protobuf.message import DecodeError
-
 from mbot_agent import installed_version
 from mbot_agent.arming import Mode, state_of
+from mbot_agent.commands.stop_service import name_in_a_line
 from mbot_agent.configuration import Configuration, shown_source
 from mbot_agent.control_loop import ControlLoop
 from mbot_agent.faults import Notice
 from mbot_agent.hardware import Board
-from mbot_agent.helm import Helm
+from mbot_agent.helm import Helm, Press
 from mbot_agent.network.sender_numbers import SenderNumbers
 from mbot_agent.network.wire_messages import (
     WIRE_STATES,
@@ -20,7 +19,7 @@ from mbot_agent.network.wire_messages import (
     wire_notices,
     wire_stop,
 )
-from mbot_agent.network.zenoh_link import Link
+from mbot_agent.network.zenoh_link import Link, Listener
 from mbot_agent.releases.own_release import own_release
 from mbot_protocol import keys
 from mbot_protocol.actions import to_steps
@@ -32,18 +31,14 @@ LONGEST_HOLD_MS = 1000
 """A hand-driven command holds no longer than this without being renewed."""
 
 LONGEST_EXPIRY_NS = 2_000_000_000
-"""A command that would be good for longer is refused: nobody shall have one in his pocket."""
+"""A command that would be good for longer is refused: nobody may keep one for later."""
 
-STANDING_WAIT_S = 0.08
-"""The board acknowledges a stop after 12 ms of wire; a STOP is answered within 100 ms anyway."""
+CLOCK_SLACK_NS = 100_000_000
+"""Two clocks that drift apart by 100 millionths of a second each second (a cheap quartz) are so far
+apart after a quarter of an hour of one `workstation drive`."""
 
 FORGIVEN_WAIT_S = 0.3
 """After `run` has forgiven a camera its still picture the next frame must show that it is good."""
-
-LONGEST_NAME = 48
-
-PULSE = f"{keys.STOP.name}/pulse"
-"""The daemon's own question to the thread that serves STOP; nobody else reaches this key."""
 
 
 class CommandService:
@@ -79,11 +74,12 @@ class CommandService:
         self._updating = updating
         self._numbers = SenderNumbers()
 
-    def serve(self, link: Link) -> None:
-        """Answer from now on: a STOP waits behind nothing, a status behind no command."""
-        link.serve(f"{keys.STOP.name}/**", {keys.STOP.name: self.stop, PULSE: self.pulse})
-        link.serve(keys.STATUS.name, {keys.STATUS.name: self.status})
-        link.serve(keys.COMMAND.name, {keys.COMMAND.name: self.command})
+    def serve(self, link: Link) -> list[Listener]:
+        """Answer from now on: a status behind no command, and the other way round."""
+        return [
+            *link.serve({keys.STATUS.name: self.status}),
+            *link.serve({keys.COMMAND.name: self.command}),
+        ]
 
     def status(self, _: bytes) -> bytes:
         """Reply to a query on `status`."""
@@ -119,30 +115,6 @@ class CommandService:
         light = self._loop.light
         return self._camera_source + ("" if light == "unknown" else f", light {light}")
 
-    def stop(self, payload: bytes) -> bytes:
-        """Reply to a query on `stop`, which disarms the robot whatever it says.
-
-        No clock, no schema and no damaged message stands between anybody and a stop.
-        """
-        self._helm.stop(_sender(payload))
-        standing = self._board.stands(STANDING_WAIT_S)
-        reply = messages.CommandReply(
-            schema_version=SCHEMA_VERSION,
-            accepted=True,
-            state=messages.STATE_STOPPED,
-            stop_count=self._helm.orders.stop.count,
-            standing=standing,
-        )
-        if not standing:
-            fault = self._board.fault
-            found = "the board does not answer in time" if fault is None else fault.detail
-            reply.reason = f"disarmed, but not confirmed by the board: {found}"
-        return reply.SerializeToString()
-
-    def pulse(self, _: bytes) -> bytes:
-        """Reply to the daemon's own question whether STOP is served."""
-        return b"alive"
-
     def command(self, payload: bytes) -> bytes:
         """Reply to a query on `command`, after carrying it out or refusing it."""
         reply = messages.CommandReply(schema_version=SCHEMA_VERSION)
@@ -164,7 +136,7 @@ class CommandService:
             )
         action = command.WhichOneof("action")
         if action == "stop":
-            self._helm.stop(_in_a_line(command.sender))  # however late: it is always right
+            self._helm.stop(name_in_a_line(command.sender))  # however late: it is always right
             return
         self._check_current(command)
         if self._updating():
@@ -173,7 +145,7 @@ class CommandService:
         if action == "run":
             self._run(command.stop_count, when_ready=command.run.when_ready)
         elif action == "drive":
-            self._drive(command.drive, command.stop_count)
+            self._drive(command)
         else:
             raise RefusedError("the command has no action this robot knows: upgrade mbot-agent")
 
@@ -207,26 +179,29 @@ class CommandService:
             raise RefusedError(f"not armed: {found} (`run --when-ready` waits for that)")
         self._helm.run(seen_stops)
 
-    def _drive(self, drive: messages.Drive, seen_stops: int) -> None:
+    def _drive(self, command: messages.Command) -> None:
+        drive, now_ns = command.drive, time.monotonic_ns()
+        press = Press(command.sender_id, drive.press)
+        if drive.let_go:
+            self._helm.let_go(press)
+            return
         if not 0 < drive.hold_ms <= LONGEST_HOLD_MS:
             raise RefusedError(f"hold_ms is {drive.hold_ms}, expected 1 to {LONGEST_HOLD_MS}")
+        hold_ns = drive.hold_ms * 1_000_000
+        good_ns = command.expires_monotonic_ns - now_ns
+        if not drive.press or good_ns > hold_ns + CLOCK_SLACK_NS:
+            # It could arrive when the hand has long let go, and set the robot in motion again.
+            raise RefusedError(
+                f"the command is good for {good_ns / 1e6:.0f} ms, holds for {drive.hold_ms} ms and "
+                f"is of press {drive.press}: expected to be good for no longer than it holds, and "
+                "a press from 1 on; upgrade the workstation"
+            )
         try:
             steps = to_steps(drive.wheels.left, drive.wheels.right)
         except ValueError as error:
             raise RefusedError(str(error)) from None
         if (fault := self._board.fault) is not None:
             raise RefusedError(fault.detail)
+        until_ns = min(now_ns + hold_ns, command.expires_monotonic_ns)
         joystick = self._wheels.to_board(steps)
-        self._helm.steer_by_hand(joystick, drive.hold_ms * 1_000_000, seen_stops)
-
-
-def _sender(payload: bytes) -> str:
-    """Who says to have sent a STOP; empty if that can't be read."""
-    try:
-        return _in_a_line(messages.Command.FromString(payload).sender)
-    except DecodeError:
-        return ""
-
-
-def _in_a_line(name: str) -> str:
-    return "".join(sign for sign in name if sign.isprintable())[:LONGEST_NAME]
+        self._helm.steer_by_hand(joystick, until_ns, command.stop_count, press)

@@ -1,4 +1,4 @@
-"""Does the stop service still answer? The daemon asks it as anybody would, twice a second."""
+"""Does the daemon still hear anybody? It asks itself as a workstation would, twice a second."""
 
 import logging
 import threading
@@ -12,7 +12,7 @@ ASK_EVERY_S = 0.4
 TIMEOUT_S = 0.5
 
 
-class StopProbe:
+class Pulse:
     """Asks on a thread of its own. A context manager.
 
     Attributes:
@@ -21,11 +21,11 @@ class StopProbe:
     """
 
     def __init__(self, ask: Callable[[float], bool]) -> None:
-        """`ask` says within the given seconds whether the service has answered; it may raise."""
+        """`ask` says within the given seconds whether an answer came; it may raise."""
         self._ask = ask
         self.answered_ns = time.monotonic_ns()
         self._closing = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="stop probe", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="pulse", daemon=True)
 
     def __enter__(self) -> Self:
         self._thread.start()
@@ -41,7 +41,7 @@ class StopProbe:
             if self._ask(TIMEOUT_S):
                 self.answered_ns = time.monotonic_ns()
         except Exception as error:
-            log.debug("the stop service was not asked: %s", error)  # then it counts as silent
+            log.debug("the daemon did not ask itself: %s", error)  # then it counts as silent
 
     def _run(self) -> None:
         while not self._closing.wait(ASK_EVERY_S):

@@ -1,0 +1,118 @@
+from mbot_agent.configuration import Access
+from mbot_agent.network.doorkeeper import (
+    BANNED_S,
+    LARGEST_RATE,
+    LOOK_EVERY_S,
+    MOST_A_NAME,
+    MOST_MESSAGES,
+    MOST_UNREAD,
+    Doorkeeper,
+    Traffic,
+    Visitor,
+)
+from mbot_protocol.keys import Right
+
+ACCESS = Access(
+    people={"vera": (Right.VIEW,), "paul": (Right.PUSH,), "dora": (Right.DRIVE,)},
+    routers=("lab",),
+)
+
+
+def visitor(name: str | None, port: int) -> Visitor:
+    return Visitor(name, ("10.0.0.7", port), f"session {port}")
+
+
+def test_who_is_on_the_roll_stays_and_who_is_not_goes() -> None:
+    known = [visitor("person:vera", 1), visitor("router:lab", 2), visitor(None, 3)]
+    strangers = [visitor("person:nick", 4), visitor("robot:mbot-2", 5), visitor("vera", 6)]
+    found = Doorkeeper(ACCESS).unwelcome([(one, Traffic()) for one in (*known, *strangers)], 0.0)
+    assert set(found) == set(strangers)
+
+
+def test_one_name_has_a_few_places_and_the_first_to_come_stay() -> None:
+    keeper = Doorkeeper(ACCESS)
+    first = [visitor("person:vera", port) for port in range(MOST_A_NAME)]
+    assert keeper.unwelcome([(one, Traffic()) for one in first], 0.0) == {}
+    late = visitor("person:vera", 99)
+    other = visitor("person:paul", 100)
+    assert set(keeper.unwelcome([(one, Traffic()) for one in (late, other, *first)], 1.0)) == {late}
+    assert keeper.unwelcome([(one, Traffic()) for one in (late, *first[1:])], 2.0) == {}
+
+
+def test_a_router_brings_as_many_as_it_likes() -> None:
+    many = [(visitor("router:lab", port), Traffic()) for port in range(20)]
+    assert Doorkeeper(ACCESS).unwelcome(many, 0.0) == {}
+
+
+def looks(keeper: Doorkeeper, seen: dict[Visitor, Traffic], now_s: float) -> set[Visitor]:
+    return set(keeper.unwelcome(seen.items(), now_s))
+
+
+def test_who_may_only_look_and_floods_is_shown_out_for_a_while() -> None:
+    keeper = Doorkeeper(ACCESS)
+    vera, paul = visitor("person:vera", 1), visitor("person:paul", 2)
+    quick = round(LARGEST_RATE * LOOK_EVERY_S * 1.5)
+    assert looks(keeper, {vera: Traffic(), paul: Traffic()}, 10.0) == set()
+    calm = {vera: Traffic(quick // 3), paul: Traffic(9 * quick)}
+    assert looks(keeper, calm, 10.0 + LOOK_EVERY_S) == set()
+    flood = {vera: Traffic(quick + quick // 3), paul: Traffic(9 * quick)}
+    assert looks(keeper, flood, 10.0 + 2 * LOOK_EVERY_S) == {vera}
+    again = visitor("person:vera", 3)
+    assert looks(keeper, {again: Traffic()}, 15.0) == {again}
+    assert looks(keeper, {again: Traffic()}, 11.0 + BANNED_S) == set()
+
+
+def test_messages_are_counted_of_all_sessions_of_a_name() -> None:
+    """Few bytes, but each of them a question: no session alone asks too often."""
+    keeper = Doorkeeper(ACCESS)
+    sessions = [visitor("person:vera", port) for port in range(3)]
+    paul = visitor("person:paul", 9)
+
+    def at(now_s: float, messages: int) -> set[Visitor]:
+        seen = {one: Traffic(received_segments=messages) for one in sessions}
+        return looks(keeper, seen | {paul: Traffic(received_segments=50 * messages)}, now_s)
+
+    a_look = MOST_MESSAGES * LOOK_EVERY_S / len(sessions)
+    calm = [at(n * LOOK_EVERY_S, round(0.9 * n * a_look)) for n in range(100)]
+    assert calm == [set()] * 100
+    begun = round(0.9 * 99 * a_look)
+    found = [at((99 + n) * LOOK_EVERY_S, begun + round(3 * n * a_look)) for n in range(1, 12)]
+    assert found[0] == set(), "a burst is no flood"
+    assert set(sessions) & found[-1]
+    assert all(paul not in gone for gone in found), "a push sends as much as it likes"
+
+
+def test_who_does_not_read_is_shown_out_and_may_come_again_twice() -> None:
+    keeper = Doorkeeper(ACCESS)
+    now_s = 10.0
+    for times in range(MOST_UNREAD + 1):
+        paul = visitor("person:paul", times)
+        assert looks(keeper, {paul: Traffic()}, now_s) == set()
+        unread_us = round(LOOK_EVERY_S * 1e6)
+        assert looks(keeper, {paul: Traffic(0, 0, unread_us)}, now_s + LOOK_EVERY_S) == set()
+        gone = looks(keeper, {paul: Traffic(0, 0, 2 * unread_us)}, now_s + 2 * LOOK_EVERY_S)
+        assert gone == {paul}
+        now_s += 1.0
+    again = visitor("person:paul", 9)
+    assert looks(keeper, {again: Traffic()}, now_s) == {again}
+    assert looks(keeper, {again: Traffic()}, now_s + BANNED_S) == set()
+
+
+def test_a_short_wait_for_a_slow_reader_is_nothing() -> None:
+    keeper = Doorkeeper(ACCESS)
+    vera = visitor("person:vera", 1)
+    unread_us = 0
+    for look in range(20):
+        unread_us += round(LOOK_EVERY_S * 1e6) if look % 2 else 0
+        assert looks(keeper, {vera: Traffic(0, 0, unread_us)}, look * LOOK_EVERY_S) == set()
+
+
+def test_when_too_much_is_held_all_go_who_may_only_look_and_the_busiest_stays_away() -> None:
+    keeper = Doorkeeper(ACCESS)
+    vera, vera_too = visitor("person:vera", 1), visitor("person:vera", 2)
+    dora = visitor("person:dora", 3)
+    others = {visitor("person:paul", 4): Traffic(10**9), visitor(None, 5): Traffic(10**9)}
+    seen = others | {vera: Traffic(10), vera_too: Traffic(10), dora: Traffic(500)}
+    assert set(keeper.hoarders(seen.items(), 1.0)) == {vera, vera_too, dora}
+    back = [visitor("person:dora", 6), visitor("person:vera", 7)]
+    assert looks(keeper, {one: Traffic() for one in back}, 2.0) == {back[0]}
