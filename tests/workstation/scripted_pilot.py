@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from mbot_protocol.errors import ConfigurationError
+
 
 @dataclass
 class ScriptedPilot:
@@ -27,6 +29,13 @@ class ScriptedPilot:
     def notes(self) -> "Seen":
         assert not self.left, "not all was driven"
         return Seen(os.getpid(), np.array(self.pictures), np.array(self.ended))
+
+
+class MistakenPilot(ScriptedPilot):
+    """Finds that a person has to mend something."""
+
+    def decide(self, pictures: np.ndarray) -> np.ndarray:
+        raise ConfigurationError("the policy was deleted")
 
 
 @dataclass(frozen=True)

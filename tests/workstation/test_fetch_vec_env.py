@@ -12,16 +12,17 @@ import numpy as np
 import pytest
 from stable_baselines3.common.evaluation import evaluate_policy
 
+from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.simulation.fetch_rules import DECISION_S, TIME_LIMIT_DECISIONS
 from mbot_workstation.training.drivers.oracle import Oracle, middle
 from mbot_workstation.training.worlds.fetch_env import FetchEnv
 from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
 from mbot_workstation.training.worlds.lessons import Lesson
 from mbot_workstation.training.worlds.shared_arrays import SLOTS, STRETCH
-from mbot_workstation.training.worlds.worker_pool import WorkerError
+from mbot_workstation.training.worlds.worker_pool import WorkerError, WorkerGoneError
 from mbot_workstation.variation.presets import preset
 
-from .scripted_pilot import ScriptedPilot
+from .scripted_pilot import MistakenPilot, ScriptedPilot
 from .small_world import ROOMS
 
 ROBOTS = 3
@@ -234,7 +235,7 @@ def test_a_killed_worker_is_named() -> None:
         victim = next(c for c in multiprocessing.active_children() if c.name == "robots 1 to 1")
         victim.kill()
         victim.join()
-        with pytest.raises(WorkerError, match=r"robots 1 to 1 .*-9"):
+        with pytest.raises(WorkerGoneError, match=r"robots 1 to 1 .*-9"):
             environment.step(np.zeros((2, 2), np.float32))
 
 
@@ -296,7 +297,7 @@ def test_workers_that_die_before_they_are_told_anything_are_named(tmp_path: Path
         [sys.executable, str(script)], capture_output=True, text=True, timeout=60, check=False
     )
     assert done.returncode == 1
-    assert "WorkerError: the worker of robots 0 to 0 has gone" in done.stderr
+    assert "WorkerGoneError: the worker of robots 0 to 0 has gone" in done.stderr
 
 
 def test_a_failing_worker_sends_its_traceback() -> None:
@@ -304,6 +305,18 @@ def test_a_failing_worker_sends_its_traceback() -> None:
         environment.reset()
         with pytest.raises(WorkerError, match=r"(?s)to_steps.*finite"):
             environment.step(np.full((1, 2), np.nan, np.float32))
+
+
+def test_what_a_person_can_mend_comes_out_of_a_worker_as_it_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.syspath_prepend(Path(__file__).parents[2])
+    with FetchVecEnv(1, 0, "ideal", "1", ROOMS, workers=1) as environment:
+        environment.reset()
+        environment.hire(MistakenPilot())
+        environment.drive(1, tasks(environment, np.zeros((1, 1, 2), np.float32)))
+        with pytest.raises(ConfigurationError, match=r"^the policy was deleted$"):
+            environment.arrive()
 
 
 def test_no_process_is_left(pair: FetchVecEnv) -> None:

@@ -6,7 +6,13 @@ from typing import Any, Self
 import numpy as np
 
 from mbot_protocol.picture import Picture
-from mbot_workstation.simulation.engine import MjData, MjModel, mujoco, open_gl_context
+from mbot_workstation.simulation.engine import (
+    MjData,
+    MjModel,
+    mujoco,
+    open_gl_context,
+    open_renderer,
+)
 from mbot_workstation.simulation.simulation import SceneState, Simulation
 
 MOST_GEOMS = 128
@@ -80,7 +86,7 @@ class SceneRenderer:
         # Light comes from afar and falls on all of a face alike: one rectangle does for sixteen (of
         # 4,000 pictures of any arena none differs in more than 6 pixels by more than 8 levels).
         model.vis.quality.numquads = 1
-        self._context: Any = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
+        self._context: Any = open_renderer(model)
         self._scene = mujoco.MjvScene(model, MOST_GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = quality.shadow_map_px > 0
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = quality.reflections

@@ -70,8 +70,8 @@ class Arrival:
 class FetchVecEnv(VecEnv):
     """`FetchEnv` many times over; robot i is `FetchEnv` reset with `seed` + i, bit for bit.
 
-    Close it, or use it in a `with`. A worker that dies or fails raises `WorkerError` in the next
-    call.
+    Close it, or use it in a `with`. A worker that dies or fails makes the next call raise, as
+    `WorkerPool.wait` does.
 
     Attributes:
         shares: the rows of each worker.

@@ -12,6 +12,7 @@ from typing import Any, assert_never
 import cv2
 import numpy as np
 
+from mbot_protocol.errors import MbotError
 from mbot_workstation.simulation.fetch_task import Happening
 from mbot_workstation.training.worlds.fetch_info import (
     HAPPENINGS,
@@ -113,11 +114,11 @@ class Failed:
     """It has not, and the worker has ended.
 
     Attributes:
-        text: the traceback.
+        error: what a person can mend, or the traceback of what nobody has thought of.
 
     """
 
-    text: str
+    error: MbotError | str
 
 
 Reply = Done | Failed
@@ -144,7 +145,9 @@ def run_worker(pipe: Connection, memory: SharedMemory, robots: range) -> None:
                 pipe.send(Done(share.carry_out(request)))
     except (EOFError, BrokenPipeError):
         return  # the environment has gone
-    except Exception:
+    except MbotError as error:
+        pipe.send(Failed(error))
+    except Exception:  # a mistake of ours; the other side raises
         pipe.send(Failed(traceback.format_exc()))
 
 

@@ -13,6 +13,7 @@ from multiprocessing.connection import wait as wait_for_any
 from multiprocessing.process import BaseProcess
 from typing import Any, NoReturn
 
+from mbot_protocol.errors import MbotError
 from mbot_workstation.training.worlds.fetch_worker import (
     Done,
     Failed,
@@ -28,7 +29,11 @@ QUIT_S = 5.0
 
 
 class WorkerError(RuntimeError):
-    """A worker has failed or gone; its environment is of no more use."""
+    """A worker has failed by a mistake of ours; its environment is of no more use."""
+
+
+class WorkerGoneError(MbotError):
+    """A worker has gone without a word; likewise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +107,8 @@ class WorkerPool:
             What each has told of that number.
 
         Raises:
-            WorkerError: one has failed or gone.
+            WorkerError: one has failed.
+            MbotError: likewise, in a way that a person can mend; or it has gone.
 
         """
         last = self._asked if number is None else number
@@ -121,6 +127,8 @@ class WorkerPool:
                 case Done(what):
                     if asked == last:
                         told.append(what)
+                case Failed(MbotError() as error):
+                    raise error
                 case Failed(text):
                     raise WorkerError(f"the worker of {worker.process.name} failed:\n{text}")
         return told
@@ -148,7 +156,7 @@ class WorkerPool:
 
     def _raise_gone(self, worker: _Worker) -> NoReturn:
         worker.process.join(QUIT_S)
-        raise WorkerError(
+        raise WorkerGoneError(
             f"the worker of {worker.process.name} has gone with exit code "
             f"{worker.process.exitcode}; was it killed, or is memory short?"
         ) from None
