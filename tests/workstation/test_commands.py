@@ -11,17 +11,24 @@ import typer
 from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError, MbotError
+from mbot_protocol.git_lfs import POINTER
 from mbot_workstation.commands.calibrate import app as calibrate_app
 from mbot_workstation.commands.calibrate_body import body
+from mbot_workstation.commands.calibrate_camera import camera
 from mbot_workstation.commands.calibrate_demo import calibrate_demo
+from mbot_workstation.commands.check_model import check_model_file
 from mbot_workstation.commands.demo import demo
 from mbot_workstation.commands.drive import drive, run, stop
 from mbot_workstation.commands.enroll import enroll
+from mbot_workstation.commands.evaluate import evaluate
+from mbot_workstation.commands.identify import identify
 from mbot_workstation.commands.link_options import LinkOptions, json_option
 from mbot_workstation.commands.maneuvers import app as maneuvers_app
 from mbot_workstation.commands.models import models, rollback
-from mbot_workstation.commands.options import argument, option, with_options
+from mbot_workstation.commands.options import argument, option, output_file, with_options
+from mbot_workstation.commands.panorama import panorama
 from mbot_workstation.commands.push_model import push_model
+from mbot_workstation.commands.replay import replay
 from mbot_workstation.commands.robots import robots
 from mbot_workstation.commands.simulation_options import calibration_option, photographs
 from mbot_workstation.commands.stop_signals import stop_signals
@@ -110,6 +117,46 @@ def test_what_can_not_be_is_said_in_one_line(
     assert code != 0
     assert words in said
     assert not list(tmp_path.rglob("*.mcap"))
+
+
+def test_nothing_that_is_read_may_be_a_git_lfs_pointer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Files given of whatever kind, several at once, and what lies in folders given."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("note.png", "folder/recording.toml", "folder/truth.csv", "folder/a.mcap"):
+        Path(name).parent.mkdir(exist_ok=True)
+        Path(name).write_bytes(POINTER + b"v1\noid sha256:0\nsize 1\n")
+    for command, arguments in (
+        (check_model_file, ("note.png",)),
+        (body, ("note.png",)),
+        (panorama, ("note.png",)),
+        (push_model, ("note.png", *NOBODY)),
+        (camera, ("folder/a.mcap", "note.png")),
+        (evaluate, ("servo", "--pictures", "folder")),
+        (evaluate, ("servo", "--object", "note.png")),
+        (identify, ("folder",)),
+        (replay, ("folder",)),
+    ):
+        code, said = call(command, *arguments)
+        assert code == 2, said
+        assert "is a Git LFS pointer" in said, arguments
+    written: list[object] = []
+
+    @with_options
+    def write(options: WriteOptions) -> None:
+        """Write over it."""
+        written.append(options.output)
+
+    assert call(write, "--output", "note.png")[0] == 0
+    assert written == [Path("note.png")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WriteOptions:
+    """What `write` takes."""
+
+    output: Path | None = output_file(None, "Where to.", "--output")
 
 
 @pytest.mark.parametrize("command", [run, stop, models, robots])

@@ -83,6 +83,33 @@ def test_all_mistakes_are_said_at_once(tmp_path: Path) -> None:
     assert found["dry run"] == [(WARNING, "not tried: mend the above first")]
 
 
+@pytest.mark.parametrize(
+    ("second", "expected"),
+    [
+        ("action_masks", "expected 1: observation:"),
+        ("state_ins", "expected 1: observation:"),
+        ("state_in", "expected 3: observation, previous_action, state_in:"),
+    ],
+)
+def test_only_its_name_makes_a_second_input_a_memory(
+    tmp_path: Path, second: str, expected: str
+) -> None:
+    model = small_policy()
+    del model.metadata_props[:]
+    shape = ["batch", 2]
+    model.graph.input.append(helper.make_tensor_value_info(second, TensorProto.FLOAT, shape))
+    (verdict, words) = verdicts(written(tmp_path, model))["tensors"][0]
+    assert verdict == FAILED
+    assert f"2 inputs (observation, {second}), {expected}" in words
+
+
+def test_a_batch_of_any_size_is_taken_and_not_called_fixed(tmp_path: Path) -> None:
+    found = verdicts(written(tmp_path, small_policy()))
+    assert "'observation' uint8 ['batch', 64, 64, 3]" in found["tensors"][0][1]
+    assert found["graph"][0][0] == OK
+    assert "fixed" not in found["graph"][0][1]
+
+
 def test_a_model_with_memory_is_held_to_its_own_contract(tmp_path: Path) -> None:
     model = onnx.load(SHIPPED)
     model.graph.output[1].name, state = "state", model.graph.output[1].name

@@ -370,10 +370,10 @@ def test_bad_commands_are_named(tmp_path: Path, lines: str, words: str) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("robot_id = 7", "$.robot_id"),
+        ("robot_id = 7", "robot_id is 7"),
         ('robot_id = "*"', "expected 1 to 32"),
         ('robot_id = "a"\ncolour = 1', "colour"),
-        ('robot_id = "a"\n[left]\ntrim = 2', "$.left.trim"),
+        ('robot_id = "a"\n[left]\ntrim = 2', "left.trim is 2"),
         ('robot_id = "a"\nleave_out = [99]', "leave_out names run 99"),
         ("robot_id", "recording.toml"),
     ],

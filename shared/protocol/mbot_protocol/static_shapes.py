@@ -57,7 +57,7 @@ def check_static_shapes(data: bytes) -> None:
             if index < len(inputs) and inputs[index] and inputs[index] not in known:
                 raise ContractError(
                     f"the size of what {operator} makes ({', '.join(sorted(outputs))[:80]}) may "
-                    "depend on the picture: export a network of fixed shapes"
+                    "depend on the picture: export a network in which none does"
                 )
         if operator in _KNOWN_WHATEVER_GOES_IN or known.issuperset(filter(None, inputs)):
             known |= outputs

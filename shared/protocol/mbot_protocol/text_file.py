@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.git_lfs import POINTER, refuse_pointer
 
 
 def read_text(path: Path) -> str:
@@ -21,10 +22,12 @@ def read_text(path: Path) -> str:
 def text_if_any(path: Path) -> str | None:
     """As `read_text`; None where there is no such file."""
     try:
-        return path.read_text(encoding="utf-8-sig")
+        text = path.read_text(encoding="utf-8-sig")
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
         raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
     except UnicodeDecodeError:
         raise ConfigurationError(f"can't read {path}: it is not text") from None
+    refuse_pointer(path, text[: len(POINTER)].encode())
+    return text

@@ -1,5 +1,6 @@
 """Commands that take their options as one frozen dataclass: each option is a field of it."""
 
+import contextlib
 import dataclasses
 import functools
 import inspect
@@ -11,6 +12,7 @@ import typer
 
 from mbot_protocol.early_interrupt import ctrl_c_as_usual
 from mbot_protocol.errors import InterruptedByUserError
+from mbot_protocol.git_lfs import POINTER, refuse_pointer
 from mbot_workstation.commands.output_paths import check_output_file, check_output_folder
 
 Options = TypeVar("Options")
@@ -65,6 +67,16 @@ def argument(help_text: str, default: Any = dataclasses.MISSING, **settings: Any
     return dataclasses.field(default=default, metadata={_TYPER: made})
 
 
+def _refuse_pointer(given: object) -> None:
+    """Whatever a command reads, of whatever kind, is looked at before anybody tries to read it."""
+    if isinstance(given, str | Path):
+        with contextlib.suppress(OSError):  # whoever reads it says why it can't be
+            path = Path(given)
+            if path.is_file():
+                with path.open("rb") as file:
+                    refuse_pointer(path, file.read(len(POINTER)))
+
+
 def with_options(command: Callable[[Options], None]) -> Callable[..., None]:
     """A command for typer, from a function that takes a dataclass of options."""
     (name,) = inspect.signature(command).parameters
@@ -78,6 +90,9 @@ def with_options(command: Callable[[Options], None]) -> Callable[..., None]:
             check, value = field.metadata.get(_CHECK), values.get(field.name)
             if check is not None and value is not None:
                 check(value, "--" + field.name.replace("_", "-"))
+            elif check is None:
+                for given in value if isinstance(value, list | tuple) else (value,):
+                    _refuse_pointer(given)
         try:
             command(kind(**values))
         except KeyboardInterrupt:

@@ -13,8 +13,10 @@ from mbot_protocol.golden_frames import PROPERTY, read_golden_frames
 from mbot_protocol.model_structure import structure_faults
 from mbot_protocol.policy_contract import (
     LARGEST_MODEL_BYTES,
+    PREVIOUS_ACTION_NAME,
     SAFE_IR_VERSION,
     SAFE_OPSET,
+    STATE_IN_NAME,
     PolicyMetadata,
     Tensor,
     signature_faults,
@@ -75,7 +77,11 @@ def examine_model(path: Path) -> list[ModelFinding]:
         return [*findings, ModelFinding("format", FAILED, str(error))]
     properties = {entry.key: entry.value for entry in model.metadata_props}
     findings += _versions(model)
-    findings += _verdicts("graph", _graph_faults(model, data), "a plain network of fixed shapes")
+    findings += _verdicts(
+        "graph",
+        _graph_faults(model, data),
+        "a plain network, whose sizes do not depend on the picture",
+    )
     findings += _metadata(properties)
     inputs, outputs = declared_tensors(model)
     version = _version(properties, inputs)
@@ -192,9 +198,13 @@ def _with_default(fault: str, key: str, usual: str) -> str:
 
 
 def _version(properties: dict[str, str], inputs: list[Tensor]) -> int:
-    """The contract's version that the model means, as far as that can be told."""
+    """The contract's version that the model means, as far as that can be told.
+
+    Other trainers' second inputs are masks and states of other shapes: only names tell a memory.
+    """
     meant = properties.get("mbot.contract_version", "")
-    return int(meant) if meant in ("1", "2") else 2 if len(inputs) > 1 else 1
+    remembers = any(one.name in (PREVIOUS_ACTION_NAME, STATE_IN_NAME) for one in inputs)
+    return int(meant) if meant in ("1", "2") else 2 if remembers else 1
 
 
 def _golden_frames(properties: dict[str, str]) -> ModelFinding:

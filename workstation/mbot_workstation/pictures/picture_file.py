@@ -12,6 +12,7 @@ from PIL import Image
 
 from mbot_protocol import atomic_file
 from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.git_lfs import refuse_pointer
 from mbot_protocol.picture import Picture
 
 if TYPE_CHECKING:
@@ -79,7 +80,9 @@ def read_picture(path: Path, *, turn: bool = False) -> Picture:
 
     """
     try:
-        picture = decode_picture(path.read_bytes(), turn=turn)
+        content = path.read_bytes()
+        refuse_pointer(path, content)
+        picture = decode_picture(content, turn=turn)
     except OSError as error:
         raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
     except ValueError:  # a name with a zero in it, out of a table

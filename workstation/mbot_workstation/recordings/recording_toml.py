@@ -1,6 +1,5 @@
 """`recording.toml`: whose recording it is, and how its motors were driven."""
 
-import tomllib
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +10,8 @@ from mbot_protocol import atomic_file
 from mbot_protocol.actions import MotorMap, WheelMaps
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.keys import check_robot_id
+from mbot_protocol.text_file import text_if_any
+from mbot_protocol.toml_file import decode_toml
 
 RECORDING_FILE = "recording.toml"
 
@@ -75,17 +76,13 @@ def read_info(folder: Path) -> RecordingInfo:
 
     """
     path = folder / RECORDING_FILE
-    try:
-        return msgspec.convert(tomllib.loads(path.read_text(encoding="utf-8")), RecordingInfo)
-    except FileNotFoundError:
+    text = text_if_any(path)
+    if text is None:
         raise ConfigurationError(
             f"{folder} is not a recording: there is no {RECORDING_FILE} in it; "
             "see docs/recordings.md"
-        ) from None
-    except OSError as error:
-        raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
-    except ValueError as error:  # TOML's, msgspec's and Unicode's are ValueErrors
-        raise ConfigurationError(f"{path}: {error}") from None
+        )
+    return decode_toml(text, RecordingInfo, str(path))
 
 
 def write_info(folder: Path, info: RecordingInfo) -> None:

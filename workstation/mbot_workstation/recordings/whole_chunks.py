@@ -21,6 +21,7 @@ from mcap.records import Channel, Chunk, Message, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.git_lfs import refuse_pointer
 
 MOST_CHUNK_BYTES = 64 << 20
 """Writers end a chunk after 1 MB or after one message; a camera's raw picture of 4K has 25 MB."""
@@ -92,6 +93,7 @@ class WholeChunks:
             self._data = path.read_bytes()
         except OSError as error:
             raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
+        refuse_pointer(path, self._data)
         self.chunks_read = self.chunks_found = 0
         self.is_finished = False
         self.metadata: dict[str, dict[str, str]] = {}

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.git_lfs import refuse_pointer
 from mbot_protocol.picture import Picture
 from mbot_workstation.pictures.picture_file import decode_picture
 
@@ -88,6 +89,7 @@ def read_glb(path: Path) -> list[GlbSurface]:
         content = path.read_bytes()
     except OSError as error:
         raise ConfigurationError(f"can't read the mesh {path}: {error.strerror}") from None
+    refuse_pointer(path, content)
     try:
         return _read(content)
     except ConfigurationError as error:
