@@ -85,6 +85,63 @@ def stands(board: FakeBoard) -> bool:
     return board.speeds == (0, 0)
 
 
+LONGEST = "http://camera-in-the-workshop/" + "x" * 300
+"""Without a place to break it: an address, a file's name, an error."""
+
+SCREENS = [(320, 568), (390, 844), (768, 1024), (812, 375), (1280, 720), (1920, 1080)]
+"""CSS pixels: phones, a tablet, a phone on its side, desks."""
+
+FILL = """text => {
+  for (const id of ["robot", "state", "link", "headline", "stops", "said", "run-refused", "hand-words",
+                    "model", "free", "verdict"])
+    document.getElementById(id).textContent = text;
+  for (const id of ["faults", "notices", "replay-lines"])
+    document.getElementById(id).innerHTML = `<li>${text}</li>`.repeat(4);
+  for (const id of ["facts", "models", "recordings"])
+    document.getElementById(id).innerHTML =
+      `<tr><td>${text.slice(0, id === "facts" ? 18 : 300)}</td><td>${text}</td><td>p50 / p99 ${text}</td></tr>`.repeat(9);
+  document.getElementById("replay").hidden = false;
+}"""
+
+IN_REACH = """() => {
+  const stop = document.getElementById("stop"), box = stop.getBoundingClientRect();
+  const text = document.createRange();
+  text.selectNodeContents(stop.firstChild);
+  const word = text.getBoundingClientRect();
+  const hit = (x, y) => stop.contains(document.elementFromPoint(x, y));
+  const inside = one => one.left >= 0 && one.top >= 0 && one.right <= innerWidth
+    && one.bottom <= innerHeight;
+  return {
+    whole: inside(box) && box.left <= word.left && word.right <= box.right && box.top <= word.top
+      && word.bottom <= box.bottom,
+    hit: [.05, .5, .95].every(x => [.1, .5, .9].every(
+      y => hit(box.left + x * box.width, box.top + y * box.height))),
+    width: box.width, height: box.height,
+  };
+}"""
+
+THUMB_PX = 44
+"""WCAG 2.5.5, target size."""
+
+
+@pytest.mark.parametrize("zoom", [1, 2])
+def test_stop_is_whole_and_can_be_hit_on_every_screen_whatever_the_texts_are(
+    page: Page, zoom: int
+) -> None:
+    sizes = [*SCREENS, *((height, width) for width, height in SCREENS[:2])]
+    for width_px, height_px in sizes:
+        # What a browser's zoom does to a page: fewer of its pixels on the same screen.
+        page.set_viewport_size({"width": width_px // zoom, "height": height_px // zoom})
+        for scrolled in ("0", "document.body.scrollHeight / 2", "document.body.scrollHeight"):
+            page.evaluate(FILL, LONGEST)
+            page.evaluate(f"scrollTo(0, {scrolled})")
+            found = page.evaluate(IN_REACH)
+            where = (width_px, height_px, scrolled, found)
+            assert found["whole"], where
+            assert found["hit"], where
+            assert min(found["width"], found["height"]) * zoom >= THUMB_PX, where
+
+
 def test_run_and_stop_from_the_page(page: Page, board: FakeBoard, daemon: Daemon) -> None:
     took_ms: list[int] = []
     for way in ("button", "space", "button"):
@@ -95,7 +152,7 @@ def test_run_and_stop_from_the_page(page: Page, board: FakeBoard, daemon: Daemon
         expect(page.locator("#said")).to_contain_text("STOP: stopped, confirmed")
         assert stands(board)
         took_ms.append(int(page.locator("body").get_attribute("data-stop-ms") or -1))
-    assert 0 < min(took_ms) < CONFIRMED_WITHIN_MS, took_ms
+    assert 0 < sorted(took_ms)[-2] < CONFIRMED_WITHIN_MS, took_ms
     expect(page.locator("#headline")).to_contain_text("Standing, stopped by")
     assert daemon.status().last_stop.count == 4
 
