@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from .reliability.effort import second_worst, within
 from .reliability.promises import PROMISES, Promise
 
 CHECKOUT = Path(__file__).parents[1]
@@ -105,10 +106,10 @@ def test_a_looser_bar_is_noticed() -> None:
     assert bar_of(ast.parse("x <= 3", mode="eval").body, "") == (ast.LtE, 3)
     assert bar_of(ast.parse("1 <= x < 3 * 2", mode="eval").body, "") == (ast.Lt, 6)
     assert bar_of(ast.parse("within(600, f)", mode="eval").body, "") == (ast.LtE, 600)
-    late = Promise("within 20 ms", SIGTERM, "min(frame_ms) <= 1900")
+    late = Promise("within 20 ms", SIGTERM, "second_worst(frame_ms) <= 1900")
     with pytest.raises(AssertionError, match="does not assert this"):
         test_it_asserts_no_less_than_it_says("safety.md", late)
-    loose = Promise("within 10 ms", SIGTERM, "min(frame_ms) <= 20")
+    loose = Promise("within 10 ms", SIGTERM, "second_worst(frame_ms) <= 20")
     with pytest.raises(AssertionError):
         test_it_asserts_no_less_than_it_says("safety.md", loose)
 
@@ -183,3 +184,13 @@ def constants(file: str) -> dict[str, Any]:
                 if isinstance(name, ast.Name) and isinstance(value, ast.Constant)
             }
     return found
+
+
+def test_one_of_many_that_is_quick_is_not_enough() -> None:
+    held_up = [900.0] * 19 + [20.0]
+    assert second_worst(held_up) == 900
+    assert second_worst([20.0] * 19 + [900.0]) == 20, "one may be the machine's"
+    assert second_worst([20.0, 900.0]) == 900, "of two nobody knows which"
+    with pytest.raises(AssertionError, match="with a bar of 100"):
+        within(100, iter(held_up).__next__)
+    assert within(100, iter([900.0, 20.0, 20.0]).__next__) == [900, 20, 20]

@@ -14,7 +14,7 @@ from mbot_protocol.keys import Right, presence_key
 from mbot_workstation.link.remote_control import RemoteControl
 from mbot_workstation.link.robot_session import open_session
 
-from ..reliability.effort import within
+from ..reliability.effort import second_worst, within
 from ..robot.fake_board import FakeBoard
 from .fleet import LOCALHOST, Fleet
 from .processes import ROBOT_ID, Daemon, Process, until
@@ -60,7 +60,7 @@ def test_quiet_sessions_of_somebody_revoked_keep_nobody_from_a_stop(
                 stack.enter_context(open_session(endpoint, fleet.security("nick")))
         found = stops_ms(fleet, "vera")
         record_property("STOP worst ms", round(max(found), 1))
-        assert min(found) <= 100
+        assert second_worst(found) <= 100
         assert "person:nick is not on this robot's roll: shown out" in daemon.log.read_text()
 
 
@@ -127,7 +127,7 @@ def test_a_viewers_flood_of_tokens_costs_little_and_holds_up_no_stop(
     found = within(0.1, share)
     record_property("share of the flooder's", round(max(found), 3))
     record_property("STOP worst ms", round(max(stop_ms), 1))
-    assert min(stop_ms) <= 100
+    assert second_worst(stop_ms) <= 100
 
 
 def share_of_a_core(process: Process, seconds: float) -> float:

@@ -14,6 +14,7 @@ from mbot_protocol.keys import CHUNK_BYTES, Right
 from mbot_workstation.link.remote_control import RemoteControl
 from mbot_workstation.models.push import push as push_model
 
+from ..reliability.effort import second_worst
 from ..reliability.test_self_watch import service_manager
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
@@ -85,8 +86,7 @@ def test_no_viewer_keeps_anybody_elses_stop_from_being_confirmed(
     record_property("STOP worst ms", round(max(found.confirmed_ms), 1))
     record_property("last drive frame after STOP ms", round(max(found.rolled_ms, default=0), 1))
     record_property("watchdog unfed s", round(found.unfed_s, 1))
-    # The second worst: beside the attacker this machine's two cores may lose one reply in time.
-    assert sorted(found.confirmed_ms)[-2] <= 100
+    assert second_worst(found.confirmed_ms) <= 100
     assert max(found.rolled_ms, default=0) <= 100
     assert found.unfed_s < 3
 

@@ -7,7 +7,7 @@ import pytest
 
 from ..end_to_end.processes import LONGER_THAN_FORGIVEN_S, Daemon, beats_on, until
 from ..robot.fake_board import FakeBoard
-from .effort import within
+from .effort import second_worst, within
 from .faulty_camera import HEIGHT_PX, WIDTH_PX, FaultyCamera, Mood
 from .motion import FORWARD, FORWARD_BOARD, configure, driven_since, driving, stopped_s
 
@@ -44,7 +44,7 @@ def test_the_robot_stops_for_a_camera_that_ends(
         found = within(600, stopped_ms)
     record_property("stopped ms", round(max(found)))
     record_property("recovered s", round(max(recovered_s), 2))
-    assert min(recovered_s) <= 5
+    assert second_worst(recovered_s) <= 5
 
 
 @pytest.mark.timeout(300)

@@ -21,7 +21,7 @@ from mbot_workstation.telemetry.stream import TelemetryStream
 from ..end_to_end.processes import Daemon, Process, beats_on, until
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
-from .effort import REPEATS, TRIES, within
+from .effort import REPEATS, TRIES, second_worst, within
 from .motion import FORWARD, FORWARD_BOARD, configure, driven_since, driving, script
 
 Record = Callable[[str, object], None]
@@ -87,8 +87,10 @@ def test_sigterm_in_motion_stops_at_once(
     record_property("frame worst ms", round(max(frame_ms), 1))
     record_property("acknowledged p50 ms", round(statistics.median(acknowledged_ms), 1))
     record_property("acknowledged worst ms", round(max(acknowledged_ms), 1))
-    assert min(frame_ms) <= 20  # a handler in the main thread would need 2 s when it is slow
-    assert min(acknowledged_ms) <= 100
+    assert (
+        second_worst(frame_ms) <= 20
+    )  # a handler in the main thread would need 2 s when it is slow
+    assert second_worst(acknowledged_ms) <= 100
 
 
 def kill(process: Process) -> float:

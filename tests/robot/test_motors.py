@@ -100,7 +100,7 @@ def test_a_stop_is_on_the_wire_within_20_ms(motors: Motors, board: FakeBoard) ->
         assert board.wait_for(0, 0)
         stopped_s = next(at for at, m1, _ in board.commands if at >= asked_s and m1 == 0)
         took_ms.append((stopped_s - asked_s) * 1000)
-    assert min(took_ms) <= 20
+    assert sorted(took_ms)[-2] <= 20
 
 
 def test_a_stop_is_acknowledged_twice(motors: Motors, board: FakeBoard) -> None:

@@ -80,14 +80,14 @@ def test_a_beat_is_on_the_card_within_a_second_though_no_other_follows(tmp_path:
     drive.bench.run()
     armed, took_s = drive.tick(), list[float]()
     with recorder_in(tmp_path) as recorder:
-        for count in range(1, 4):  # the quickest of three: this machine may be busy
+        for count in range(1, 4):
             offered_s = time.monotonic()
             recorder.offer(armed)
             assert until(
                 lambda n=count: [p for p in files(tmp_path) if len(written(p)["drive"]) == n]
             )
             took_s.append(time.monotonic() - offered_s)
-    assert min(took_s) < 1.0
+    assert sorted(took_s)[-2] < 1.0  # one may be held up by what else runs here
 
 
 def test_a_card_that_hangs_holds_up_nobody_and_what_is_lost_is_counted(
