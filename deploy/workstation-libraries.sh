@@ -37,6 +37,8 @@ if [ "$(uname -s)" = Linux ]; then
     fi
     if [ "${1:-}" = kernel ]; then
         need qemu-system-x86 command -v qemu-system-x86_64
+        need qemu-system-arm command -v qemu-system-aarch64
+        need cpio command -v cpio
         need e2fsprogs command -v mke2fs
     fi
     if [ "${1:-}" = test ]; then

@@ -64,13 +64,14 @@ def userland(request: pytest.FixtureRequest) -> Path:
             check=True,
             capture_output=True,
         )
-        _install(root, release)
+        install_libraries(root, release)
         subprocess.run(["cp", EMULATOR, str(root / "usr/bin/")], check=True)
         (root / "whole").touch()
     return root
 
 
-def _install(root: Path, release: str) -> None:
+def install_libraries(root: Path, release: str) -> None:
+    """What a robot needs, put into a release's files."""
     version = PYTHONS[release]
     platforms = [f"manylinux_2_{minor}_aarch64" for minor in range(17, 37)]
     platforms.append("manylinux2014_aarch64")

@@ -227,6 +227,47 @@ def test_a_child_that_dies_is_a_reason(tmp_path: Path, monkeypatch: pytest.Monke
         dry_run(constant_model(), RATE_HZ)
 
 
+CHILD = "#!/bin/sh\nprintf '!'\ncat > /dev/null\n"
+"""One that takes the model and then says what it likes."""
+
+
+@pytest.mark.parametrize(
+    ("says", "words"),
+    [
+        ("yes", "says too much"),
+        ("yes >&2", "says too much"),
+        ("echo nonsense", "no reason given"),
+        ("echo '{}'; exit 0", "no reason given"),
+        ("printf 'one\\ntwo \\033[31mred' >&2; exit 3", r"^two \?\[31mred$"),
+        ("head -c 9000 /dev/zero | tr '\\0' x >&2; exit 3", r"^x{500}\.\.\.$"),
+    ],
+    ids=["endless", "endless errors", "nonsense", "half a report", "colours", "a long line"],
+)
+def test_whatever_a_taken_over_child_says_is_one_short_line(
+    says: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = tmp_path / "python"
+    program.write_text(CHILD + says + "\n")
+    program.chmod(0o755)
+    monkeypatch.setattr(module.sys, "executable", str(program))
+    with pytest.raises(ContractError, match=words):
+        dry_run(TRAINED.read_bytes(), RATE_HZ)
+
+
+def test_a_child_that_never_reads_the_model_is_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The largest is far longer than a pipe."""
+    program = tmp_path / "python"
+    program.write_text("#!/bin/sh\nprintf '!'\nexec sleep 20\n")
+    program.chmod(0o755)
+    monkeypatch.setattr(module.sys, "executable", str(program))
+    began_s = time.monotonic()
+    with pytest.raises(ContractError, match="took more than"):
+        dry_run(bytes(4 << 20), RATE_HZ, model_s=1.0)
+    assert time.monotonic() - began_s < 5.0
+
+
 def test_the_child_leaves_no_file_and_can_write_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -9,6 +9,7 @@ import math
 import os
 import resource
 import select
+import selectors
 import subprocess
 import sys
 import time
@@ -42,6 +43,15 @@ MEMORY_BYTES = 128 << 20
 """Address space on top of what Python and onnxruntime map. The largest model allowed (16 MiB) needs
 less than 48 MiB, the paper's network less than 8 (measured). With the daemon's 115 MB and the 65
 of Python and onnxruntime the unit's MemoryMax of 320 MB is not reached."""
+
+END_S = 1.0
+"""A child that has closed its pipes is at its end; so long may that take."""
+
+LONGEST_ANSWER_BYTES = 64 << 10
+"""A report has less than 100; what libraries may say besides has lines, not kilobytes."""
+
+LONGEST_REASON = 500
+"""Characters of the child's last line: those of onnxruntime have up to 300, paths included."""
 
 SHARE_OF_PERIOD = 0.5
 """The most processor time a decision may take; the rest is the camera's and everybody else's."""
@@ -95,7 +105,8 @@ def dry_run(data: bytes, rate_hz: float, model_s: float = MODEL_S) -> Report:
     with child:
         limit_s = max(model_s, SLOWNESS * _start(child))
         try:
-            out, errors = child.communicate(data, timeout=limit_s)
+            out, errors = _exchange(child, data, limit_s)
+            child.wait(END_S)
         except subprocess.TimeoutExpired:
             child.kill()
             raise ContractError(
@@ -105,14 +116,70 @@ def dry_run(data: bytes, rate_hz: float, model_s: float = MODEL_S) -> Report:
         except BaseException:
             child.kill()
             raise
-    if child.returncode == 0:
-        return msgspec.json.decode(out, type=Report)
     if child.returncode < 0:
         raise ContractError(f"the model's dry run was ended by signal {-child.returncode}")
+    if child.returncode == 0:
+        with contextlib.suppress(msgspec.MsgspecError):
+            return msgspec.json.decode(out, type=Report)
+    kind = NewerSchemaError if child.returncode == NewerSchemaError.exit_code else ContractError
+    raise kind(_reason(errors))
+
+
+def _exchange(child: "subprocess.Popen[bytes]", data: bytes, limit_s: float) -> tuple[bytes, bytes]:
+    """Hand over the model, and hear the child's answer and its errors.
+
+    Not `communicate`: that takes in whatever a model makes the child say, until there is no memory.
+
+    Raises:
+        TimeoutExpired: it has not said all in that time.
+        ContractError: it says more than any answer is long.
+
+    """
+    assert child.stdin is not None
+    assert child.stdout is not None
+    assert child.stderr is not None
+    deadline_s = time.monotonic() + limit_s
+    rest, heard = memoryview(data), {child.stdout.fileno(): b"", child.stderr.fileno(): b""}
+    os.set_blocking(child.stdin.fileno(), False)
+    with selectors.DefaultSelector() as open_pipes:
+        open_pipes.register(child.stdin, selectors.EVENT_WRITE)
+        open_pipes.register(child.stdout, selectors.EVENT_READ)
+        open_pipes.register(child.stderr, selectors.EVENT_READ)
+        while open_pipes.get_map():
+            left_s = deadline_s - time.monotonic()
+            ready = open_pipes.select(left_s) if left_s > 0 else []
+            if not ready:
+                raise subprocess.TimeoutExpired(child.args, limit_s)
+            for key, _ in ready:
+                if key.fileobj is child.stdin:
+                    rest = rest[_write(key.fd, rest) :]
+                    more = len(rest) > 0
+                else:
+                    piece = os.read(key.fd, LONGEST_ANSWER_BYTES)
+                    heard[key.fd] += piece
+                    more = len(piece) > 0
+                if len(heard.get(key.fd, b"")) > LONGEST_ANSWER_BYTES:
+                    raise ContractError("the model's dry run says too much to be an answer")
+                if not more:
+                    open_pipes.unregister(key.fileobj)
+            if not rest:
+                child.stdin.close()
+    out, errors = heard.values()
+    return out, errors
+
+
+def _write(descriptor: int, rest: memoryview) -> int:
+    try:
+        return os.write(descriptor, rest)
+    except BrokenPipeError:  # it has died: its end says why
+        return len(rest)
+
+
+def _reason(errors: bytes) -> str:
+    """The child's last line: for a terminal, and whoever the model's maker may be."""
     lines = errors.decode(errors="replace").strip().splitlines() or ["no reason given"]
-    if child.returncode == NewerSchemaError.exit_code:
-        raise NewerSchemaError(lines[-1])
-    raise ContractError(lines[-1])
+    shown = "".join(sign if sign.isprintable() else "?" for sign in lines[-1])
+    return shown if len(shown) <= LONGEST_REASON else f"{shown[:LONGEST_REASON]}..."
 
 
 def _start(child: "subprocess.Popen[bytes]") -> float:
