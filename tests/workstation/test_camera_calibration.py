@@ -341,7 +341,7 @@ def test_bad_input_is_named(tmp_path: Path) -> None:
         ([str(tmp_path / "none.png")], "No such file"),
         ([str(tmp_path / "empty")], "holds no pictures"),
         ([str(text)], "is not a picture"),
-        ([str(grey)], "no checkerboard or ChArUco board in any of 1 pictures"),
+        ([str(grey)], "no checkerboard or ChArUco board in any of 1 pictures.*10 x 8 squares"),
         ([str(grey), "--inner-corners", "9"], "expected COLUMNSxROWS"),
         ([str(grey), "--inner-corners", "1x1"], "expected 4 to 30"),
         ([str(grey), "--dictionary", "5X5"], "no ArUco dictionary '5X5'"),

@@ -4,6 +4,7 @@ import hashlib
 import json
 import re
 from dataclasses import replace
+from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from typer.testing import CliRunner
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision, Fault, State
 from mbot_workstation.commands.drive_report import ReportOptions
+from mbot_workstation.commands.drive_report import film as film_command
 from mbot_workstation.commands.subcommands import app
 from mbot_workstation.drives.attention import attention
 from mbot_workstation.drives.drive_figures import HISTOGRAM_BINS, Latency, figures
@@ -26,6 +28,9 @@ from mbot_workstation.drives.driven_path import Place
 from mbot_workstation.pictures.picture_file import encode_picture
 from mbot_workstation.recordings.recorded_drive import RecordedDrive, read_drive
 
+from .called import output_of
+
+called_film = partial(output_of, film_command)
 RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"
 
 
@@ -197,6 +202,13 @@ def test_a_histogram_counts_all() -> None:
     counts = latency.histogram(4.0)
     assert len(counts) == HISTOGRAM_BINS
     assert (counts[0], counts[10], counts[-1], sum(counts)) == (2, 2, 1, 5)
+
+
+def test_a_film_overwrites_nothing(tmp_path: Path) -> None:
+    (tmp_path / "drive.mp4").write_bytes(b"another")
+    with pytest.raises(ConfigurationError, match=r"drive.mp4 exists already; choose another name"):
+        called_film(RECORDED, tmp_path / "drive.mp4")
+    assert (tmp_path / "drive.mp4").read_bytes() == b"another"
 
 
 def test_a_film_keeps_time(drive: RecordedDrive, tmp_path: Path) -> None:

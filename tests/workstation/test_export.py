@@ -208,6 +208,9 @@ def test_robots_take_the_file(run: RunDirectory, tmp_path: Path) -> None:
         "checkpoint": str(run.last_checkpoint()),
         "size_bytes": len(data),
     }
+    with pytest.raises(ConfigurationError, match="exists already; choose another name"):
+        invoke(str(run.path), "-o", str(path))
+    assert path.read_bytes() == data
     assert check_model(path).metadata == PolicyMetadata("policy", FULL_VIEW, 2.5, 2)
     model = onnx.load_from_string(data)
     assert model.opset_import[0].version <= 17

@@ -1,6 +1,9 @@
 """The Rerun viewer's side: without Rerun one line, with it a file that holds the drive."""
 
 import json
+import signal
+import socket
+import subprocess
 import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -16,6 +19,7 @@ from mbot_workstation.commands.view_drives import ViewOptions
 from mbot_workstation.drives.rerun_view import RerunView, changes
 
 from ..free_port import free_port
+from ..until import until
 from .fake_robot import FakeRobot
 from .samples import decision, picture
 
@@ -40,6 +44,28 @@ def test_what_changed_is_told_once() -> None:
         ("ERROR", "stuck: the picture stands still"),
         ("WARN", "stop 2"),
     ]
+
+
+@pytest.mark.slow
+def test_a_page_ends_with_its_command_and_takes_no_others_ports(tmp_path: Path) -> None:
+    ports = free_port(), free_port()
+    command = [sys.executable, "-m", "mbot_workstation.main", "view", str(RECORDED), "--web"]
+    command += ["--no-browser", "--grpc-port", str(ports[0]), "--web-port", str(ports[1])]
+    with (tmp_path / "said").open("w") as said, subprocess.Popen(command, stdout=said) as first:
+        assert until(lambda: "look at" in (tmp_path / "said").read_text(), 60)
+        second = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+        assert second.returncode == 2
+        assert f"port {ports[0]} is taken" in second.stderr
+        assert len(second.stderr.splitlines()) == 1
+        assert first.poll() is None
+        first.send_signal(signal.SIGTERM)
+        assert first.wait(20) == 130
+    assert until(lambda: not any(listens(port) for port in ports), 10)
+
+
+def listens(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
 @pytest.mark.slow

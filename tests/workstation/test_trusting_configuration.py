@@ -51,6 +51,13 @@ def test_what_it_does_not_understand_is_left_to_a_person(text: str) -> None:
         with_trusted_key(text, ANNA, "robot.toml")
 
 
+def test_a_file_of_another_kind_is_left_as_it_is() -> None:
+    objects = '[[object]]\nname = "ball"\nshape = "ball"\nwidth_mm = 100\ncolour = "#1e9632"\n'
+    for text in (objects, "mass_kg = 0.4\n[camera]\nwidth_px = 320\n"):
+        with pytest.raises(ConfigurationError, match="neither robot_id nor"):
+            with_trusted_key(text, ANNA, "objects.toml")
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

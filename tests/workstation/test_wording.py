@@ -1,3 +1,9 @@
+import ast
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,6 +20,7 @@ from mbot_workstation.wording import (
     short_digest,
     size_words,
     state_word,
+    typed,
     waiting_words,
 )
 
@@ -66,3 +73,39 @@ def test_numbers_have_the_digits_and_units_of_their_size() -> None:
         "not known",
     ]
     assert seconds(10.0) == "10 s"
+
+
+SOURCES = Path(__file__).parents[2] / "workstation" / "mbot_workstation"
+
+PLAIN = {
+    *("robot_id", "router", "behind[0]", "who or 'NAME'", "options.name", "options.robot"),
+    *("robots[0]", "endpoint.host", "name", "command", "right.value", "options"),
+    *("across", "done + ROUND_STEPS", "config.lessons[0]", "config.steps", "pitch", "roll"),
+}
+"""What follows a command or an option in a text and holds no space: names, numbers, our words."""
+
+
+def filled_in(path: Path) -> Iterator[tuple[int, str]]:
+    """What is put behind `workstation COMMAND` or an option in a text, with its line."""
+    for text in ast.walk(ast.parse(path.read_text())):
+        if isinstance(text, ast.JoinedStr):
+            for before, value in zip(text.values, text.values[1:], strict=False):
+                words = before.value if isinstance(before, ast.Constant) else ""
+                if (
+                    isinstance(value, ast.FormattedValue)
+                    and isinstance(words, str)
+                    and re.search(r"((?<!this )workstation [a-z][a-z -]*|--[a-z-]+) $", words)
+                ):
+                    yield text.lineno, ast.unparse(value.value)
+
+
+def test_paths_in_commands_that_are_printed_can_be_pasted() -> None:
+    assert shlex.split(f"workstation identify {typed(Path('my runs/$a'))}")[2] == "my runs/$a"
+    found = [
+        (path.name, line, value)
+        for path in sorted(SOURCES.rglob("*.py"))
+        for line, value in filled_in(path)
+    ]
+    assert sum(value.startswith("typed(") for _, _, value in found) >= 10
+    loose = [one for one in found if not one[2].startswith("typed(") and one[2] not in PLAIN]
+    assert not loose

@@ -1,6 +1,8 @@
 """How values are written for people: lengths and shares, states, digests, texts from the wire."""
 
+import shlex
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 from mbot_protocol.v1.messages_pb2 import Decision, Fault, Notice, State, Status
 
@@ -16,6 +18,11 @@ def one_line(text: str) -> str:
     printable = "".join(c if c.isprintable() else " " for c in text[: LONGEST_TEXT + 1])
     words = " ".join(printable.split())
     return words if len(words) <= LONGEST_TEXT else words[: LONGEST_TEXT - 1] + "…"
+
+
+def typed(path: Path | str) -> str:
+    """A file or folder as it is typed in a command that is printed to be copied."""
+    return shlex.quote(str(path))
 
 
 def metres(value_m: float) -> str:

@@ -32,6 +32,7 @@ from mbot_workstation.simulation.scene_parameters import Light, SceneParameters
 from mbot_workstation.variation.effects import EffectRanges, RealWorldEffects
 from mbot_workstation.variation.motion_ranges import narrowed
 from mbot_workstation.variation.presets import KNOWN, preset
+from mbot_workstation.wording import typed
 
 ROOMS_FOLDER = "rooms"
 ROOM_SUFFIXES = (".jpg", ".jpeg", ".png")
@@ -172,7 +173,7 @@ def files_to_simulate(folder: Path | None) -> CalibrationFiles:
     if files == CalibrationFiles(folder=str(folder)) and not room_pictures(folder):
         parts = f"{BODY_FILE}, {CAMERA_FILE}, {LIGHT_FILE}, {MOTION_FILE} or {ROOMS_FOLDER}"
         raise ConfigurationError(
-            f"--calibration {folder} has no {parts}: expected one robot's folder, such as "
+            f"--calibration {typed(folder)} has no {parts}: expected one robot's folder, such as "
             "calibration/mbot-1"
         )
     return files

@@ -31,6 +31,7 @@ def check_model_file(options: CheckModelOptions) -> None:
 
     from mbot_protocol.errors import ContractError
     from mbot_workstation.models.model_findings import FAILED, examine_model
+    from mbot_workstation.wording import typed
 
     findings = examine_model(options.model)
     failed = sum(finding.verdict == FAILED for finding in findings)
@@ -43,7 +44,8 @@ def check_model_file(options: CheckModelOptions) -> None:
         print(
             f"{options.model}: {failed} to mend; docs/policy.md has the contract"
             if failed
-            else f"{options.model}: a robot takes it; next: workstation evaluate {options.model}"
+            else f"{options.model}: a robot takes it; next: "
+            f"workstation evaluate {typed(options.model)}"
         )
     if failed:
         raise typer.Exit(ContractError.exit_code)

@@ -6,6 +6,7 @@ from typing import Any
 
 from mbot_workstation.commands.link_options import json_option
 from mbot_workstation.commands.options import argument, option, with_options
+from mbot_workstation.commands.output_paths import check_new_file
 
 
 def _recording(words: str, metavar: str) -> Any:
@@ -94,7 +95,9 @@ class FilmOptions:
     """What `film` takes."""
 
     recording: Path = _recording("A folder or file", "RECORDING")
-    output: Path = argument("The film, by its name MP4 or GIF.", metavar="FILE.mp4|FILE.gif")
+    output: Path = argument(
+        "The film, a new file, by its name MP4 or GIF.", metavar="FILE.mp4|FILE.gif"
+    )
 
 
 @with_options
@@ -106,5 +109,6 @@ def film(options: FilmOptions) -> None:
     from mbot_workstation.drives.drive_film import film as make_film
     from mbot_workstation.recordings.recorded_drive import read_drive
 
+    check_new_file(options.output)
     lasts_s = make_film(read_drive(options.recording), options.output)
     print(f"wrote {options.output}, {lasts_s:.1f} s")

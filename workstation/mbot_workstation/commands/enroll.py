@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from mbot_protocol.keys import Right
 from mbot_workstation.commands.link_options import json_option
 from mbot_workstation.commands.options import argument, option, with_options
+from mbot_workstation.wording import typed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -252,7 +253,7 @@ def _instructions(h: "HandOver", roll: "Roll") -> list[str]:
         return [
             f"person {h.name}: hand over {h.path}, by a way that nobody else can read (the key is "
             "in it);",
-            f"  there: workstation enroll --join {h.path.name}",
+            f"  there: workstation enroll --join {typed(h.path.name)}",
         ]
     file = h.path.name
     copy = f"  scp {quote(str(h.path))} USER@{_bracketed(h.host)}:"

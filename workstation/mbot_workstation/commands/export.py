@@ -6,6 +6,7 @@ from pathlib import Path
 from mbot_protocol import atomic_file
 from mbot_workstation.commands.link_options import json_option
 from mbot_workstation.commands.options import argument, option, output_file, with_options
+from mbot_workstation.commands.output_paths import check_new_file
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -17,7 +18,7 @@ class ExportOptions:
         metavar="RUN",
     )
     output: Path | None = output_file(
-        None, "What to write; RUN's name if not given.", "--output", "-o", metavar="FILE.onnx"
+        None, "A new file; RUN's name if not given.", "--output", "-o", metavar="FILE.onnx"
     )
     name: str | None = option(None, "What robots call it; the file's name if not given.")
     for_armv6: bool = option(
@@ -46,10 +47,13 @@ def export(options: ExportOptions) -> None:
 
     from mbot_workstation.training.learning.policy_export import export_policy
     from mbot_workstation.training.learning.trained_policy import trained_policy
-    from mbot_workstation.wording import short_digest, size_words
+    from mbot_workstation.wording import short_digest, size_words, typed
 
+    if options.output is not None:
+        check_new_file(options.output)  # before the work
     policy = trained_policy(options.source)
     path = options.output or Path(f"{policy.name}.onnx")
+    check_new_file(path)
     policy_name = options.name or path.stem
     model = export_policy(policy, policy_name, for_armv6=options.for_armv6)
     data = model.SerializeToString(deterministic=True)
@@ -62,5 +66,5 @@ def export(options: ExportOptions) -> None:
     else:
         print(
             f"wrote {path}: {policy_name} {short_digest(sha256)}, {size_words(len(data))}; "
-            f"next: workstation evaluate {path}"
+            f"next: workstation evaluate {typed(path)}"
         )

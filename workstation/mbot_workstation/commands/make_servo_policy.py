@@ -46,7 +46,7 @@ def make_servo_policy(options: MakeServoPolicyOptions) -> None:
 
     from mbot_protocol.errors import ConfigurationError
     from mbot_workstation.models.servo_policy import ServoGains, servo_model
-    from mbot_workstation.wording import short_digest
+    from mbot_workstation.wording import short_digest, typed
 
     try:
         metadata = PolicyMetadata(POLICY_NAME, FieldOfView(*options.view))
@@ -64,5 +64,5 @@ def make_servo_policy(options: MakeServoPolicyOptions) -> None:
     else:
         print(
             f"wrote {options.output}: {POLICY_NAME} {short_digest(sha256)}, "
-            f"{len(data) / 1e3:.1f} kB; next: workstation push-model {options.output}"
+            f"{len(data) / 1e3:.1f} kB; next: workstation push-model {typed(options.output)}"
         )

@@ -24,6 +24,7 @@ from mbot_workstation.recordings.maneuver import (
     SLOW,
     maneuver_named,
 )
+from mbot_workstation.wording import typed
 
 if TYPE_CHECKING:
     from mbot_workstation.link.robot_link import RobotLink
@@ -221,10 +222,10 @@ def _drive(
             print(f"workstation: note: telemetry ends early: {recorder.failure}", file=sys.stderr)
         print(
             f"{len(journal.runs)} runs are in {journal.folder}, {len(journal.runs) - before} of "
-            "them new" + ("" if whole else f"; go on by --resume {journal.folder}")
+            "them new" + ("" if whole else f"; go on by --resume {typed(journal.folder)}")
         )
     if whole:
         print(
             f"now put the track there: track.csv, .tum or .mcap, see docs/recordings.md; then "
-            f"`workstation identify {journal.folder}`"
+            f"`workstation identify {typed(journal.folder)}`"
         )

@@ -36,6 +36,12 @@ def check_output_file(path: Path, name: str, endings: tuple[str, ...] = ()) -> N
         raise ConfigurationError(f"{name} is {path}, which you may not write")
 
 
+def check_new_file(path: Path) -> None:
+    """Check that nothing is overwritten; raises ConfigurationError."""
+    if path.exists():
+        raise ConfigurationError(f"{path} exists already; choose another name")
+
+
 def check_output_folder(path: Path, name: str) -> None:
     """Check that a folder can be made or written into; raises as `check_output_file`."""
     there = path.absolute()

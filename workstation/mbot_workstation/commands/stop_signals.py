@@ -8,6 +8,20 @@ from types import FrameType
 
 
 @contextmanager
+def sigterm_as_ctrl_c() -> Iterator[None]:
+    """SIGTERM interrupts as Ctrl-C does, so that what was opened is closed."""
+
+    def interrupt(_number: int, _frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
 def stop_signals(seconds: float | None = None) -> Iterator[threading.Event]:
     """An event that SIGINT and SIGTERM set; a second one interrupts at once.
 

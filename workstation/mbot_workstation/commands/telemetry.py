@@ -55,9 +55,11 @@ def telemetry(options: TelemetryOptions) -> None:
 
 
 def _recorded(count: int, path: Path) -> str:
+    from mbot_workstation.wording import typed
+
     return (
         f"recorded {count} decisions into {path}; open it in Foxglove, Lichtblick or Rerun, or: "
-        f"workstation explain POLICY.onnx --recording {path}"
+        f"workstation explain POLICY.onnx --recording {typed(path)}"
     )
 
 

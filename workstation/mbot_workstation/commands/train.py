@@ -8,6 +8,7 @@ from mbot_protocol.errors import ConfigurationError, InterruptedByUserError
 from mbot_workstation.commands.link_options import json_option
 from mbot_workstation.commands.options import option, with_options
 from mbot_workstation.commands.simulation_options import calibration_option, object_option
+from mbot_workstation.wording import typed
 
 if TYPE_CHECKING:
     from mbot_workstation.training.learning.run_directory import RunDirectory
@@ -170,9 +171,11 @@ def train(options: TrainOptions) -> None:
             f"{result.lesson}, mean reward {reward} of the latest episodes"
         )
     if result.reason == "interrupted":
-        raise InterruptedByUserError(f"interrupted and saved; go on with --resume {result.run}")
+        raise InterruptedByUserError(
+            f"interrupted and saved; go on with --resume {typed(result.run)}"
+        )
     if not options.as_json:
-        print(f"next: workstation export {result.run}")
+        print(f"next: workstation export {typed(result.run)}")
 
 
 def _resumed(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from mbot_workstation.commands.link_options import CertificateOptions, robots_option
 from mbot_workstation.commands.options import argument, option, with_options
+from mbot_workstation.commands.stop_signals import sigterm_as_ctrl_c
 
 if TYPE_CHECKING:
     from contextlib import ExitStack
@@ -150,7 +151,7 @@ def view(options: ViewOptions) -> None:
         drives = read_drives(options.recordings)
         robots = list(dict.fromkeys(drive.robot_id for drive in drives))
         maps = _maps(options.maps or [], robots)
-        with RerunView(robots, maps, attention=options.attention) as viewer:
+        with sigterm_as_ctrl_c(), RerunView(robots, maps, attention=options.attention) as viewer:
             _open(viewer, options)
             for drive in drives:
                 viewer.log_drive(drive, _looks(drive, options) if options.attention else None)
@@ -159,7 +160,7 @@ def view(options: ViewOptions) -> None:
                     one.log_all()
             _stay(options)
         return
-    with ExitStack() as stack:
+    with sigterm_as_ctrl_c(), ExitStack() as stack:
         links = options.opened(stack)
         robots = [link.robot_id for link in links]
         maps = _maps(options.maps or [], robots)

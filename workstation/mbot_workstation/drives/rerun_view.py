@@ -103,6 +103,12 @@ class RerunView:
             ConfigurationError: the viewer does not start; is a port taken?
 
         """
+        for port, name in ((grpc_port, "--grpc-port"), (web_port, "--web-port")):
+            if _listens(port):
+                raise ConfigurationError(
+                    f"port {port} is taken, by another `view` perhaps: end that, or give another "
+                    f"{name}"
+                )
         # The server is not the library's own: that one listens on every network (0.0.0.0).
         options = ["--serve-web", "--web-viewer-port", str(web_port), "--server-memory-limit"]
         server = self._start(grpc_port, [*options, MEMORY_LIMIT])

@@ -26,6 +26,7 @@ from mbot_workstation.gap_report.verdict import Judged, judge
 from mbot_workstation.recordings.maneuver import MANEUVERS
 from mbot_workstation.recordings.recording_folder import read_recording
 from mbot_workstation.training.studies.tolerance_file import Tolerances, read_tolerances
+from mbot_workstation.wording import typed
 
 CALIBRATION_PARTS = {
     "body": (
@@ -160,7 +161,7 @@ def missing_parts(
         has_frames: whether there are pictures.
 
     """
-    into = f"--calibration {files.folder}"
+    into = f"--calibration {typed(files.folder)}"
     known = {field: getattr(files, field) is not None for field in ("body", "camera", "light")}
     known["room"] = bool(room_pictures(Path(files.folder)))
     found = [
@@ -171,13 +172,13 @@ def missing_parts(
     undriven = [one.name for one in MANEUVERS if one.name not in maneuvers]
     if undriven:
         options = " ".join(f"--maneuver {name}" for name in undriven)
-        command = f"workstation maneuvers run --resume {recording} {options}"
+        command = f"workstation maneuvers run --resume {typed(recording)} {options}"
         found.append(Missing(f"no runs of {', '.join(undriven)}", command))
     if files.motion is None:
         what = (
             f"no {MOTION_FILE}: the simulated motors are nominal, so both simulations drive alike"
         )
-        found.append(Missing(what, f"workstation identify {recording} {into}"))
+        found.append(Missing(what, f"workstation identify {typed(recording)} {into}"))
     if not has_frames:
         what = "no frame of the real camera with its place"
         found.append(Missing(what, "workstation gap-report ... --frames FOLDER"))

@@ -18,6 +18,7 @@ from mbot_workstation.recordings.recording_toml import (
     write_info,
 )
 from mbot_workstation.recordings.run import CommandSeries
+from mbot_workstation.wording import typed
 
 SAME_START_S = 60.0
 """The moment of the robot's start, worked out twice, differs by less unless it was restarted."""
@@ -57,8 +58,8 @@ class Journal:
         """
         if (folder / RECORDING_FILE).exists():
             raise ConfigurationError(
-                f"{folder} holds a recording already; go on with it by --resume {folder}, or "
-                "choose another --output"
+                f"{folder} holds a recording already; go on with it by "
+                f"--resume {typed(folder)}, or choose another --output"
             )
         left, right = recorded_motor(wheel_maps.left), recorded_motor(wheel_maps.right)
         info = RecordingInfo(

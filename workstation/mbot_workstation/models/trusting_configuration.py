@@ -32,10 +32,16 @@ def with_trusted_key(text: str, key: PublicKey, origin: str) -> str:
     """The configuration's text with one more key in `[trust] keys`; the same if it is there.
 
     Raises:
-        ConfigurationError: it is not TOML, or written so that a person has to add the line.
+        ConfigurationError: it is no robot's configuration, or written so that a person has to add
+            the line.
 
     """
     before = _parse(text, origin)
+    if before and not before.keys() & {"robot_id", "trust"}:
+        raise ConfigurationError(
+            f"{origin} has neither robot_id nor [trust], expected a robot's configuration such as "
+            f"{CONFIGURATION}"
+        )
     old = _keys(before, origin)
     if key.raw in {PublicKey.parse(line).raw for line in old}:
         return text

@@ -1,7 +1,6 @@
 """What the virtual robot tells while it runs: for a person, or a JSON object a line."""
 
 import json
-import shlex
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import TextIO
 
 from mbot_workstation.simulation.fetch_task import FetchResult
 from mbot_workstation.virtual.live_world import TaskEvent, WorldStatus
+from mbot_workstation.wording import typed
 
 
 class LiveReport:
@@ -29,7 +29,7 @@ class LiveReport:
         else:
             self._text(f"ready: board {board}, camera {camera}")
             if daemon_config is not None:
-                name = shlex.quote(str(daemon_config))
+                name = typed(daemon_config)
                 self._text(
                     "next, in another terminal: `workstation keys new` (once), `workstation keys "
                     f"trust {name}`, `mbot-agent run --config {name}`"

@@ -16,7 +16,7 @@ from mbot_workstation.calibration.camera.board_detection import (
     most_likely_checkerboard,
 )
 from mbot_workstation.pictures.picture_file import read_picture
-from mbot_workstation.targets.specifications import Board
+from mbot_workstation.targets.specifications import BOARD_COLUMNS, BOARD_ROWS, Board
 
 LOOKED_AT_FOR_SIZE = 12
 """Pictures in which the size of an unknown checkerboard is looked for, spread over all."""
@@ -67,7 +67,7 @@ def look_for_boards(
         ConfigurationError: no picture can be read, none shows a board, or one is mirrored.
 
     """
-    boards = boards or guess_boards(paths)
+    given, boards = boards, boards or guess_boards(paths)
     unreadable: list[str] = []
     sightings: list[Sighting] = []
     without: list[str] = []
@@ -89,7 +89,7 @@ def look_for_boards(
             sightings.append(sighting)
             seen.append(board)
     if not sightings:
-        raise _no_board(paths, boards)
+        raise _no_board(paths, given)
     check_not_mirrored(sightings)
     return SeenBoards(
         tuple(sightings), tuple(without), tuple(dict.fromkeys(seen)), tuple(unreadable)
@@ -107,8 +107,9 @@ def _no_board(paths: Sequence[Path], boards: Sequence[Board]) -> ConfigurationEr
         )
     else:
         hint = (
-            "is all of it in view, sharp, with a white margin? Another board is named by "
-            "--inner-corners and --charuco"
+            "is all of it in view, sharp, with a white margin? `workstation print board` makes one "
+            f"of {BOARD_COLUMNS} x {BOARD_ROWS} squares; another is named by --inner-corners and "
+            "--charuco"
         )
     return ConfigurationError(f"no {wanted} in any of {len(paths)} pictures; {hint}")
 

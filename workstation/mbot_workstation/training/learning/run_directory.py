@@ -17,6 +17,7 @@ from typing import Any
 
 from mbot_protocol import atomic_file
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.wording import typed
 
 KEPT_CHECKPOINTS = 2
 """The last one, and the one before in case a disk lied about the last."""
@@ -45,7 +46,8 @@ class RunDirectory:
             path.mkdir(parents=True)
         except FileExistsError:
             raise ConfigurationError(
-                f"{path} exists already; choose another --name, or go on with --resume {path}"
+                f"{path} exists already; choose another --name, or go on with "
+                f"--resume {typed(path)}"
             ) from None
         except OSError as error:
             raise ConfigurationError(f"can't make {path}: {error.strerror}") from None
@@ -166,7 +168,8 @@ class RunDirectory:
         except (OSError, RuntimeError) as error:  # torch has no type of its own for a full disk
             shutil.rmtree(unfinished, ignore_errors=True)
             reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
-            then = f"go on with --resume {self.path}" if self.checkpoints() else "begin again"
+            resume = f"go on with --resume {typed(self.path)}"
+            then = resume if self.checkpoints() else "begin again"
             raise ConfigurationError(
                 f"can't save a checkpoint in {folder}: {reason}; make room there, then {then}"
             ) from None
