@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from mbot_protocol.keys import Right
 from mbot_workstation.commands.link_options import json_option
 from mbot_workstation.commands.options import argument, option, with_options
-from mbot_workstation.wording import typed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -248,6 +247,7 @@ def _instructions(h: "HandOver", roll: "Roll") -> list[str]:
     from shlex import quote
 
     from mbot_protocol.access_rules import Kind
+    from mbot_workstation.wording import typed
 
     if h.kind is Kind.PERSON:
         return [

@@ -24,7 +24,6 @@ from mbot_workstation.recordings.maneuver import (
     SLOW,
     maneuver_named,
 )
-from mbot_workstation.wording import typed
 
 if TYPE_CHECKING:
     from mbot_workstation.link.robot_link import RobotLink
@@ -204,6 +203,7 @@ def _drive(
     from mbot_workstation.maneuvers.keyboard import Keyboard, NoKeys
     from mbot_workstation.maneuvers.maneuver_session import Session
     from mbot_workstation.maneuvers.telemetry_recorder import TelemetryRecorder
+    from mbot_workstation.wording import typed
 
     before = len(journal.runs)
     recorder = TelemetryRecorder(link, journal.telemetry_path()) if telemetry else None

@@ -8,7 +8,6 @@ from mbot_protocol.errors import ConfigurationError, InterruptedByUserError
 from mbot_workstation.commands.link_options import json_option
 from mbot_workstation.commands.options import option, with_options
 from mbot_workstation.commands.simulation_options import calibration_option, object_option
-from mbot_workstation.wording import typed
 
 if TYPE_CHECKING:
     from mbot_workstation.training.learning.run_directory import RunDirectory
@@ -153,6 +152,8 @@ def train(options: TrainOptions) -> None:
     """
     import json
     from dataclasses import asdict
+
+    from mbot_workstation.wording import typed
 
     run, config = _resumed(options) if options.resume is not None else _begun(options)
     _say_rounding(run, config)
