@@ -23,7 +23,7 @@ IDLE := $(if $(shell command -v setsid),setsid sh -c '{ echo 19 > /proc/self/aut
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 .DEFAULT_GOAL := help
-.PHONY: help dist deb pins demo calibrate-demo demo-firmware test test-all test-bookworm test-pi test-kernel check protocol firmware benchmark reliability reliability-quick policy-pages mutants fuzz lock clean
+.PHONY: help dist deb pins demo calibrate-demo demo-firmware test test-all test-bookworm test-pi test-kernel check protocol firmware benchmark reliability reliability-quick policy-pages mutants mutants-all fuzz lock clean
 
 help: ## Show this help
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -116,8 +116,12 @@ reliability-quick: $(VENV)/.all ## Cause every fault of the table once, write th
 policy-pages: $(VENV)/.all ## Make every page about the policy in models/ anew, where it was stopped; about an hour
 	$(BIN)/python benchmarks/policy_pages.py $(PAGES)
 
-mutants: $(VENV)/.all ## Put small faults into the safety path, one by one: a test must fail for each
-	$(BIN)/python benchmarks/mutants.py $(MUTANTS)
+mutants: $(VENV)/.all ## Put small faults into what has changed of the safety path, one by one: a test must fail for each
+	$(BIN)/python benchmarks/mutants.py --most 200 $(MUTANTS)
+
+mutants-all: $(VENV)/.all ## All of them, in the firmware too; use a quiet machine, over an hour
+	$(BIN)/python benchmarks/mutants.py --all $(MUTANTS)
+	$(BIN)/python benchmarks/firmware_mutants.py
 
 fuzz: $(VENV)/.all ## Feed every parser 100,000 inputs
 	MBOT_FUZZ_CASES=100000 $(BIN)/pytest tests/reliability/test_fuzz.py tests/reliability/test_serial_garbage.py

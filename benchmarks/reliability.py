@@ -127,7 +127,8 @@ def outcomes_of(fault: Fault, outcomes: Sequence[Outcome]) -> list[Outcome]:
 def is_met(fault: Fault, outcomes: Sequence[Outcome], *, quick: bool = False) -> bool:
     """Whether each test of the row was there and passed, and each bar holds, every time.
 
-    Quickly, the tests alone decide: they hold each number to its bar, the second worst of three and more.
+    Quickly, the tests alone decide: they hold each number to its bar, of three and more the second
+    worst.
     """
     there = all(
         any(outcome.test == test or outcome.test.startswith(f"{test}::") for outcome in outcomes)

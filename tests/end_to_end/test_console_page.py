@@ -92,14 +92,15 @@ SCREENS = [(320, 568), (390, 844), (768, 1024), (812, 375), (1280, 720), (1920, 
 """CSS pixels: phones, a tablet, a phone on its side, desks."""
 
 FILL = """text => {
-  for (const id of ["robot", "state", "link", "headline", "stops", "said", "run-refused", "hand-words",
-                    "model", "free", "verdict"])
+  for (const id of ["robot", "state", "link", "headline", "stops", "said", "run-refused",
+                    "hand-words", "model", "free", "verdict"])
     document.getElementById(id).textContent = text;
   for (const id of ["faults", "notices", "replay-lines"])
     document.getElementById(id).innerHTML = `<li>${text}</li>`.repeat(4);
   for (const id of ["facts", "models", "recordings"])
-    document.getElementById(id).innerHTML =
-      `<tr><td>${text.slice(0, id === "facts" ? 18 : 300)}</td><td>${text}</td><td>p50 / p99 ${text}</td></tr>`.repeat(9);
+    document.getElementById(id).innerHTML = (
+      `<tr><td>${text.slice(0, id === "facts" ? 18 : 300)}</td>` +
+      `<td>${text}</td><td>p50 / p99 ${text}</td></tr>`).repeat(9);
   document.getElementById("replay").hidden = false;
 }"""
 

@@ -1,5 +1,6 @@
 """Builds the firmware as a person would, and the harness that runs it."""
 
+import os
 import shutil
 import subprocess
 from collections.abc import Iterator
@@ -35,6 +36,8 @@ def firmware_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ]
     if missing:
         pytest.fail(f"missing packages: sudo apt-get install {' '.join(missing)}", pytrace=False)
+    if broken := os.environ.get("MBOT_FIRMWARE"):  # benchmarks/firmware_mutants.py
+        return Path(broken)
     folder = tmp_path_factory.mktemp("firmware")
     _build("make", "-s", "-C", str(CHECKOUT), "firmware", f"FIRMWARE={folder}")
     return folder

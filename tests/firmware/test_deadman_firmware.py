@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from mbot_protocol.actions import MotorMap, Steps, WheelMaps
 from mbot_protocol.mcore import (
     ARM_REQUEST,
     RESET_CAUSE_REQUEST,
@@ -253,3 +254,13 @@ def test_it_outlives_more_questions_than_it_can_answer(simulator: Simulator) -> 
     assert answers.replace(VERSION_REPLY, b"") == b"", "an answer was torn"
     assert len(answers) > 30 * len(VERSION_REPLY)
     assert trace.replies(200) == ACKNOWLEDGED
+
+
+def test_every_frame_that_the_daemon_can_send_is_obeyed(simulator: Simulator) -> None:
+    """Of the 501 steps, both wheels; the same frames that tests/robot/test_what_leaves.py has."""
+    wheels = WheelMaps(MotorMap(reversed=True), MotorMap(reversed=False))
+    told = [wheels.to_board(Steps(step, -step)) for step in range(-250, 251)]
+    events = [rx(20 + 5 * at, one.to_bytes()) for at, one in enumerate(told)]
+    trace = simulator.run(ARMED, *events, end_ms=20 + 5 * len(told))
+    for at, one in enumerate(told):
+        assert trace.speeds_at(20 + 5 * at + 4.5) == (one.m1, one.m2)

@@ -1,8 +1,9 @@
 """How hard the tests of reliability try: a little in every run, much by `make reliability`.
 
 The numbers of docs/safety.md, docs/security.md and docs/results/reliability.md are asserted by the
-tests themselves, within their bars. The worst counts. Of three measurements and more it is the second
-worst, and the documents say so: two cores that also run the test's other half may hold up one.
+tests themselves, within their bars. The worst counts. Of three measurements and more it is the
+second worst, and the documents say so: two cores that also run the test's other half may hold up
+one.
 `make reliability` repeats every fault and shows the worst.
 """
 

@@ -1,0 +1,1 @@
+"""Mutants of the safety path, generated: `make mutants`, `make mutants-all`."""

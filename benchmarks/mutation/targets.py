@@ -1,0 +1,32 @@
+"""Which modules are broken: all that stands between a decision, or a stranger, and the wheels."""
+
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+_ROBOT, _PROTOCOL, _WORKSTATION = "robot", "shared/protocol", "workstation"
+_FILES = (
+    (_ROBOT, "mbot_agent", "arming helm control_loop metronome"),
+    (_ROBOT, "mbot_agent/board", "board_session motors motor_stop"),
+    (_ROBOT, "mbot_agent/commands", "command_service stop_service"),
+    (_ROBOT, "mbot_agent/models", "activation confinement model_keeper nonces pilot"),
+    (_ROBOT, "mbot_agent/models", "sequence_floors staging trial trust turn"),
+    (_ROBOT, "mbot_agent/network", "doorkeeper presence pulse requests sender_numbers"),
+    (_ROBOT, "mbot_agent/network", "session_guard zenoh_link"),
+    (_ROBOT, "mbot_agent/process", "last_end termination watchdog"),
+    (_ROBOT, "mbot_agent/releases", "release_service"),
+    (_ROBOT, "mbot_update", "health_gate release_folders short_lives taking_in update_steps"),
+    (_PROTOCOL, "mbot_protocol", "access_rules"),
+    (_WORKSTATION, "mbot_workstation/by_hand", "hand hand_drive"),
+    (_WORKSTATION, "mbot_workstation/link", "remote_control"),
+)
+"""Side, folder, modules."""
+
+
+def targets() -> dict[str, Path]:
+    """Source by dotted name."""
+    return {
+        f"{folder.replace('/', '.')}.{name}": ROOT / side / folder / f"{name}.py"
+        for side, folder, names in _FILES
+        for name in names.split()
+    }
