@@ -24,6 +24,8 @@ WORDS = [
     ("evaluate servo --preset handicapp", "; did you mean handicap?"),
     ("study latncy servo", "; did you mean latency?"),
     ("maneuvers run --yes --maneuver forward-forwrd", "; did you mean forward-forward?"),
+    ("drive nan 0.2", "'nan', expected a number, at most 1"),
+    ("drive 0.2 -- -2", "'-2', expected a number, at least -1"),
     ("train --lesson rugh", "--lesson: no lesson 'rugh'"),
 ]
 

@@ -7,6 +7,9 @@ import typer
 
 _POSSIBLE = re.compile(r"[\s(]*(?:Possible options?:|Did you mean(?: one of)?:?)\s*(.*?)[?)]*$")
 
+_INPUT = re.compile(r"Input should be (?:less|greater) than.*$")
+_BOUNDS = {"le": "at most", "ge": "at least", "lt": "less than", "gt": "more than"}
+
 
 def is_usage_error(error: Exception) -> bool:
     """Whether it is about the words of a command line; typer itself does not name the class."""
@@ -18,6 +21,7 @@ def usage_words(error: Any) -> str:
     empty where nothing needs to be said.
     """
     text = " ".join(error.format_message().split()).replace("Value error, ", "")
+    text = _INPUT.sub(lambda found: _out_of_bounds(error) or found[0], text)
     if not text:  # no words at all were given, and typer has shown the help instead
         return ""
     meant = ""
@@ -27,3 +31,11 @@ def usage_words(error: Any) -> str:
     context = getattr(error, "ctx", None)
     path = context.command_path if context is not None else "workstation"
     return f"{text[:1].lower()}{text[1:].rstrip(' .')};{meant} see `{path} --help`"
+
+
+def _out_of_bounds(error: Any) -> str:
+    """What was found and expected; also of NaN, of which pydantic says that it should be less."""
+    tell = getattr(error.__cause__, "errors", None)
+    found = tell()[0] if tell is not None else {}
+    bounds = [f"{_BOUNDS[name]} {value:g}" for name, value in found.get("ctx", {}).items()]
+    return f"{found['input']!r}, expected a number, {' and '.join(bounds)}" if bounds else ""
