@@ -97,6 +97,13 @@ def test_a_ring_of_old_pictures_is_frozen_as_soon_as_nothing_new_has_come(buffer
     assert kind(check, noise(99), 5000) is None
 
 
+def test_black_pictures_that_are_alike_are_called_black() -> None:
+    check = PictureCheck(Camera(source="/dev/video0"))
+    kinds = [kind(check, np.full((48, 64, 3), k % 2, np.uint8), k * 50) for k in range(12)]
+    assert kinds == ["camera-black"] * 12
+    assert kind(check, noise(1), 600) is None
+
+
 def test_a_stream_that_goes_round_is_found_when_the_robot_drives(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

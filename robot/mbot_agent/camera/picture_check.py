@@ -113,6 +113,8 @@ class PictureCheck:
             self._changed_ns, self._frozen = captured_ns, False
         elif self._stands_still_too_long(captured_ns):
             self._frozen = True
+        if is_black(picture):  # the better reason: black ones are alike
+            return Fault("camera-black", "the picture is black: lens cap, light or cable?")
         if self._frozen:
             mend = (
                 "restart it; for a simulated camera without noise set camera.identical_frames = "
@@ -121,8 +123,6 @@ class PictureCheck:
                 else "restart it; or free the robot, if it is stuck"
             )
             return Fault("camera-frozen", f"the camera repeats the same picture: {mend}")
-        if is_black(picture):
-            return Fault("camera-black", "the picture is black: lens cap, light or cable?")
         return None
 
     def _stands_still_too_long(self, now_ns: int) -> bool:
