@@ -15,8 +15,8 @@ Mood = Literal["good", "silent", "black", "frozen", "wrong-shape"]
 FRAME_S = 1 / 30
 WIDTH_PX, HEIGHT_PX = 320, 240
 PICTURES = 37
-"""More than a stuck camera has in turn; not 36: every decision, 0.4 s after the last one, would find
-one of the same three."""
+"""More than a stuck camera has in turn; not 36: every decision, 0.4 s after the last one, would
+find one of the same three."""
 
 
 def _jpeg(picture: np.ndarray) -> bytes:
