@@ -68,6 +68,7 @@ class Fault:
     bars: tuple[Bar, ...]
     tests: tuple[str, ...]
     promise: str = ""  # for a row whose promise the tests themselves decide
+    back: str = ""  # what brings the robot back; the tests go through that, too
 
 
 FAULTS = (
@@ -78,16 +79,19 @@ FAULTS = (
             Bar("recovered ≤ 5 s after it returns", "recovered s", 5),
         ),
         (f"{CAMERA}::test_the_robot_stops_for_a_camera_that_ends",),
+        back="by itself after a short gap, else `run`",
     ),
     Fault(
         "black, frozen, wrong-shape frames",
         (Bar("0 motor frames", "motor frames", 0),),
         (f"{CAMERA}::test_nothing_is_driven_by_a_bad_picture",),
+        back="good frames, then `run`",
     ),
     Fault(
         "serial unplugged",
         (Bar("noticed ≤ 200 ms", "noticed ms", 200),),
         (f"{BOARD}::test_an_unplugged_board_is_noticed",),
+        back="plug it in, then `run`",
     ),
     Fault(
         "{garbage:,} pieces of serial garbage; partial write",
@@ -100,11 +104,13 @@ FAULTS = (
             f"{BOARD}::test_a_torn_write_ends_in_a_stop",
             "tests/firmware/test_torn_frames.py",
         ),
+        back="the next command",
     ),
     Fault(
         "board resets",
         (Bar("0 motor frames before the handshake", "motor frames before the handshake", 0),),
         (f"{BOARD}::test_a_board_that_was_reset_is_not_driven_before_it_has_answered",),
+        back="`run`",
     ),
     Fault(
         "wrong port, second process",
@@ -113,6 +119,7 @@ FAULTS = (
             f"{BOARD}::test_a_wrong_device_never_gets_a_drive_frame",
             f"{BOARD}::test_a_second_daemon_gets_no_say",
         ),
+        back="the right port, or the other's end, then `run`",
     ),
     Fault(
         "inference raises, NaN, infinite",
@@ -128,11 +135,13 @@ FAULTS = (
             "tests/robot/test_control_loop.py::"
             "test_a_model_that_answers_nonsense_stops_and_is_given_up",
         ),
+        back="rolled back, then `run`",
     ),
     Fault(
         "inference takes 2 s",
         (Bar("stopped ≤ 600 ms after the last decision", "stopped ms", 600),),
         (f"{PROCESS}::test_a_decision_that_takes_2_s_stops_the_robot",),
+        back="`run`",
     ),
     Fault(
         "SIGKILL, out of memory",
@@ -146,6 +155,7 @@ FAULTS = (
             f"{PROCESS}::test_a_killed_daemon_is_there_again_soon_and_waits_for_a_word",
             f"{END}/test_daemon.py::test_stop_motors_is_what_systemd_runs_after_a_crash",
         ),
+        back="systemd, then `run`",
     ),
     Fault(
         "SIGSTOP",
@@ -157,6 +167,7 @@ FAULTS = (
             "tests/robot/test_systemd_unit.py::"
             "test_a_hung_or_dead_daemon_is_replaced_and_the_motors_are_stopped",
         ),
+        back="SIGCONT or the watchdog, then `run`",
     ),
     Fault(
         "clock jumps by 10 years",
@@ -165,6 +176,7 @@ FAULTS = (
             f"{PROCESS}::test_a_clock_that_jumps_by_ten_years_changes_nothing",
             f"{TRUST}::test_a_clock_that_jumps_by_ten_years_changes_nothing",
         ),
+        back="nothing is needed",
     ),
     Fault(
         "disk full, EIO",
@@ -175,6 +187,7 @@ FAULTS = (
             "test_a_disk_that_refuses_at_any_call_keeps_the_old_model",
             "tests/robot/test_crash_points.py::test_a_disk_that_refuses_at_any_point_costs_no_model",
         ),
+        back="room, then the push again",
     ),
     Fault(
         "power cut during activation",
@@ -187,6 +200,7 @@ FAULTS = (
             "tests/robot/test_model_life.py",
         ),
         "every crash point loads the old or the new model",
+        back="the next start",
     ),
     Fault(
         "power cut while recording",
@@ -195,6 +209,7 @@ FAULTS = (
             f"{RELIABILITY}/test_recording_power_cut.py",
             "tests/workstation/test_recording.py::test_every_cut_gives_back_a_beginning",
         ),
+        back="the next start",
     ),
     Fault(
         "network partition",
@@ -203,6 +218,7 @@ FAULTS = (
             Bar("0 missed decisions when frozen", "frozen: missed decisions", 0),
         ),
         (f"{END}/test_network_partition.py",),
+        back="by itself",
     ),
     Fault(
         "workstation dies in mid-push",
@@ -213,6 +229,7 @@ FAULTS = (
             "test_the_memory_of_a_push_whose_sender_died_comes_back",
         ),
         "nothing visible; memory back within 60 s",
+        back="the push again",
     ),
     Fault(
         "1,000 malformed messages on each key",
@@ -222,6 +239,7 @@ FAULTS = (
             Bar("memory + ≤ 20 MB", "memory MB", 20),
         ),
         (f"{FIRE}::test_malformed_messages_are_refused_and_a_stop_gets_through",),
+        back="nothing is needed",
     ),
     Fault(
         "giant payload (64 MiB)",
@@ -230,6 +248,7 @@ FAULTS = (
             f"{FIRE}::test_a_giant_payload_is_never_put_together",
             f"{FIRE}::test_a_request_just_over_its_limit_never_reaches_the_daemon",
         ),
+        back="nothing is needed",
     ),
     Fault(
         "replay, downgrade, other robot's model, unsigned",
@@ -246,6 +265,7 @@ FAULTS = (
             )
         ),
         "none accepted",
+        back="nothing is needed",
     ),
     Fault(
         "wrong input shape",
@@ -256,6 +276,7 @@ FAULTS = (
             "tests/robot/test_model_service.py::test_a_bad_model_leaves_the_old_one",
         ),
         "the old model stays active",
+        back="nothing is needed",
     ),
     Fault(
         "hostile ONNX (huge tensor, endless loop, other files)",
@@ -265,11 +286,13 @@ FAULTS = (
             f"{MODELS}::test_a_hostile_model_leaves_the_driving_daemon_alone",
             "tests/protocol/test_model_structure.py",
         ),
+        back="nothing is needed",
     ),
     Fault(
         "slow subscriber",
         (Bar("publishing ≤ 10 ms, p99", "publish p99 ms", 10),),
         (f"{FIRE}::test_a_subscriber_that_stopped_reading_holds_nobody_up",),
+        back="it is given up, and connects anew",
     ),
     Fault(
         "two pushes at once",
@@ -280,6 +303,7 @@ FAULTS = (
             "test_of_two_pushes_at_once_one_wins_and_the_other_learns_why",
         ),
         "exactly one wins, the other learns why",
+        back="the other pushes again",
     ),
     Fault(
         "SIGTERM in motion",
@@ -289,11 +313,13 @@ FAULTS = (
             Bar("acknowledged ≤ 100 ms, worst", "acknowledged worst ms", 100),
         ),
         (f"{PROCESS}::test_sigterm_in_motion_stops_at_once",),
+        back="a start, then `run`",
     ),
     Fault(
         "new model crashes the daemon",
         (Bar("rolled back within 3 starts", "starts", 3),),
         (f"{MODELS}::test_a_model_that_crashes_the_daemon_is_rolled_back_within_3_starts",),
+        back="rolled back, then `run`",
     ),
 )
 
@@ -307,11 +333,13 @@ BESIDE = (
             "tests/robot/test_command_service.py",
         ),
         "none moves the robot after it",
+        back="look, then `run`",
     ),
     Fault(
         "a short gap of the camera",
         (Bar("drives on ≤ 5 s", "drives on s", 5),),
         (f"{CAMERA}::test_a_short_gap_of_the_camera_is_forgiven",),
+        back="by itself",
     ),
     Fault(
         "a wall, a cable",
@@ -321,6 +349,7 @@ BESIDE = (
             "tests/robot/test_stuck.py",
             "tests/workstation/test_stuck_simulated.py",
         ),
+        back="`run`",
     ),
     Fault(
         "a thread that dies, or hangs",
@@ -329,11 +358,13 @@ BESIDE = (
             f"{SELF}::test_an_exception_that_ends_any_thread_ends_the_process_with_the_motors_off",
             f"{SELF}::test_a_thread_that_hangs_starves_the_watchdog",
         ),
+        back="systemd, then `run`",
     ),
     Fault(
         "SIGHUP, SIGQUIT, SIGINT in motion",
         (Bar("frame out ≤ 20 ms", "frame ms", 20),),
         (f"{SELF}::test_every_signal_that_ends_it_stops_the_motors_first",),
+        back="a start, then `run`",
     ),
     Fault(
         "a log that nobody reads",
@@ -342,6 +373,7 @@ BESIDE = (
             Bar("with the board lost ≤ 150 ms", "STOP, board lost, ms", 150),
         ),
         (f"{SELF}::test_a_log_that_nobody_reads_holds_up_no_stop",),
+        back="nothing is needed",
     ),
     Fault(
         "16 quiet sessions of somebody revoked",
@@ -353,6 +385,7 @@ BESIDE = (
             f"{LOCK_OUT}::test_quiet_sessions_of_somebody_revoked_keep_nobody_from_a_stop",
             f"{LOCK_OUT}::test_somebody_off_the_roll_is_out_within_a_second",
         ),
+        back="nothing is needed",
     ),
     Fault(
         "a viewer's flood of tokens",
@@ -361,12 +394,134 @@ BESIDE = (
             Bar("STOP ≤ 100 ms", "STOP worst ms", 100),
         ),
         (f"{LOCK_OUT}::test_a_viewers_flood_of_tokens_costs_little_and_holds_up_no_stop",),
+        back="nothing is needed",
     ),
     Fault(
         "{fuzz:,} inputs to each parser",
         (),
         (f"{RELIABILITY}/test_fuzz.py",),
         "a value or a clear error",
+        back="nothing is needed",
+    ),
+    Fault(
+        "an enrolled robot behind a router",
+        (),
+        (
+            f"{END}/test_daemon_behind_router.py",
+            f"{END}/test_router.py",
+        ),
+        "STOP and every command come through, or nothing sets it in motion",
+        back="connect to the robot itself, or upgrade",
+    ),
+    Fault(
+        "a viewer who reads nothing, or says STOP without end",
+        (
+            Bar("STOP of others ≤ 100 ms, second worst", "STOP second worst ms", 100),
+            Bar("0 drive frames after it", "drive frames after STOP", 0),
+        ),
+        (
+            f"{END}/test_stop_under_attack.py",
+            "tests/robot/test_doorkeeper.py",
+            "tests/robot/test_session_guard.py",
+            "tests/robot/test_short_lives.py",
+        ),
+        back="it is shown out; others need nothing",
+    ),
+    Fault(
+        "somebody comes to look at a robot that waits",
+        (),
+        (
+            "tests/robot/test_control_loop.py::test_waiting_is_not_a_gap_but_has_an_end",
+            "tests/robot/test_control_loop.py::test_a_word_is_over_when_nobody_is_there_any_more",
+        ),
+        "nothing moves",
+        back="`run`",
+    ),
+    Fault(
+        "a hand's command that was held up",
+        (),
+        (
+            "tests/robot/test_helm.py",
+            "tests/robot/test_command_service.py::"
+            "test_a_hands_command_lives_no_longer_than_it_holds",
+            "tests/workstation/test_by_hand.py::test_keys_that_were_held_up_drive_nothing",
+        ),
+        "it moves nothing",
+        back="take hold anew",
+    ),
+    Fault(
+        "a crash on a full disk, told to drive at a start",
+        (),
+        ("tests/robot/test_last_end.py::test_without_a_mark_nothing_drives_by_itself",),
+        "it stands, and says why",
+        back="room, or `run`",
+    ),
+    Fault(
+        "a disk that fills up during a release's trial",
+        (),
+        (
+            "tests/robot/test_update_steps.py::"
+            "test_a_disk_that_fills_up_during_a_trial_leaves_the_old_release_running",
+            "tests/robot/test_update_steps.py::"
+            "test_a_full_disk_keeps_no_dead_release_from_going_back",
+        ),
+        "the old release runs",
+        back="room, then the update again",
+    ),
+    Fault(
+        "a ring of a stuck camera's buffers",
+        (),
+        (
+            "tests/robot/test_camera.py::"
+            "test_a_ring_of_old_pictures_is_frozen_as_soon_as_nothing_new_has_come",
+        ),
+        "refused as frozen",
+        back="new pictures, then `run`",
+    ),
+    Fault(
+        "a camera's picture that is dear to decode, or half of one",
+        (),
+        ("tests/robot/test_jpeg_picture.py", "tests/robot/test_mjpeg_source.py"),
+        "refused before it is decoded, or called cut off",
+        back="the next picture",
+    ),
+    Fault(
+        "a model's trial that asks the kernel for more than a computation needs",
+        (),
+        ("tests/robot/test_confinement.py",),
+        "refused",
+        back="nothing is needed",
+    ),
+    Fault(
+        "pictures, chunks and archives of strangers that unpack to gigabytes",
+        (),
+        (
+            "tests/workstation/test_picture_file.py",
+            "tests/workstation/test_whole_chunks.py",
+            "tests/workstation/test_glb_file.py",
+        ),
+        "one line before anything is unpacked",
+        back="nothing is needed",
+    ),
+    Fault(
+        "a clock of the robot's that is wrong, recordings",
+        (),
+        (
+            "tests/robot/test_recording_directory.py::"
+            "test_a_clock_that_is_wrong_costs_nothing_until_ten_drives_say_so",
+        ),
+        "no drive is deleted for it",
+        back="nothing is needed",
+    ),
+    Fault(
+        "a phone's narrow screen, long names",
+        (),
+        (
+            f"{END}/test_console_page.py::"
+            "test_stop_is_whole_and_can_be_hit_on_every_screen_whatever_the_texts_are",
+        ),
+        "STOP is whole and in reach",
+        back="nothing is needed",
     ),
     Fault(
         SOAK,
@@ -377,6 +532,7 @@ BESIDE = (
             Bar("0 silences while moving", "silences while moving", 0),
         ),
         (f"{RELIABILITY}/test_soak.py",),
+        back="by itself",
     ),
 )
 """Not in the table of faults, but promised as well."""

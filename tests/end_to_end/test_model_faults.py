@@ -20,6 +20,7 @@ from mbot_workstation.models.signing_key import SigningKey
 from mbot_workstation.models.stored_models import list_models
 from mbot_workstation.telemetry.stream import TelemetryStream
 
+from ..reliability.motion import drives_again
 from ..robot.fake_board import FakeBoard
 from ..robot.model_bench import digest
 from ..robot.moody_models import breaks_on_a_cameras_picture
@@ -64,7 +65,7 @@ def notices(status: Status | Decision) -> list[str]:
 
 
 def test_a_model_that_crashes_the_daemon_is_rolled_back_within_3_starts(
-    daemon: Daemon, record_property: Record
+    daemon: Daemon, board: FakeBoard, record_property: Record
 ) -> None:
     def start() -> Process:
         daemon.log.write_text("")
@@ -88,6 +89,7 @@ def test_a_model_that_crashes_the_daemon_is_rolled_back_within_3_starts(
                 assert until(settled, 30)
                 if process.is_running():
                     status = daemon.status()
+                    assert drives_again(daemon, board)
                     break
                 starts += 1
     assert starts <= 3

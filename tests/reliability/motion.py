@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..end_to_end.processes import Daemon, Process
+from ..end_to_end.processes import Daemon, Process, until
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
 
@@ -23,6 +23,14 @@ def stopped_s(board: FakeBoard, since_s: float) -> float:
 def driven_since(board: FakeBoard, since_s: float) -> int:
     """Motor frames that turned a wheel, from a time on."""
     return sum(at >= since_s and (m1, m2) != (0, 0) for at, m1, m2 in board.commands)
+
+
+def drives_again(daemon: Daemon, board: FakeBoard, speeds: tuple[int, int] = FORWARD_BOARD) -> bool:
+    """Whether a person's word is all that it takes, once nothing is wrong any more."""
+    if not until(lambda: not daemon.status().faults, 30):
+        return False
+    daemon.run()
+    return board.wait_for(*speeds, timeout_s=15)
 
 
 def configure(daemon: Daemon, section: str, lines: str) -> None:

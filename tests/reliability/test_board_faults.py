@@ -2,11 +2,12 @@
 
 import os
 import pty
+import signal
 import threading
 import time
 import tty
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
@@ -22,7 +23,7 @@ from ..end_to_end.processes import Daemon, beats_on, until
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
 from .effort import within
-from .motion import FORWARD_BOARD, driven_since, driving
+from .motion import FORWARD_BOARD, driven_since, drives_again, driving
 
 Record = Callable[[str, object], None]
 
@@ -96,6 +97,8 @@ def test_a_torn_write_ends_in_a_stop(
         assert board.wait_for(0, 0)
         assert motors.stands(1.0), "no command is in force any more"
         assert board.speeds == (0, 0)
+        motors.drive(for_10_s())
+        assert board.wait_for(FULL_SPEED.m1, FULL_SPEED.m2)
 
 
 @pytest.mark.timeout(300)
@@ -192,7 +195,8 @@ def test_a_second_daemon_gets_no_say(
     (tmp_path / "second").mkdir()
     second = Daemon(tmp_path / "second", board.path)
     assert second.address != daemon.address
-    with daemon.camera(), driving(daemon, board, daemon.start()):
+    with daemon.camera(), ExitStack() as first:
+        process = first.enter_context(driving(daemon, board, daemon.start()))
         mark = len(board.commands)
         with second.camera(), second.start():
             assert second.is_up()
@@ -202,14 +206,18 @@ def test_a_second_daemon_gets_no_say(
             assert beats_on(second.status)
             (fault,) = (fault for fault in second.status().faults if fault.kind == "board-lost")
             assert "in use by another process" in fault.detail
-        speeds = [command[1:] for command in board.commands[mark:]]
-        frames = speeds.count(BACKWARD_BOARD)
-        record_property("motor frames", frames)
-        assert frames == 0
-        assert set(speeds) <= {FORWARD_BOARD, (0, 0)}
-        # The first one drives on.
-        assert board.wait_for(*FORWARD_BOARD)
-        assert daemon.status().faults == []
+            speeds = [command[1:] for command in board.commands[mark:]]
+            frames = speeds.count(BACKWARD_BOARD)
+            record_property("motor frames", frames)
+            assert frames == 0
+            assert set(speeds) <= {FORWARD_BOARD, (0, 0)}
+            # The first one drives on.
+            assert board.wait_for(*FORWARD_BOARD)
+            assert daemon.status().faults == []
+            # Once it has ended, the second one may.
+            process.signal(signal.SIGTERM)
+            assert process.wait() == 0
+            assert drives_again(second, board, BACKWARD_BOARD)
 
 
 def test_a_reset_announced_right_behind_an_acknowledgement_counts() -> None:

@@ -9,7 +9,15 @@ from ..end_to_end.processes import LONGER_THAN_FORGIVEN_S, Daemon, beats_on, unt
 from ..robot.fake_board import FakeBoard
 from .effort import second_worst, within
 from .faulty_camera import HEIGHT_PX, WIDTH_PX, FaultyCamera, Mood
-from .motion import FORWARD, FORWARD_BOARD, configure, driven_since, driving, stopped_s
+from .motion import (
+    FORWARD,
+    FORWARD_BOARD,
+    configure,
+    driven_since,
+    drives_again,
+    driving,
+    stopped_s,
+)
 
 Record = Callable[[str, object], None]
 
@@ -100,4 +108,6 @@ def test_nothing_is_driven_by_a_bad_picture(
             return (stopped_s(board, last_s) - last_s) * 1000
 
         found = within(600, stopped_ms)
+        camera.reopen("good")
+        assert drives_again(daemon, board)
     record_property("stopped ms", round(max(found)))

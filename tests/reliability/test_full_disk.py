@@ -54,6 +54,8 @@ def test_a_disk_that_takes_nothing_keeps_the_old_model_and_the_robot_driving(
         with daemon.start():
             assert daemon.is_up()
             loaded = daemon.status().active_model
+            daemon.push(SECOND)  # there is room again
+            assert daemon.status().active_model.name != "constant"
     loads_percent = 100 * (loaded.name == "constant")
     record_property("old model loads %", loads_percent)
     assert loads_percent == 100

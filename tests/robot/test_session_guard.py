@@ -4,7 +4,10 @@ import socket
 import time
 from contextlib import suppress
 
+import pytest
+
 from mbot_agent.configuration import Access
+from mbot_agent.network import session_guard
 from mbot_agent.network.doorkeeper import Visitor
 from mbot_agent.network.session_guard import MOST_QUERIES, SessionGuard
 from mbot_protocol.keys import Right
@@ -82,3 +85,17 @@ def test_a_flood_is_told_of_and_a_few_questions_are_not() -> None:
                 asked += each // 10
                 time.sleep(0.1)
             assert bool(told) is fires
+
+
+def test_who_makes_the_daemon_hold_too_much_is_shown_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever it is that is held: here pages that this process really takes."""
+    monkeypatch.setattr(session_guard, "MOST_HELD_BYTES", 32 << 20)
+    ours, hers, visitor = linked()
+    with SessionGuard(ACCESS, lambda: [visitor]):
+        time.sleep(0.5)
+        assert not is_shut(hers)
+        held = b"x" * (48 << 20)
+        assert until(lambda: is_shut(hers), 3)
+        assert len(held) > 0
+    ours.close()
+    hers.close()
