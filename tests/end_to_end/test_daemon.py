@@ -5,6 +5,7 @@ import signal
 import socket
 import subprocess
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -57,6 +58,29 @@ def test_from_push_to_driving_to_stop(daemon: Daemon, board: FakeBoard) -> None:
         assert board.wait_for(0, 0)
         assert beats_on(daemon.status)
         assert board.speeds == (0, 0)
+
+
+def test_a_daemon_that_starts_stops_the_board_before_it_does_anything_else(
+    daemon: Daemon, board: FakeBoard
+) -> None:
+    """Before it looks for its camera, and before anybody can talk to it."""
+    host, port = daemon.address.split(":")
+    with socket.create_server(("127.0.0.1", daemon.camera_port)) as camera, daemon.start():
+        camera.settimeout(20)
+        _, _ = camera.accept()
+        looked_s = time.monotonic()
+
+        def listens() -> bool:
+            with suppress(OSError), socket.create_connection((host, int(port)), timeout=1):
+                return True
+            return False
+
+        assert until(listens, 20)
+        heard_s = time.monotonic()
+        assert until(lambda: board.commands)
+    stopped_s, *speeds = board.commands[0]
+    assert speeds == [0, 0]
+    assert stopped_s < looked_s < heard_s
 
 
 def test_it_fits_a_small_computer(daemon: Daemon, board: FakeBoard) -> None:
