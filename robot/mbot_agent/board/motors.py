@@ -22,7 +22,7 @@ from mbot_agent.faults import Fault
 from mbot_agent.hardware import Delivery, DriveCommand
 from mbot_protocol.back_off import BackOff
 from mbot_protocol.errors import UnreachableError
-from mbot_protocol.mcore import STOP, has_deadman
+from mbot_protocol.mcore import STOP, has_deadman, is_of_another_board
 
 log = logging.getLogger(__name__)
 
@@ -100,6 +100,12 @@ class Motors:
     def fault(self) -> Fault | None:
         """Why the wheels cannot be driven now, if they cannot."""
         fault = self._fault
+        if fault is None and is_of_another_board(self._version):
+            return Fault(
+                "board-other",
+                f"the firmware ({self._version}) is Makeblock's for another board than the mBot's "
+                "mCore: motors are not where it is told; connect an mCore",
+            )
         if fault is None and not (self.has_deadman or self._board.accept_no_deadman):
             return Fault(
                 "board-no-deadman",
