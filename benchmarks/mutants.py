@@ -1,6 +1,6 @@
 """Small faults put into the safety path, one at a time: a quick test must fail for each.
 
-    python benchmarks/mutants.py [--all] [--since COMMIT] [--only TEXT ...] [--most N] [--list]
+    python benchmarks/mutants.py [--all] [--since COMMIT] [--only TEXT ...] [--most N]
 
 By default those on lines that have changed since COMMIT (the last commit of before yesterday).
 pytest is set up once; each mutant is put into a fork of it, which runs tests that have been seen to
@@ -9,6 +9,7 @@ fails the run, unless `equivalent_mutants.toml` names it and says why nobody cou
 """
 
 import argparse
+import gc
 import hashlib
 import importlib
 import json
@@ -33,21 +34,22 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a fork has no threads but its own
 
 import pytest
+from hypothesis import Phase, settings
 from mutation.applied import NotApplicableError, apply
 from mutation.operators import Mutant, mutants_of
 from mutation.targets import ROOT, targets
 
 TESTS = ("tests/robot", "tests/protocol", "tests/workstation/test_hand.py")
 TESTS += ("tests/workstation/test_by_hand.py", "tests/workstation/test_remote_control.py")
-WORKERS = 2
-"""More would make timed tests fail by themselves."""
+WORKERS = 6
+"""Most of a mutant's time is waiting for what does not come."""
 CACHE = ROOT / "out/mutants"
 EQUIVALENT = ROOT / "benchmarks/equivalent_mutants.toml"
 TESTS_S = 12.0
-"""Of tests that a mutant is tried with, as long as they take without one: first those that are
-named for its module, then those that have killed most, then the quickest."""
-LONGEST_S = 10.0 + 4 * TESTS_S
-"""A mutant that takes longer runs for ever, which is noticed."""
+"""A mutant is tried with all tests that are named for its module, and then with others: those that
+have killed most, then the quickest, as long as all take this together without a mutant."""
+SPARE_S = 10.0
+"""A mutant that takes so much more than thrice that time runs for ever, which is noticed."""
 
 Key = tuple[str, str]
 """File and function."""
@@ -84,12 +86,25 @@ class Runner:
         if report.failed:
             self._failed.append(report.nodeid)
 
+    def pytest_configure(self, config: pytest.Config) -> None:
+        """Nobody reads why a test fails."""
+        config.option.tbstyle = "value"
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_collection(self) -> None:
+        """Before the tests are imported: a failure counts, and needs no smaller example."""
+        phases = (Phase.explicit, Phase.generate)
+        settings.register_profile("mutants", deadline=None, database=None, phases=phases)
+        settings.load_profile("mutants")
+
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         self._items = {item.nodeid: item for item in session.items}
         for module in targets():  # before the fork, not once in each
             importlib.import_module(module)
         self._reach = self._reached()
+        gc.collect()
+        gc.freeze()  # or each child would copy what its collector looks at
         waiting = list(self.mutants)
         running: dict[int, tuple[Mutant, float, int]] = {}
         while waiting or running:
@@ -101,7 +116,8 @@ class Runner:
                     continue
                 reader, writer = os.pipe()
                 child = self._fork(lambda m=mutant, t=tests: self._kill(m, t), writer)
-                running[child] = mutant, time.monotonic() + LONGEST_S, reader
+                limit_s = SPARE_S + 3 * sum(self._reach.seconds[test] for test in tests)
+                running[child] = mutant, time.monotonic() + limit_s, reader
             self._collect(running)
         shutil.rmtree(self._scratch, ignore_errors=True)
         return True
@@ -155,7 +171,7 @@ class Runner:
         left_s, chosen = TESTS_S, list[str]()
         for test in sorted(tests, key=lambda one: self._order(one, name)):
             left_s -= self._reach.seconds[test]
-            if left_s < 0 and chosen:
+            if left_s < 0 and chosen and f"/{name}::" not in test:
                 break
             chosen.append(test)
         return chosen
@@ -292,6 +308,7 @@ def main() -> int:
     parser.add_argument("--all", action="store_true", help="not only on lines that have changed")
     parser.add_argument("--since", metavar="COMMIT", help="changed since then")
     parser.add_argument("--only", nargs="*", default=[], metavar="TEXT", help="names with this")
+    parser.add_argument("--not", nargs="*", default=[], metavar="TEXT", dest="but", help="without")
     parser.add_argument("--most", type=int, metavar="N", help="so many of them, by chance")
     parser.add_argument("--list", action="store_true", help="name them, and end")
     arguments = parser.parse_args()
@@ -308,6 +325,7 @@ def main() -> int:
         mutants = [one for one in mutants if one.line in changed.get(one.file, ())]
     if arguments.only:
         mutants = [one for one in mutants if any(text in one.name for text in arguments.only)]
+    mutants = [one for one in mutants if not any(text in one.name for text in arguments.but)]
     if arguments.most is not None:  # the same ones each time
         mutants.sort(key=lambda one: hashlib.sha256(one.name.encode()).digest())
         mutants = mutants[: arguments.most]
@@ -316,7 +334,15 @@ def main() -> int:
         return 0
     began_s = time.monotonic()
     runner = Runner(mutants)
-    quiet = ["-p", "no:terminal", "-p", "no:cacheprovider", "-p", "no:xdist", "--capture=no"]
+    quiet = [
+        "-p",
+        "no:terminal",
+        "-p",
+        "no:cacheprovider",
+        "-p",
+        "no:xdist",
+        "--capture=no",
+    ]
     os.chdir(ROOT)
     ended = pytest.main([*quiet, "-m", "not slow", *TESTS], plugins=[runner])
     if ended not in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):
