@@ -41,7 +41,7 @@ Degrees = Annotated[float, Meta(ge=1, le=170)]
 
 
 _LOGIN = re.compile(r"//.*@", re.DOTALL)
-"""Up to the last @: a password may have any of / ? # @ in it, if it isn't quoted as it should be."""
+"""Up to the last @: a password may have any of / ? # @ in it, though it should be quoted."""
 _QUERY = re.compile(r"\?.*", re.DOTALL)
 
 
