@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from mbot_protocol.mcore import HEADER
+from mbot_protocol.mcore import END, HEADER, wants_arming
 
 _UNLOCK, _NUMBER = 0x40045431, 0x80045430
 """TIOCSPTLCK and TIOCGPTN, which Python's termios does not have."""
@@ -30,6 +30,10 @@ class FakeBoard:
         commands: (monotonic seconds, m1, m2) of every joystick frame obeyed.
         received: every byte.
         mute: when true, nothing is answered.
+        acknowledge: when false, commands are obeyed and nothing is said.
+        unheard: so many of the next commands get lost on their way.
+        latched: refuses to drive until ARM has come, as our firmware does after a reset.
+        behind_a_reply: what it says in one piece with its next acknowledgement.
         version: what it calls itself.
 
     """
@@ -48,6 +52,9 @@ class FakeBoard:
         self.version = version
         self.mute = False
         self.acknowledge = True
+        self.unheard = 0
+        self.latched = wants_arming(version)
+        self.behind_a_reply = b""
         self.commands: list[tuple[float, int, int]] = []
         self.received = bytearray()
         self._master, self._slave, number = _openpty(devpts)
@@ -95,6 +102,7 @@ class FakeBoard:
     def reset(self) -> None:
         """What a brown-out does: motors off, then the banner."""
         self.commands.append((time.monotonic(), 0, 0))
+        self.latched = wants_arming(self.version)
         self._buffer.clear()
         self.say(f"Version: {self.version}\r\n".encode())
 
@@ -134,13 +142,28 @@ class FakeBoard:
         if frame[4:6] == b"\x01\x00":
             name = self.version.encode()
             return HEADER + bytes((0, 4, len(name))) + name + b"\r\n"
+        if frame[4:6] == b"\x02\x71" and wants_arming(self.version):
+            self.latched = False
+            return self._acknowledged()
         if frame[4:6] == b"\x02\x05":
-            if not self.mute:
-                m1 = int.from_bytes(frame[6:8], "little", signed=True)
-                m2 = int.from_bytes(frame[8:10], "little", signed=True)
-                self.commands.append((time.monotonic(), m1, m2))
-            return HEADER + b"\r\n" if self.acknowledge else b""
+            return self._driven(frame)
         return b""
+
+    def _driven(self, frame: bytes) -> bytes:
+        if self.unheard:
+            self.unheard -= 1
+            return b""
+        m1 = int.from_bytes(frame[6:8], "little", signed=True)
+        m2 = int.from_bytes(frame[8:10], "little", signed=True)
+        if self.latched and (m1 or m2):
+            return b""
+        if not self.mute:
+            self.commands.append((time.monotonic(), m1, m2))
+        return self._acknowledged() if self.acknowledge else b""
+
+    def _acknowledged(self) -> bytes:
+        more, self.behind_a_reply = self.behind_a_reply, b""
+        return HEADER + END + more
 
 
 def _openpty(devpts: Path) -> tuple[int, int, int]:

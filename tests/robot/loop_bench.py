@@ -72,17 +72,30 @@ class ObedientBoard:
 
 
 class StillCamera:
-    """One picture, as fresh as the test says."""
+    """One picture, as fresh as the test says.
+
+    Attributes:
+        fault: what the test says is wrong with it.
+        fresh: whether it may be driven on.
+        age_ns: of the picture, whenever somebody looks.
+        has_picture: whether there is one at all.
+        driving: what it was told of the wheels.
+
+    """
 
     def __init__(self) -> None:
         self.fault: Fault | None = None
         self.fresh = True
         self.interval_ns = 33_333_333
+        self.age_ns = 10_000_000
+        self.has_picture = True
         self.picture: Picture = np.full((240, 320, 3), 90, np.uint8)
         self.driving: list[bool] = []
 
     def latest(self) -> Frame | None:
-        return Frame(self.picture, time.monotonic_ns() - 10_000_000)
+        if not self.has_picture:
+            return None
+        return Frame(self.picture, time.monotonic_ns() - self.age_ns)
 
     def is_fresh(self) -> bool:
         return self.fresh
@@ -92,7 +105,9 @@ class StillCamera:
 
     light = "automatic"
 
-    def forgive(self) -> None: ...
+    def forgive(self) -> None:
+        if self.fault is not None and self.fault.kind == "camera-frozen":
+            self.fault = None
 
 
 class Bench:

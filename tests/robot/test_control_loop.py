@@ -1,8 +1,13 @@
+import logging
+import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
+import numpy as np
 import pytest
 
+from mbot_agent import control_loop
 from mbot_agent.arming import Mode, State
 from mbot_agent.configuration import Control
 from mbot_agent.faults import Fault
@@ -10,10 +15,12 @@ from mbot_agent.models.policy import Answer, Memory, Policy
 from mbot_agent.models.trial import Finding, Trial, Verdict
 from mbot_agent.tick import Tick
 from mbot_protocol.actions import Steps
+from mbot_protocol.camera_model import CameraModel
 from mbot_protocol.mcore import STOP, Joystick
-from mbot_protocol.picture import Picture
+from mbot_protocol.picture import Observer, Picture
+from mbot_protocol.policy_contract import FULL_VIEW, FieldOfView, PolicyMetadata
 
-from .loop_bench import Bench
+from .loop_bench import HAND, Bench
 from .tiny_models import constant_model
 
 
@@ -102,6 +109,22 @@ def test_with_a_fault_nothing_is_driven_and_it_is_said_why(bench: Bench, where: 
     assert bench.board.stops >= 1
     assert tick.state is State.FAULT
     assert tick.faults[0].kind == ("no-model" if where == "model" else "broken")
+
+
+def test_without_a_picture_nothing_is_driven(bench: Bench) -> None:
+    drive_with(bench, 1.0, 1.0)
+    bench.camera.has_picture = False  # just refused, and no fault yet
+    tick = bench.tick()
+    assert (tick.observation, tick.action) == (None, None)
+    assert bench.board.asked == ["stop"]
+
+
+@pytest.mark.parametrize("mode", Mode)
+def test_nobody_is_missed_by_a_robot_that_does_not_drive_alone(bench: Bench, mode: Mode) -> None:
+    bench.pilot.use(Policy(constant_model()))
+    bench.link_fault = Fault("link-lost", "no workstation has been there")
+    missed = [fault.kind for fault in bench.loop.faults(mode)]
+    assert missed == (["link-lost"] if mode in (Mode.RUNNING, Mode.WAITING) else [])
 
 
 @pytest.mark.parametrize("where", ["camera", "board"])
@@ -221,6 +244,16 @@ def test_waiting_is_not_a_gap_but_has_an_end(bench: Bench, monkeypatch: pytest.M
     bench.pilot.use(Policy(constant_model(0.5, 0.5)))
     bench.tick()
     assert bench.board.commands == []
+
+
+def test_a_loop_that_stood_still_obeys_no_word_from_before(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.pilot.use(Policy(constant_model(0.5, 0.5)))
+    bench.helm.run(bench.stops, when_ready=True)
+    Clock(monkeypatch).advance(40)
+    assert bench.tick().state is State.STOPPED
+    assert bench.helm.orders.stop.why == "waited 40 s in vain: the loop stood still"
 
 
 def test_a_word_is_over_when_nobody_is_there_any_more(bench: Bench) -> None:
@@ -365,6 +398,7 @@ def test_stop_during_inference_wins(bench: Bench, monkeypatch: pytest.MonkeyPatc
     tick = bench.tick()
     assert len(bench.board.commands) == driven
     assert tick.joystick == STOP
+    assert bench.camera.driving == [True, False]
 
 
 def test_a_hand_needs_neither_camera_nor_model(bench: Bench) -> None:
@@ -392,3 +426,109 @@ def test_who_subscribes_hears_of_every_tick(bench: Bench) -> None:
     assert heard == ticks
     assert [tick.sequence for tick in ticks] == [0, 1, 2]
     assert bench.loop.latest is ticks[-1]
+
+
+class Beats(threading.Event):
+    """What the loop waits for, in no time at all: the clock goes to the next beat, some times."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+        super().__init__()
+        self.now_ns = 10**12
+        self._left = number
+        monkeypatch.setattr(time, "monotonic_ns", lambda: self.now_ns)
+
+    def wait(self, timeout: float | None = None) -> bool:
+        assert timeout is not None
+        self.now_ns += round(timeout * 1e9)
+        self._left -= 1
+        return self._left < 0
+
+
+@pytest.mark.parametrize(("age_ms", "earlier_ms"), [(6, 0), (10, 4), (5, -1)])
+def test_the_loop_beats_at_its_rate_and_goes_to_meet_the_frames(
+    monkeypatch: pytest.MonkeyPatch, age_ms: int, earlier_ms: int
+) -> None:
+    beats = Beats(monkeypatch, 4)
+    bench = Bench()
+    heard: list[Tick] = []
+    bench.loop.subscribe(heard.append)
+    bench.camera.age_ns = age_ms * 1_000_000
+    beats.now_ns = began_ns = beats.now_ns + 9 * 10**9  # the rest of the daemon took long to start
+    bench.loop.run(beats)
+    period_ns = (400 - earlier_ms) * 1_000_000
+    assert [tick.due_ns for tick in heard] == [began_ns + n * period_ns for n in range(4)]
+    assert heard[-1].missed_ticks == 0
+
+
+def test_what_a_view_takes_is_worked_out_once(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It takes longer than all the rest of a decision."""
+    made: list[tuple[int, float]] = []
+
+    class Counted(Observer):
+        def __init__(self, camera: CameraModel, view: FieldOfView) -> None:
+            made.append((camera.width_px, view.horizontal_deg))
+            super().__init__(camera, view)
+
+    monkeypatch.setattr(control_loop, "Observer", Counted)
+    wide = FULL_VIEW.horizontal_deg
+    for _ in range(3):
+        bench.tick()
+    assert made == [(320, wide)]
+    bench.camera.picture = np.full((480, 640, 3), 90, np.uint8)
+    for _ in range(2):
+        bench.tick()
+    assert made[1:] == [(640, wide)]
+    narrow = PolicyMetadata("narrow", FieldOfView(40.0, 40.0)).to_properties()
+    bench.pilot.use(Policy(constant_model(metadata=narrow)))
+    for _ in range(2):
+        assert bench.tick().view == FieldOfView(40.0, 40.0)
+    assert made[2:] == [(640, 40.0)]
+
+
+def test_the_journal_says_once_what_the_robot_does_and_why_not(
+    bench: Bench, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO, "mbot_agent.control_loop")
+
+    def said(act: Callable[[], Any] = lambda: None) -> list[str]:
+        """In two beats after something."""
+        caplog.clear()
+        act()
+        bench.tick()
+        bench.tick()
+        return [record.getMessage() for record in caplog.records if "loop" in record.name]
+
+    def camera(fault: Fault | None) -> None:
+        bench.camera.fault = fault
+
+    mended = "; `workstation run` when that is mended"
+    assert said() == []
+    assert said(bench.run) == [
+        "not driving: no model yet: `workstation push-model` sends one",
+    ]
+    assert said(lambda: bench.pilot.use(Policy(constant_model()))) == ["now running"]
+    assert said(lambda: camera(Fault("a", "it is dark"))) == ["not driving: it is dark"]
+    assert said(lambda: camera(Fault("b", "it is gone"))) == ["not driving: it is gone"]
+    assert said(lambda: camera(None)) == ["now running"]
+    assert said(bench.helm.stop) == ["now stopped"]  # the person knows why
+    assert said(lambda: camera(Fault("a", "it is dark"))) == []  # it stands anyway
+    camera(None)
+    assert said(lambda: bench.hold(Joystick(-50, 50))) == ["now manual"]
+    assert said(lambda: bench.helm.let_go(HAND)) == ["now stopped: let go"]
+    assert said(bench.run) == ["now running"]
+    why = "the board was reset"
+    assert said(lambda: bench.helm.latch(why)) == [f"disarmed: {why}{mended}", "now stopped"]
+    assert said(bench.run) == ["now running"]
+    assert said(bench.helm.stop) == ["now stopped"]
+
+
+def test_a_daemon_that_starts_with_a_fault_in_the_way_says_so_at_once(
+    bench: Bench, caplog: pytest.LogCaptureFixture
+) -> None:
+    bench.run()
+    bench.tick()
+    assert [record.getMessage() for record in caplog.records] == [
+        "not driving: no model yet: `workstation push-model` sends one"
+    ]

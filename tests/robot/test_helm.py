@@ -58,14 +58,18 @@ def test_a_hand_that_lets_go_has_stopped(
     motors: ObedientBoard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     helm = helm_of(motors, Mode.RUNNING)
+    now_ns = time.monotonic_ns()
+    monkeypatch.setattr(time, "monotonic_ns", lambda: now_ns)
     held(helm, hold_ns=200_000_000)
+    assert motors.commands[-1].deadline_ns == now_ns + 200_000_000
+    now_ns += 199_999_999
     helm.end_manual_if_due()
     assert helm.orders.mode is Mode.MANUAL
-    later_ns = time.monotonic_ns() + 200_000_000
-    monkeypatch.setattr(time, "monotonic_ns", lambda: later_ns)
+    now_ns += 1  # from here on the motor thread does not drive by it either
     helm.end_manual_if_due()
     assert helm.orders.mode is Mode.STOPPED
     assert motors.asked == [FORWARD, "stop"]
+    assert motors.disarmed == 1
 
 
 def test_run_takes_over_from_a_hand_standing(motors: ObedientBoard) -> None:
@@ -136,6 +140,16 @@ def test_whatever_ends_a_press_ends_it_for_good(motors: ObedientBoard, end: str)
     held(helm, Press(HAND.sender, HAND.number + 1))
 
 
+def test_a_hand_that_lets_go_late_stops_nobody_else(motors: ObedientBoard) -> None:
+    """Somebody has let the policy drive meanwhile."""
+    helm = helm_of(motors)
+    held(helm)
+    helm.run(helm.orders.stop.count)
+    orders, asked = helm.orders, list(motors.asked)
+    helm.let_go(HAND)
+    assert (helm.orders, motors.asked, motors.disarmed) == (orders, asked, 0)
+
+
 def test_a_late_command_of_a_hold_that_is_over_moves_nothing(motors: ObedientBoard) -> None:
     """The next beat may be 400 ms away, and the motors have stopped by themselves meanwhile."""
     helm = helm_of(motors)
@@ -155,6 +169,8 @@ def test_the_presses_of_the_latest_senders_are_remembered(motors: ObedientBoard)
     with pytest.raises(RefusedError):
         held(helm, Press(0, 5))
     held(helm, Press(1, 1))  # the one that has been silent for longest is forgotten
+    helm.let_go(Press(99, 0))  # who has never taken hold has ended nothing
+    held(helm, Press(99, 1))
 
 
 def test_what_was_waited_for_arms_no_other_orders(motors: ObedientBoard) -> None:

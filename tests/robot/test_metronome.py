@@ -49,6 +49,30 @@ def test_beats_stay_on_the_grid_whatever_a_tick_takes(clock: FakeClock) -> None:
     assert beat.missed == 0
 
 
+def test_the_first_beat_is_now_and_the_grid_moves_as_it_is_told(clock: FakeClock) -> None:
+    beat = Metronome(2.5)
+    began_ns = clock.now_ns
+    assert beat.wait(clock) == began_ns  # pyright: ignore[reportArgumentType]
+    beat.shift(3_000_000)
+    assert beat.wait(clock) == began_ns + 403_000_000  # pyright: ignore[reportArgumentType]
+    assert clock.now_ns == began_ns + 403_000_000
+    clock.now_ns += 400_000_000  # to the end of the period: this beat is due, and late by nothing
+    assert beat.wait(clock) == began_ns + 803_000_000  # pyright: ignore[reportArgumentType]
+    assert beat.missed == 0
+    clock.now_ns += 800_000_000  # a whole one has passed by
+    assert beat.wait(clock) == began_ns + 1_603_000_000  # pyright: ignore[reportArgumentType]
+    assert beat.missed == 1
+
+
+def test_a_late_beat_is_made_at_once(clock: FakeClock) -> None:
+    beat = Metronome(2.5)
+    beat.wait(clock)  # pyright: ignore[reportArgumentType]
+    clock.now_ns += 500_000_000
+    now_ns = clock.now_ns
+    beat.wait(clock)  # pyright: ignore[reportArgumentType]
+    assert clock.now_ns == now_ns
+
+
 def test_missed_beats_are_skipped_and_counted_not_made_up(clock: FakeClock) -> None:
     beat = Metronome(2.5)
     first = beat.wait(clock)  # pyright: ignore[reportArgumentType]
@@ -90,6 +114,14 @@ def test_ticks_come_to_meet_the_frames(
         offset_ns += shift_ns
     age_ns = offset_ns % interval_ns
     assert abs(age_ns - FRAME_AGE_TARGET_NS) <= 3_500_000 + period_ns * LARGEST_SHIFT
+
+
+def test_ticks_go_the_shorter_way() -> None:
+    """Half as far towards later: where both are as far, jitter would pull them to and fro."""
+    interval_ns, period_ns = 100_000_000, 400_000_000
+    for share, shift_ns in ((0.0, 0), (0.45, -4_000_000), (0.55, 2_000_000)):
+        age_ns = FRAME_AGE_TARGET_NS + round(share * interval_ns)
+        assert shift_towards_frames_ns(age_ns, interval_ns, period_ns) == shift_ns
 
 
 def test_a_camera_of_unknown_rate_moves_nothing() -> None:

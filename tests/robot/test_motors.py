@@ -1,18 +1,22 @@
+import logging
 import os
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mbot_agent.board import board_session
-from mbot_agent.board.motors import Motors
+from mbot_agent.board import board_port, board_session
+from mbot_agent.board import motors as motors_module
+from mbot_agent.board.motors import IDLE_HEARTBEAT_S, Motors
 from mbot_agent.configuration import Board
 from mbot_agent.hardware import DriveCommand
-from mbot_protocol.mcore import FLUSH_PADDING, STOP, Joystick
+from mbot_agent.process.watchdog import LONGEST_PAUSE_NS
+from mbot_protocol.mcore import ARM_REQUEST, FLUSH_PADDING, STOP, Joystick
 
 from ..until import until
 from .fake_board import FakeBoard
@@ -33,6 +37,12 @@ def stays_stopped(board: FakeBoard) -> bool:
     return not any(m1 or m2 for _, m1, m2 in board.commands[seen:])
 
 
+@pytest.fixture(autouse=True)
+def brisk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """That it stands is said more often than else, and the tests take less time."""
+    monkeypatch.setattr(motors_module, "IDLE_HEARTBEAT_S", 0.1)
+
+
 @pytest.fixture
 def motors(board: FakeBoard) -> Iterator[Motors]:
     with Motors(Board(port=board.path, accept_no_deadman=True)) as running:
@@ -42,10 +52,14 @@ def motors(board: FakeBoard) -> Iterator[Motors]:
 
 def test_a_command_is_written_and_acknowledged(motors: Motors, board: FakeBoard) -> None:
     before_ns = time.monotonic_ns()
-    delivery = motors.delivery(motors.drive(DriveCommand(FORWARD, for_ms(500))), 1.0)
+    ticket = motors.drive(DriveCommand(FORWARD, for_ms(500)))
+    delivery = motors.delivery(ticket, 10.0)
+    assert time.monotonic_ns() - before_ns < 5 * 10**9, "told at once"
     assert delivery is not None
     assert before_ns <= delivery.written_ns <= delivery.acknowledged_ns
     assert board.speeds == (-100, 100)
+    assert until(lambda: len([m1 for _, m1, _ in board.commands if m1]) >= 3)
+    assert motors.delivery(ticket, 1.0) == delivery, "repeating it changes nothing"
 
 
 def test_the_board_is_stopped_before_anything_else(motors: Motors, board: FakeBoard) -> None:
@@ -64,6 +78,19 @@ def test_a_command_is_refreshed_until_its_deadline_and_no_longer(
     assert 3 <= len(driven) <= 6
     assert driven[-1] <= deadline_ns / 1e9 + 0.01
     assert any(at >= deadline_ns / 1e9 for at, m1, _ in board.commands if m1 == 0)
+
+
+def test_a_command_ends_at_its_deadline_not_at_the_next_refresh(
+    motors: Motors, board: FakeBoard
+) -> None:
+    late_ms: list[float] = []
+    for _ in range(3):
+        deadline_ns = for_ms(130)  # the second refresh would be after 200 ms
+        motors.drive(DriveCommand(FORWARD, deadline_ns))
+        assert board.wait_for(-100, 100)
+        assert board.wait_for(0, 0)
+        late_ms.append(board.commands[-1][0] * 1e3 - deadline_ns / 1e6)
+    assert sorted(late_ms)[-2] <= 30
 
 
 def test_a_guard_that_turns_false_stops_the_motors(motors: Motors, board: FakeBoard) -> None:
@@ -103,6 +130,81 @@ def test_a_stop_is_on_the_wire_within_20_ms(motors: Motors, board: FakeBoard) ->
     assert sorted(took_ms)[-2] <= 20
 
 
+def test_a_command_is_on_the_wire_within_20_ms(motors: Motors, board: FakeBoard) -> None:
+    took_ms: list[float] = []
+    for _ in range(3):
+        assert motors.stands(1.0)
+        asked_s = time.monotonic()
+        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        assert board.wait_for(-100, 100)
+        took_ms.append((board.commands[-1][0] - asked_s) * 1000)
+        motors.stop()
+        assert board.wait_for(0, 0)
+    assert sorted(took_ms)[-2] <= 20
+
+
+def test_the_end_of_the_daemon_stops_the_motors_within_20_ms() -> None:
+    took_ms: list[float] = []
+    for _ in range(3):
+        with FakeBoard() as board, Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
+            assert until(lambda motors=motors: motors.fault is None)
+            motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+            assert board.wait_for(-100, 100)
+            asked_s = time.monotonic()
+            motors.halt()
+            assert board.wait_for(0, 0)
+            stopped_s = next(at for at, m1, _ in board.commands if at >= asked_s and m1 == 0)
+            took_ms.append((stopped_s - asked_s) * 1000)
+    assert sorted(took_ms)[-2] <= 20
+
+
+def test_whoever_stops_the_motors_is_held_up_by_nobody(board: FakeBoard) -> None:
+    """Not even by a motor thread that takes no notice: the pipe that wakes it is full by then."""
+    motors = Motors(Board(port=board.path))  # its thread was never started
+
+    def halt() -> None:
+        for _ in range(70_000):
+            motors.halt()
+
+    halting = threading.Thread(target=halt, daemon=True)
+    halting.start()
+    halting.join(20)
+    assert not halting.is_alive()
+
+
+def test_a_board_that_stands_costs_two_stops_a_second(
+    motors: Motors, board: FakeBoard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever was asked of it before."""
+    monkeypatch.setattr(motors_module, "IDLE_HEARTBEAT_S", IDLE_HEARTBEAT_S)
+    assert IDLE_HEARTBEAT_S == 0.5
+    motors.drive(DriveCommand(FORWARD, for_ms(100)))
+    assert board.wait_for(-100, 100)
+    assert board.wait_for(0, 0)
+    assert motors.stands(1.0)
+    looks = 0
+    wait = board_session.BoardSession.wait
+
+    def counted(session: board_session.BoardSession, timeout_s: float) -> None:
+        nonlocal looks
+        looks += 1
+        wait(session, timeout_s)
+
+    mark = len(board.received)
+    monkeypatch.setattr(board_session.BoardSession, "wait", counted)
+    time.sleep(1.2)
+    said = bytes(board.received[mark:])
+    assert said in (2 * STOP.to_bytes(), 3 * STOP.to_bytes())
+    assert looks <= 8
+
+
+def test_a_standing_board_that_dies_is_found_out(motors: Motors, board: FakeBoard) -> None:
+    """Before somebody wants to drive it."""
+    board.mute = True
+    assert until(lambda: motors.fault is not None, 5.0)
+    assert motors.version == ""
+
+
 def test_a_stop_is_acknowledged_twice(motors: Motors, board: FakeBoard) -> None:
     motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
     assert board.wait_for(-100, 100)
@@ -112,15 +214,30 @@ def test_a_stop_is_acknowledged_twice(motors: Motors, board: FakeBoard) -> None:
     assert bytes(board.received[mark:]).startswith(2 * (FLUSH_PADDING + STOP.to_bytes()))
 
 
-def test_that_it_stands_is_the_boards_word(motors: Motors, board: FakeBoard) -> None:
-    assert motors.stands(1.0)
+def test_that_it_stands_is_the_boards_word(
+    motors: Motors, board: FakeBoard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(motors_module, "IDLE_HEARTBEAT_S", 10.0)
+    for _ in range(3):
+        assert motors.stands(2.0), "asked at once, not when a stop is due anyway"
     motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
     assert board.wait_for(-100, 100)
     motors.stop()
-    assert motors.stands(1.0)
+    began_s = time.monotonic()
+    assert motors.stands(10.0)
+    assert time.monotonic() - began_s < 5.0
     assert board.speeds == (0, 0)
     board.acknowledge = False
     assert not motors.stands(0.1)
+
+
+def test_who_waits_for_a_board_that_is_just_lost_is_told_at_once(
+    motors: Motors, board: FakeBoard
+) -> None:
+    board.mute = True
+    began_s = time.monotonic()
+    assert not motors.stands(30.0)
+    assert time.monotonic() - began_s < 10.0
 
 
 def test_a_lost_board_stands_for_nobody_and_says_so_at_once(
@@ -143,9 +260,12 @@ def test_leaving_the_context_stops_the_motors(board: FakeBoard) -> None:
     assert board.speeds == (0, 0)
 
 
-def test_stock_firmware_drives_only_when_accepted(board: FakeBoard) -> None:
+def test_stock_firmware_drives_only_when_accepted(
+    board: FakeBoard, caplog: pytest.LogCaptureFixture
+) -> None:
     with Motors(Board(port=board.path)) as motors:
         assert until(lambda: motors.version != "")
+        assert until(lambda: "keeps driving if this computer dies" in caplog.text)
         assert motors.fault is not None
         assert motors.fault.kind == "board-no-deadman"
         motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
@@ -189,15 +309,48 @@ def test_a_mute_board_is_a_fault_and_gets_stopped_when_it_is_back(
 def test_a_lost_acknowledgement_stops_until_the_next_command(
     motors: Motors, board: FakeBoard
 ) -> None:
-    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
-    assert board.wait_for(-100, 100)
-    board.acknowledge = False  # of the next refresh
-    assert board.wait_for(0, 0)
-    board.acknowledge = True
-    assert until(lambda: motors.fault is None)
-    assert stays_stopped(board)
-    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
-    assert board.wait_for(-100, 100)
+    """It may or may not have obeyed; another one may still work, so the port stays open."""
+    for _ in range(3):
+        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        assert board.wait_for(-100, 100)
+        mark = len(board.received)
+        board.unheard = 1  # the next refresh
+        assert board.wait_for(0, 0)
+        assert stays_stopped(board)
+        said = bytes(board.received[mark:])
+        stop = 2 * (FLUSH_PADDING + STOP.to_bytes())
+        assert said.partition(stop)[0] in (FORWARD.to_bytes(), 2 * FORWARD.to_bytes())
+        assert said.endswith(STOP.to_bytes())
+        assert ASK_VERSION not in said
+    assert motors.resets == 0
+
+
+def test_a_newer_command_outlives_the_loss_of_an_older_one(
+    motors: Motors, board: FakeBoard
+) -> None:
+    for _ in range(3):
+        board.unheard = 1
+        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        assert until(lambda: board.unheard == 0)
+        motors.drive(DriveCommand(Joystick(-50, 50), for_ms(10_000)))
+        assert board.wait_for(-50, 50)
+        motors.stop()
+        assert board.wait_for(0, 0)
+
+
+def test_a_board_that_obeys_nothing_but_stops_is_opened_anew(
+    motors: Motors, board: FakeBoard
+) -> None:
+    """As long as somebody tells it to drive, all the time as a hand does."""
+    board.latched = True
+    mark = len(board.received)
+
+    def drives() -> bool:
+        motors.drive(DriveCommand(FORWARD, for_ms(500)))
+        return ASK_VERSION in bytes(board.received[mark:])
+
+    assert until(drives)
+    assert not board.moved
 
 
 def test_unplugging_is_noticed_and_plugging_in_mended(tmp_path: object) -> None:
@@ -279,6 +432,191 @@ def test_waiting_for_a_board_is_not_spinning(
         motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
         assert until(lambda: motors.fault is not None and "baud" in motors.fault.detail)
     assert looks < 20
+
+
+@pytest.fixture
+def latching() -> Iterator[tuple[Motors, FakeBoard]]:
+    """Firmware that refuses to drive after a reset or a silence until it is armed."""
+    with FakeBoard("mbot-deadman 2 300ms") as board, Motors(Board(port=board.path)) as motors:
+        assert until(lambda: motors.fault is None)
+        yield motors, board
+
+
+def times_armed(board: FakeBoard) -> int:
+    return bytes(board.received).count(ARM_REQUEST)
+
+
+def test_a_board_that_latches_is_armed_by_a_word_and_once(
+    latching: tuple[Motors, FakeBoard],
+) -> None:
+    motors, board = latching
+    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    assert stays_stopped(board)
+    assert times_armed(board) == 0, "nobody has said a word"
+    motors.arm()
+    assert stays_stopped(board)
+    assert times_armed(board) == 0, "there is nothing to drive"
+    for _ in range(3):
+        motors.drive(DriveCommand(FORWARD, for_ms(500)))
+        assert board.wait_for(-100, 100)
+        motors.stop()
+        assert board.wait_for(0, 0)
+    assert times_armed(board) == 1
+
+
+@pytest.mark.parametrize("how", ["disarmed", "reset", "lost"])
+def test_a_word_is_not_kept_for_a_board_that_comes_back(
+    latching: tuple[Motors, FakeBoard], how: str
+) -> None:
+    """Or that was stopped before it was driven."""
+    motors, board = latching
+    motors.arm()
+    if how == "disarmed":
+        motors.disarm()
+    elif how == "reset":
+        board.reset()
+        assert until(lambda: motors.resets == 1 and motors.fault is None)
+    else:
+        board.mute = True
+        assert until(lambda: motors.fault is not None)
+        board.mute = False
+        assert until(lambda: motors.fault is None)
+    for _ in range(2):
+        motors.drive(DriveCommand(FORWARD, for_ms(500)))
+        assert stays_stopped(board)
+    assert times_armed(board) == 0
+    assert not board.moved
+
+
+def test_that_a_board_has_latched_is_found_out_and_one_lost_command_is_not_it(
+    latching: tuple[Motors, FakeBoard],
+) -> None:
+    motors, board = latching
+    motors.arm()
+
+    def refused() -> None:
+        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        assert until(lambda: FORWARD.to_bytes() in bytes(board.received[mark:]))
+        assert stays_stopped(board)
+
+    for _ in range(2):
+        motors.drive(DriveCommand(FORWARD, for_ms(500)))
+        assert board.wait_for(-100, 100)
+        motors.stop()
+        assert motors.stands(1.0)
+        board.unheard = 1
+        mark = len(board.received)
+        refused()
+        assert motors.resets == 0
+    motors.drive(DriveCommand(FORWARD, for_ms(500)))
+    assert board.wait_for(-100, 100)
+    motors.stop()
+    assert motors.stands(1.0)
+    board.latched = True
+    for resets in (0, 1, 1, 2):
+        mark = len(board.received)
+        refused()
+        assert motors.resets == resets
+    assert motors.fault is None
+
+
+def test_stock_firmware_never_latches(motors: Motors, board: FakeBoard) -> None:
+    for _ in range(3):
+        board.unheard = 1
+        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        assert until(lambda: board.unheard == 0)
+        assert stays_stopped(board)
+    assert motors.resets == 0
+
+
+def test_a_thread_that_waits_is_seen_to_work(board: FakeBoard, tmp_path: Path) -> None:
+    """Else the watchdog would end a daemon whose board is just not there."""
+    board.mute = True
+    link = tmp_path / "board"
+    with Motors(Board(port=str(link))) as motors:
+
+        def works() -> bool:
+            now_ns = time.monotonic_ns()
+            return until(lambda: motors.progress_ns > now_ns, LONGEST_PAUSE_NS / 1e9)
+
+        assert until(lambda: motors.fault is not None and motors.fault.kind == "board-lost")
+        assert works(), "without a port"
+        link.symlink_to(board.path)
+        assert until(lambda: ASK_VERSION in bytes(board.received))
+        assert works(), "without an answer"
+        board.mute = False
+        assert until(lambda: motors.version != "")
+        for _ in range(2):
+            assert works(), "standing"
+
+
+def test_a_port_that_is_not_there_is_looked_for_now_and_then_and_told_of_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    looks = 0
+    find_port = board_port.find_port
+
+    def counted(configured: str) -> str:
+        nonlocal looks
+        looks += 1
+        return find_port(configured)
+
+    monkeypatch.setattr(board_port, "find_port", counted)
+    with Motors(Board(port=str(tmp_path / "board"))) as motors:
+        assert until(lambda: looks >= 3)
+        assert looks == 3
+        assert motors.wait_stopped(0.1), "there is nothing to wait for"
+        began_s = time.monotonic()
+    assert time.monotonic() - began_s < 0.5, "closing does not wait for the next look"
+    assert len([one for one in caplog.records if one.levelno >= logging.WARNING]) == 1
+
+
+def test_a_driven_board_that_is_lost_keeps_nobody_waiting(motors: Motors, board: FakeBoard) -> None:
+    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    assert board.wait_for(-100, 100)
+    board.unplug()
+    assert motors.wait_stopped(5.0)
+
+
+def test_a_thread_that_stumbles_opens_the_board_anew(
+    motors: Motors,
+    board: FakeBoard,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    faults: list[str] = []
+    send = board_session.BoardSession.send
+
+    def stumble(session: board_session.BoardSession, joystick: Joystick) -> tuple[int, int]:
+        if joystick == FORWARD and not faults:
+            faults.append("stumbled")
+            raise ZeroDivisionError("by nobody's fault")
+        return send(session, joystick)
+
+    monkeypatch.setattr(board_session.BoardSession, "send", stumble)
+    mark = len(board.received)
+    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    assert until(lambda: motors.fault is not None)
+    fault = motors.fault
+    assert fault is not None
+    assert "by nobody's fault" in fault.detail
+    assert motors.wait_stopped(0.1)
+    assert until(lambda: motors.fault is None)
+    assert FLUSH_PADDING + STOP.to_bytes() in bytes(board.received[mark:])
+    assert not board.moved
+    assert "the motor thread stumbled" in caplog.text
+
+
+def test_a_board_that_is_there_again_and_again_is_not_waited_for_ever_longer(
+    motors: Motors, board: FakeBoard
+) -> None:
+    for _ in range(3):
+        board.mute = True
+        assert until(lambda: motors.fault is not None)
+        board.mute = False
+        began_s = time.monotonic()
+        assert until(lambda: motors.fault is None)
+        assert time.monotonic() - began_s < 1.0, "0.2 s, and a handshake"
 
 
 def test_only_the_last_delivery_is_kept(motors: Motors, board: FakeBoard) -> None:
