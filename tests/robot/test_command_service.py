@@ -1,6 +1,7 @@
 """Commands as bytes, against the real loop, helm and arming among fakes."""
 
 import time
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -14,7 +15,7 @@ from mbot_agent.helm import Press
 from mbot_agent.models.policy import Policy
 from mbot_agent.network.requests import Request
 from mbot_agent.network.wire_messages import wire_decision
-from mbot_protocol.mcore import STOP
+from mbot_protocol.mcore import STOP, Joystick
 from mbot_protocol.schema import SCHEMA_VERSION
 from mbot_protocol.v1 import messages_pb2 as messages
 
@@ -111,6 +112,18 @@ def test_status_tells_the_camera_and_what_its_automatics_do(service: Service) ->
     assert service.status.camera == "picamera2, light automatic"
     service.bench.camera.light = "unknown"
     assert service.status.camera == "picamera2"
+
+
+def test_status_counts_decisions_and_missed_beats() -> None:
+    service = Service()
+    assert (service.status.decisions, service.status.missed_ticks) == (0, 0)
+    for _ in range(2):
+        service.bench.tick()
+    assert (service.status.decisions, service.status.missed_ticks) == (2, 0)
+    latest = service.bench.loop.latest
+    assert latest is not None
+    service.bench.loop.latest = replace(latest, missed_ticks=3)
+    assert service.status.missed_ticks == 3
 
 
 def test_an_update_takes_no_order_but_a_stop(service: Service) -> None:
@@ -215,6 +228,7 @@ def test_a_senders_name_is_one_short_line(service: Service) -> None:
 
 
 def test_a_stop_is_confirmed_by_the_board_or_not_at_all(service: Service) -> None:
+    assert service.stop().reason == ""
     service.bench.board.answers = False
     reply = service.stop()
     assert (reply.accepted, reply.standing) == (True, False)
@@ -283,9 +297,73 @@ def test_asked_to_wait_it_waits(service: Service) -> None:
     command = service.command(run=messages.Run(when_ready=True))
     reply = service.send(command)
     assert (reply.accepted, reply.state) == (True, messages.STATE_FAULT)
+    assert service.bench.helm.orders.mode is Mode.WAITING
     service.bench.camera.fault = None
     service.bench.tick()
     assert len(service.bench.board.commands) == 1
+
+
+def test_run_believes_once_more_a_picture_that_stood_still(service: Service) -> None:
+    service.bench.camera.fault = Fault("camera-frozen", "the same picture again and again")
+    assert service.run().accepted
+
+
+def test_run_waits_a_moment_for_the_picture_that_shows_it(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And looks for it now and then, not all the time."""
+    service.bench.camera.fault = Fault("camera-lost", "gone")
+    looks = 0
+    faults = service.bench.loop.faults
+
+    def counted(mode: Mode) -> tuple[Fault, ...]:
+        nonlocal looks
+        looks += 1
+        if looks == 10:
+            service.bench.camera.fault = None
+        return faults(mode)
+
+    monkeypatch.setattr(service.bench.loop, "faults", counted)
+    began_s = time.monotonic()
+    assert service.run().accepted
+    assert 0.05 < time.monotonic() - began_s < 0.9
+    assert looks <= 12
+
+
+def test_a_command_that_says_nothing_known_is_refused(service: Service) -> None:
+    """As one of a newer workstation may."""
+    reply = service.send(service.command())
+    assert not reply.accepted
+    assert "upgrade mbot-agent" in reply.reason
+    assert service.bench.helm.orders.mode is Mode.IDLE
+
+
+def test_a_hand_turns_the_wheel_that_it_means(service: Service) -> None:
+    command = service.drive_command(300, press=1)
+    command.drive.wheels.left, command.drive.wheels.right = 1.0, -0.5
+    assert service.send(command).accepted
+    assert service.bench.board.commands[0].joystick == Joystick(-255, -148)  # as a policy does
+
+
+def test_a_hand_that_asks_for_no_number_moves_nothing(service: Service) -> None:
+    command = service.drive_command(300, press=1)
+    command.drive.wheels.left = float("nan")
+    reply = service.send(command)
+    assert (reply.accepted, "nan" in reply.reason) == (False, True)
+    assert not service.bench.helm.orders.is_armed
+
+
+def test_a_hand_is_told_that_the_board_is_gone(service: Service) -> None:
+    service.bench.board.fault = Fault("board-lost", "the cable is out")
+    reply = service.drive()
+    assert (reply.accepted, reply.reason) == (False, "the cable is out")
+    assert not service.bench.helm.orders.is_armed
+
+
+def test_each_hand_counts_its_own_presses(service: Service) -> None:
+    assert service.send(service.drive_command(300, press=1, let_go=True)).accepted
+    other = service.drive_command(300, press=1, sender_id=5, number=1)
+    assert service.send(other).accepted
 
 
 @pytest.mark.parametrize("hold_ms", [0, 1001])
