@@ -16,7 +16,17 @@ from mbot_protocol.access_rules import (
     with_view,
 )
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.keys import CHUNK_BYTES, PUSH_CHUNK, TOPICS, Flow, Right
+from mbot_protocol.keys import (
+    ALIVE,
+    CHUNK_BYTES,
+    COMMAND,
+    DOORS,
+    PRESENCE,
+    PUSH_CHUNK,
+    TOPICS,
+    Flow,
+    Right,
+)
 
 NAMES = st.from_regex(r"[a-z0-9][a-z0-9_-]{0,31}", fullmatch=True)
 RIGHTS = st.lists(st.sampled_from(Right), max_size=3)
@@ -48,6 +58,67 @@ def test_exactly_those_with_the_right_may_ask(people: Mapping[str, list[Right]])
         for topic in QUERIES
         if topic.right in with_view(rights)
     }
+
+
+def test_a_right_brings_the_view_and_nothing_else() -> None:
+    """Who may drive may not push, nor the other way round."""
+    assert with_view([]) == frozenset()
+    for right in Right:
+        assert with_view([right]) == {right, Right.VIEW}
+    access = robot_access("mbot-1", {"rosa": [Right.DRIVE]}, (), loopback=False)
+    keys = {key for _, key in allowed(access, "query", "ingress")}
+    assert COMMAND.key("mbot-1") in keys
+    assert not {topic.key("mbot-1") for topic in TOPICS if topic.right is Right.PUSH} & keys
+
+
+EVERYTHING = [
+    *(("query", "ingress", topic) for topic in QUERIES),
+    *(("reply", "egress", topic) for topic in QUERIES),
+    *(("declare_queryable", "egress", topic) for topic in QUERIES),
+    *(("put", "egress", topic) for topic in TOPICS if topic.flow is Flow.PUBLISH),
+    *(("declare_subscriber", "ingress", topic) for topic in TOPICS if topic.flow is Flow.PUBLISH),
+    *(
+        ("liveliness_token", "ingress" if topic is PRESENCE else "egress", topic)
+        for topic in TOPICS
+        if topic.flow is Flow.LIVELINESS
+    ),
+    ("liveliness_query", "ingress", ALIVE),
+    ("declare_liveliness_subscriber", "ingress", ALIVE),
+    ("liveliness_query", "egress", PRESENCE),
+]
+"""What goes between a robot and a person with all rights; flows as the robot sees them."""
+
+
+def test_a_router_and_whoever_has_logged_in_may_do_everything() -> None:
+    """The router checks people itself."""
+    access = robot_access("mbot-1", {"rosa": list(Right)}, ("lab",), loopback=True)
+    assert access["enabled"] is True
+    for message, flow, topic in EVERYTHING:
+        found = {name for name, key in allowed(access, message, flow) if key == topic.key("mbot-1")}
+        assert found == {"person:rosa", "router:lab", "tcp"}, (message, flow, topic.name)
+
+
+def test_through_a_router_people_and_robots_come_as_far_as_without_one() -> None:
+    access = router_access({"mbot-1": {"rosa": list(Right), "max": []}, "mbot-2": {}})
+    assert access["enabled"] is True
+    other = {"ingress": "egress", "egress": "ingress"}
+    for message, flow, topic in EVERYTHING:
+        for subject, direction in (("person:rosa", flow), ("robot:mbot-1", other[flow])):
+            found = {key for name, key in allowed(access, message, direction) if name == subject}
+            assert topic.key("mbot-1") in found, (subject, message, topic.name)
+    named = {name for subject in access["subjects"] for name in subject["cert_common_names"]}
+    assert named == {"person:rosa", "robot:mbot-1", "robot:mbot-2"}
+
+
+def test_a_workstation_finds_the_doors_that_are_open_to_it() -> None:
+    access = robot_access("mbot-1", {"rosa": [Right.VIEW]}, (), loopback=False)
+    door = DOORS[Right.DRIVE].key("mbot-1")
+    for message in ("liveliness_query", "declare_liveliness_subscriber"):
+        searched = {key for _, key in allowed(access, message, "ingress")}
+        assert searched == {"mbot/*/alive", "mbot/mbot-1/alive", f"{door.rpartition('/')[0]}/*"}
+    shown = {key for _, key in allowed(access, "liveliness_token", "egress")}
+    assert DOORS[Right.VIEW].key("mbot-1") in shown
+    assert door not in shown, "what it may not do it is not told of"
 
 
 @given(st.dictionaries(NAMES, RIGHTS, min_size=1, max_size=3), st.lists(NAMES, max_size=2))
@@ -88,6 +159,7 @@ def test_what_zenoh_would_refuse_is_never_made(
     for access in (
         router_access(fleet),
         *(robot_access(r, people, ("lab",), loopback=True) for r, people in fleet.items()),
+        *(robot_access(r, people, (), loopback=False) for r, people in fleet.items()),
     ):
         ids = {kind: [x["id"] for x in access[kind]] for kind in ("rules", "subjects", "policies")}
         for names in ids.values():
@@ -95,6 +167,8 @@ def test_what_zenoh_would_refuse_is_never_made(
         for policy in access["policies"]:
             assert set(policy["rules"]) <= set(ids["rules"])
             assert set(policy["subjects"]) <= set(ids["subjects"])
+            assert policy["rules"]
+            assert policy["subjects"]
         assert all(s.get("cert_common_names", ["x"]) for s in access["subjects"])
         assert all(rule["key_exprs"] for rule in access["rules"])
 

@@ -14,6 +14,7 @@ def call(name, *arguments):
         raise OSError(ctypes.get_errno(), name)
 parent = os.getppid()
 file = os.open("/tmp", os.O_RDONLY)
+status = os.open("/proc/self/status", os.O_RDONLY)
 memory = ctypes.create_string_buffer(8)
 vector = (ctypes.c_void_p * 2)(ctypes.addressof(memory), 8)
 assert confine()

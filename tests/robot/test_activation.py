@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_agent.models.activation import MOST_STARTS, Activation
+from mbot_agent.models.activation import MOST_STARTS, Activation, Rollback
 
 A, B, C = "a" * 64, "b" * 64, "c" * 64
 
@@ -23,6 +23,7 @@ def test_what_is_really_in_use_becomes_the_previous_one() -> None:
     damaged = Activation(active=A, previous=B)
     assert damaged.activated(C, B).previous == B
     assert damaged.activated(C, "").previous == B
+    assert damaged.activated(B, "").previous == "", "nobody goes back to what runs"
 
 
 def test_the_previous_model_is_gone_back_to_if_it_has_proven_itself() -> None:
@@ -37,10 +38,12 @@ def test_a_rejected_model_is_never_gone_back_to_until_a_person_wants_it() -> Non
     broken = Activation(active=B, previous=A, proven=(A, B)).rolled_back(B, A, "nonsense")
     assert (broken.active, broken.previous, broken.proven) == (A, "", (A,))
     assert B not in broken.successors(A)
-    assert broken.rollback is not None
+    assert broken.rollback == Rollback(B, A, "nonsense")
     wanted = broken.activated(B, A)
     assert (wanted.rejected, wanted.rollback) == ((), None)
     assert wanted.successors(B) == (A,)
+    third = Activation(active=C, previous=A, proven=(B,)).rolled_back(C, B, "nonsense")
+    assert (third.active, third.previous) == (B, A), "a person may still go there"
 
 
 def test_starts_are_counted_until_something_speaks_for_the_model() -> None:

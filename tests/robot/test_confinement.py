@@ -29,10 +29,24 @@ def test_it_may_compute(what: str) -> None:
 
 def test_other_threads_are_not_passed_over_in_silence() -> None:
     thread = "threading.Thread(target=threading.Event().wait, daemon=True).start()"
-    program = "import os, threading\nfrom mbot_agent.models.confinement import confine\n"
-    program += f"{thread}\nprint(confine(), flush=True)\nos._exit(0)"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, check=False)
-    assert done.stdout == b"False\n"
+    assert answer_of(f"import threading; {thread}") == "False"
+
+
+def answer_of(program: str) -> str:
+    """What a process of its own says that confines itself."""
+    program = f"{program}\nfrom mbot_agent.models.confinement import confine\n"
+    program += "import os\nprint(confine(), flush=True)\nos._exit(0)"
+    command = [sys.executable, "-c", program]
+    return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
+
+
+def test_a_machine_that_nobody_has_tried_is_not_confined() -> None:
+    assert answer_of("import platform; platform.machine = lambda: 'riscv64'") == "False"
+
+
+def test_no_program_gives_it_its_rights_back() -> None:
+    """Without this promise the kernel takes a filter from root alone."""
+    assert outcome("assert b'NoNewPrivs:\\t1' in os.read(status, 8192)") == "done"
 
 
 def test_the_numbers_are_this_machines() -> None:
@@ -54,6 +68,7 @@ def answer(machine: Machine, number: int, *arguments: int, audit: int | None = N
         code, if_so, if_not, value = program[at]
         at += 1
         if code == 0x20:  # load a word
+            assert value % 4 == 0, "the kernel takes no such filter"
             (loaded,) = struct.unpack_from("<I", data, value)
         elif code in (0x15, 0x35):  # jump if equal, if at least
             at += if_so if (loaded == value if code == 0x15 else loaded >= value) else if_not
@@ -75,6 +90,8 @@ def test_just_the_list_is_allowed(name: str) -> None:
     assert len(numbers) == len(ALLOWED)
     everything = {number for number in range(2048) if answer(machine, number, 17) is None}
     assert everything == numbers
+    of_nothing = {number for number in range(2048) if answer(machine, number) is None}
+    assert of_nothing == {*numbers, machine.prlimit64}
     for number in numbers:
         assert answer(machine, number, audit=0x40000003) == errno.EPERM  # 32-bit x86
         assert answer(machine, number | 0x40000000) == errno.EPERM  # x32

@@ -1,18 +1,25 @@
 """Rows of the fault table: inference raises or answers nonsense; a new model crashes the daemon."""
 
 import hashlib
+import logging
+import subprocess
+import sys
+import threading
 import time
 from pathlib import Path
 
 import pytest
 
+from mbot_agent.configuration import Trust
 from mbot_agent.models import model_directory as model_store
 from mbot_agent.models import model_keeper
 from mbot_agent.models.policy import Policy
-from mbot_agent.models.trial import Finding, Verdict
+from mbot_agent.models.trial import Finding, Trial, Verdict
+from mbot_protocol import atomic_file
 from mbot_protocol.errors import RefusedError
+from mbot_protocol.model_manifest import SignedManifest
 
-from .model_bench import Robot, digest
+from .model_bench import CLEAN_DECISIONS, KEY, Robot, digest, sign
 from .tiny_models import constant_model
 
 FIRST = constant_model(0.1, 0.1, name="first")
@@ -173,14 +180,14 @@ def test_a_damaged_active_model_gives_way_without_being_forgotten(robot: Robot) 
     assert Robot(robot.directory).active == "second"
 
 
+def full(*_: object) -> None:
+    raise RefusedError("cannot note which model is active: No space left on device")
+
+
 def test_a_full_disk_does_not_keep_a_robot_from_starting_or_from_going_back(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     robot.push(SECOND)
-
-    def full(*_: object) -> None:
-        raise RefusedError("cannot note which model is active: No space left on device")
-
     monkeypatch.setattr(model_store.ModelDirectory, "change", full)
     life = Robot(robot.directory)
     assert life.active == "second"
@@ -233,3 +240,247 @@ def test_a_proven_model_that_crashes_the_daemon_again_and_again_goes_too(robot: 
     lives = [Robot(robot.directory) for _ in range(6)]
     assert [life.active for life in lives] == ["second"] * 5 + ["first"]
     assert "crashed 5 times within 10 minutes" in lives[-1].notices[0].detail
+
+
+def test_a_late_verdict_does_not_go_back_from_what_a_person_wants_now(robot: Robot) -> None:
+    robot.push(SECOND)
+    robot.decide_well()
+    robot.push(THIRD)
+    robot.keeper.carry_out(Verdict(digest(SECOND), Finding.BROKEN, "late"))
+    assert robot.active == "third"
+    assert robot.store.activation.rollback is None
+
+
+def test_to_have_lived_is_not_to_be_proven(robot: Robot) -> None:
+    robot.push(SECOND)
+    for _ in range(CLEAN_DECISIONS):
+        robot.trial.idle()
+    robot.settle()
+    model = robot.service.active_model
+    assert model is not None
+    assert not model.proven
+    robot.decide_well()
+    model = robot.service.active_model
+    assert model is not None
+    assert model.proven
+
+
+def test_what_the_disk_does_not_take_is_not_said_to_be_proven(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot.push(SECOND)
+    monkeypatch.setattr(model_store.ModelDirectory, "change", full)
+    robot.decide_well()
+    model = robot.service.active_model
+    assert model is not None
+    assert not model.proven
+    assert "the model's proof was not noted: cannot note which" in caplog.messages[-1]
+
+
+def test_a_proven_model_is_not_on_trial_after_a_restart(robot: Robot) -> None:
+    assert not Robot(robot.directory).trial.is_open
+    robot.push(SECOND)
+    assert Robot(robot.directory).trial.is_open
+
+
+def test_whoever_changes_the_model_it_is_told_before_it_is_used(robot: Robot) -> None:
+    """For it must not set a standing robot in motion."""
+    told = [len(robot.changes)]
+    robot.used = Told(robot, told)
+    robot.push(SECOND)
+    robot.activate(digest(FIRST))
+    robot.push(THIRD)
+    robot.fail()
+    assert told == [1, 2, 3, 4, 5]
+    assert Robot(robot.directory).changes == [], "a start is no change"
+
+
+class Told(list[tuple[Policy, Trial]]):
+    """At each use, how many changes had been told of by then."""
+
+    def __init__(self, robot: Robot, told: list[int]) -> None:
+        super().__init__(robot.used)
+        self._robot, self._told = robot, told
+
+    def append(self, one: tuple[Policy, Trial]) -> None:
+        super().append(one)
+        self._told.append(len(self._robot.changes))
+
+
+def test_an_older_push_is_refused_after_a_word_to_go_back(robot: Robot) -> None:
+    robot.push(SECOND)
+    late = sign(THIRD, robot.nonce())
+    assert robot.activate(digest(FIRST)).accepted
+    assert "is not above" in robot.push(THIRD, late).reason
+
+
+def test_an_end_by_an_error_is_no_orderly_one(robot: Robot) -> None:
+    robot.push(SECOND)
+    names: list[str] = []
+    for _ in range(3):
+        life = Robot(robot.directory)
+        names.append(life.active)
+        with pytest.raises(ZeroDivisionError), life.keeper:
+            raise ZeroDivisionError
+    assert names == ["second", "second", "first"]
+
+
+def test_what_was_found_before_the_end_is_carried_out(robot: Robot) -> None:
+    robot.push(SECOND)
+    with robot.keeper:
+        for _ in range(CLEAN_DECISIONS):
+            robot.trial.idle()
+        for _ in range(3):
+            robot.trial.failed("nonsense")
+    assert Robot(robot.directory).active == "first"
+
+
+HANGS = """
+import sys, time
+from pathlib import Path
+from mbot_agent.configuration import Trust
+from mbot_agent.models import model_keeper
+from tests.robot.model_bench import Robot
+
+class Hangs(list):
+    def append(self, one):
+        self.began = True
+        time.sleep(600)
+
+model_keeper.END_WAIT_S = 0.1
+robot = Robot(Path(sys.argv[1]), trust=Trust((sys.argv[2],)))
+robot.used = hangs = Hangs(robot.used)
+with robot.keeper:
+    for _ in range(3):
+        robot.trial.failed("nonsense")
+    while not hasattr(hangs, "began"):
+        time.sleep(0.01)
+"""
+
+
+def test_a_change_that_hangs_does_not_hold_up_the_end(robot: Robot) -> None:
+    robot.push(SECOND)
+    command = [sys.executable, "-c", HANGS, str(robot.directory), KEY.public.line]
+    root = Path(__file__).parents[2]
+    subprocess.run(command, check=True, cwd=root, timeout=30)
+
+
+def test_an_end_that_comes_in_the_middle_of_a_change_notes_nothing(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two threads would write the same file."""
+    monkeypatch.setattr(model_keeper, "END_WAIT_S", 0.1)
+    robot.push(SECOND)
+    life = Robot(robot.directory)
+    assert life.store.activation.starts != {}
+    began, goes_on = threading.Event(), threading.Event()
+
+    def look(_: str) -> tuple[str, ...]:
+        began.set()
+        goes_on.wait(30)
+        return ()
+
+    monkeypatch.setattr(life.store, "successors", look)
+    with life.keeper:
+        for _ in range(3):
+            life.trial.failed("nonsense")
+        assert began.wait(10)
+    assert life.store.activation.starts != {}
+    goes_on.set()
+
+
+def test_of_two_models_that_cannot_be_used_the_active_ones_reason_is_told(robot: Robot) -> None:
+    robot.push(SECOND)
+    (robot.directory / f"{digest(SECOND)}.onnx").write_bytes(SECOND[:-5])
+    label = robot.directory / f"{digest(FIRST)}.json"
+    label.write_text(label.read_text().replace(robot.store.label(digest(FIRST)).signed, ""))
+    (notice,) = Robot(robot.directory).notices
+    assert notice.kind == "model-unusable"
+    assert notice.detail.startswith(f"second {digest(SECOND)[:12]} cannot be used: ")
+    assert "without a signature" not in notice.detail
+
+
+def test_what_an_earlier_life_left_half_written_goes(robot: Robot) -> None:
+    half = robot.directory / f"{digest(SECOND)}.onnx.1.2{atomic_file.TEMPORARY}"
+    half.write_bytes(SECOND[:-5])
+    Robot(robot.directory)
+    assert not half.exists()
+
+
+def named(data: bytes) -> str:
+    return f"model {digest(data)[:12]}"
+
+
+@pytest.fixture
+def journal(caplog: pytest.LogCaptureFixture) -> pytest.LogCaptureFixture:
+    """What the keeper says."""
+    caplog.set_level(logging.WARNING, "mbot_agent.models.model_service")
+    caplog.set_level(logging.INFO, "mbot_agent.models.turn")
+    return caplog
+
+
+def test_the_journal_tells_how_a_model_comes_to_be_proven(
+    tmp_path: Path, journal: pytest.LogCaptureFixture
+) -> None:
+    robot = Robot(tmp_path)
+    robot.push(FIRST)
+    robot.decide_well()
+    Robot(tmp_path)
+    assert journal.messages == [
+        "no model to drive with: `workstation push-model` sends one",
+        f"{named(FIRST)} (first, signed by anna) is active, on trial",
+        f"{named(FIRST)} has proven itself",
+        f"{named(FIRST)} (first, signed by anna) is active",
+    ]
+
+
+def test_the_journal_tells_of_each_way_back(
+    robot: Robot, journal: pytest.LogCaptureFixture
+) -> None:
+    robot.push(SECOND)
+    journal.clear()
+    robot.fail()
+    assert journal.messages[0] == f"{named(SECOND)} is rolled back: nonsense"
+    journal.clear()
+    Robot(robot.directory)
+    assert journal.messages[0] == robot.notices[0].detail, "at each start"
+    robot.push(THIRD)
+    for _ in range(3):
+        journal.clear()
+        Robot(robot.directory)
+    crashed = "the daemon crashed at its last 2 starts with it"
+    assert journal.messages[0] == f"{named(THIRD)} is rolled back: {crashed}"
+
+
+def test_the_journal_tells_why_there_is_no_way_back(
+    tmp_path: Path, journal: pytest.LogCaptureFixture
+) -> None:
+    robot = Robot(tmp_path)
+    robot.push(FIRST)
+    robot.fail()
+    assert journal.messages[-1] == f"{named(FIRST)} fails and there is no other: nonsense"
+    for _ in range(3):
+        journal.clear()
+        Robot(tmp_path)
+    crashed = "the daemon crashed at its last 2 starts with it"
+    assert journal.messages[0] == f"{named(FIRST)}: {crashed}, and there is no other"
+    robot.decide_well()
+    robot.push(SECOND)
+    (tmp_path / f"{digest(FIRST)}.onnx").write_bytes(b"damaged")
+    journal.clear()
+    robot.fail()
+    assert journal.messages[0].startswith(f"{named(FIRST)} cannot be used: ")
+    (tmp_path / f"{digest(SECOND)}.onnx").write_bytes(b"damaged")
+    journal.clear()
+    Robot(tmp_path)
+    assert journal.messages[0].startswith(f"{named(SECOND)} cannot be used: ")
+
+
+def test_the_journal_tells_who_has_signed_nothing(
+    tmp_path: Path, journal: pytest.LogCaptureFixture
+) -> None:
+    Robot(tmp_path, trust=Trust(allow_unsigned=True)).push(FIRST, SignedManifest(b"", b"", b""))
+    assert f"{named(FIRST)} (first, not signed) is active, on trial" in journal.messages
+    (tmp_path / "active.json").write_bytes(b"damaged")
+    Robot(tmp_path)  # the store says so in the keeper's turn, and the watch over all tests listens
+    assert "is damaged" in str(journal.messages)

@@ -2,14 +2,21 @@
 
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from mbot_agent.faults import Fault
+from mbot_agent.models.pilot import Pilot
 from mbot_agent.models.policy import Answer, Policy, PolicyError
-from mbot_agent.models.trial import Trial
+from mbot_agent.models.trial import Finding, Trial
+from mbot_agent.tick import Action, Memory
+from mbot_protocol.picture import Picture
+from mbot_protocol.policy_contract import FULL_VIEW, FieldOfView, PolicyMetadata
 
 from .loop_bench import Bench
 from .tiny_models import constant_model, counting_model
+
+PICTURE: Picture = np.full((64, 64, 3), 90, np.uint8)
 
 
 @pytest.fixture
@@ -119,3 +126,124 @@ def test_a_model_without_memory_goes_the_same_way() -> None:
     bench.run()
     answers = [bench.tick().action for _ in range(2)]
     assert [(a.left, a.right) for a in answers if a] == [(0.5, -0.5)] * 2
+
+
+DUE_NS = 2**62
+"""In time, whenever it is."""
+
+
+class Asked:
+    """A pilot with nothing around it, and what becomes of its model's trial.
+
+    Attributes:
+        times: how often its model was asked.
+        findings: of the trial.
+
+    """
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, clean_decisions: int | None = None) -> None:
+        self.pilot = Pilot()
+        self.times = 0
+        self.findings: list[Finding] = []
+        self._patch = monkeypatch
+        self.takes(counting_model(), clean_decisions)
+
+    def takes(self, data: bytes, clean_decisions: int | None = None) -> None:
+        policy = Policy(data)
+        whole = policy.decide
+
+        def decide(observation: Picture, memory: Memory) -> Answer:
+            self.times += 1
+            return whole(observation, memory)
+
+        self._patch.setattr(policy, "decide", decide)
+        trial = None
+        if clean_decisions is not None:
+            trial = Trial(policy.sha256, clean_decisions, lambda v: self.findings.append(v.finding))
+        self.pilot.use(policy, trial)
+        self.pilot.change_over()
+
+    def breaks(self) -> None:
+        """As often as it is believed."""
+
+        def fail(*_: object) -> Answer:
+            raise PolicyError("nonsense")
+
+        assert self.pilot.policy is not None
+        with self._patch.context() as patch:
+            patch.setattr(self.pilot.policy, "decide", fail)
+            for _ in range(3):
+                self.pilot.decide(PICTURE, DUE_NS)
+
+
+def test_without_a_model_it_says_so_and_asks_nobody() -> None:
+    pilot = Pilot()
+    assert (pilot.sha256, pilot.view) == ("", FULL_VIEW)
+    assert pilot.fault is not None
+    assert pilot.fault.kind == "no-model"
+    pilot.rehearse(PICTURE, DUE_NS)
+    policy = Policy(
+        constant_model(metadata=PolicyMetadata("wide", view=FieldOfView(90, 60)).to_properties())
+    )
+    pilot.use(policy)
+    assert pilot.fault is None, "one has come, and is taken up at the next beat"
+    pilot.change_over()
+    assert (pilot.sha256, pilot.view) == (policy.sha256, policy.metadata.view)
+    assert pilot.view != FULL_VIEW
+    assert pilot.fault is None
+
+
+def test_only_a_model_on_trial_is_asked_while_nobody_needs_its_answer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    proven = Asked(monkeypatch)
+    proven.pilot.rehearse(PICTURE, DUE_NS)
+    assert proven.times == 0
+    tried = Asked(monkeypatch, 2)
+    for _ in range(5):
+        tried.pilot.rehearse(PICTURE, DUE_NS)
+    assert (tried.times, tried.findings) == (2, [Finding.PROVEN])
+
+
+def test_without_a_picture_or_in_time_nothing_is_proven_but_that_the_daemon_lives(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    blind, slow = Asked(monkeypatch, 2), Asked(monkeypatch, 2)
+    for _ in range(3):
+        blind.pilot.rehearse(None, DUE_NS)
+        slow.pilot.decide(PICTURE, 0)
+    assert (blind.times, blind.findings) == (0, [Finding.SURVIVED])
+    assert (slow.times, slow.findings) == (3, [Finding.SURVIVED])
+
+
+def test_a_model_that_is_given_up_is_asked_no_more_and_the_next_one_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked = Asked(monkeypatch, 2)
+    asked.breaks()
+    assert asked.pilot.has_given_up
+    assert asked.pilot.fault is not None
+    assert asked.pilot.fault.kind == "model-failed"
+    asked.pilot.rehearse(PICTURE, DUE_NS)
+    assert asked.times == 0
+    asked.takes(counting_model("another"), 2)
+    assert (asked.pilot.has_given_up, asked.pilot.fault) == (False, None)
+    asked.pilot.rehearse(PICTURE, DUE_NS)
+    assert asked.times == 1
+
+
+def test_a_memory_from_elsewhere_holds_until_the_next_answer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pilot = Asked(monkeypatch).pilot
+    pilot.decide(PICTURE, DUE_NS)
+    pilot.drove(0.0, 0.0)
+    memory = pilot.memory
+    assert memory is not None
+    pilot.forget()
+    pilot.resume(memory)
+    pilot.drove(1.0, 1.0)  # of nothing that it has said since
+    assert pilot.memory is memory
+    action = pilot.decide(PICTURE, DUE_NS)
+    assert isinstance(action, Action)
+    assert action.left == 1 / 8

@@ -205,8 +205,12 @@ def test_pieces_come_in_order_and_no_more_than_announced() -> None:
     push.check_whole()
     assert kept == b"abcde"
     staging = Staging("0" * 64, 2, "", Admission())
-    staging.add(0, b"ab")
+    staging.add(0, b"a")
+    with pytest.raises(RefusedError, match="1 of 2"):
+        staging.whole()
+    staging.add(1, b"b")
     assert staging.whole() == b"ab"
+    assert staging.whole() == b"", "16 MiB twice, while the model is tried"
 
 
 def test_the_standing_daemon_loads_nothing_for_it() -> None:

@@ -52,10 +52,25 @@ def test_a_proven_model_can_still_break(clean_decisions: int) -> None:
 
 def test_ticks_without_a_question_show_that_the_daemon_lives() -> None:
     bench = Bench(3)
-    for _ in range(10):
+    for _ in range(2):
         bench.trial.idle()
-    assert bench.findings == [Finding.SURVIVED]
+    assert bench.findings == []
+    for _ in range(8):
+        bench.trial.idle()
+    assert bench.verdicts == [Verdict("abc", Finding.SURVIVED)]
     assert bench.trial.is_open
     proven = Bench(0)
     proven.trial.idle()
     assert proven.findings == []
+
+
+def test_a_model_that_is_proven_stays_so_whatever_comes() -> None:
+    """It is not asked again while the robot stands, and nothing more is said of it."""
+    bench = Bench(3)
+    for _ in range(3):
+        bench.trial.clean()
+    bench.trial.failed("once")
+    assert not bench.trial.is_open
+    for _ in range(10):
+        bench.trial.idle()
+    assert bench.findings == [Finding.PROVEN]

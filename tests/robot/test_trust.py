@@ -51,6 +51,8 @@ def test_the_first_push_waits_for_no_library(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delitem(sys.modules, "nacl.signing", raising=False)
+    Robot(tmp_path, trust=Trust())
+    assert "nacl.signing" not in sys.modules, "without keys it would be for nothing"
     Robot(tmp_path)
     assert "nacl.signing" in sys.modules
 

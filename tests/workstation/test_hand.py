@@ -1,11 +1,14 @@
 """The dead man's switch, with a clock that the test turns."""
 
+import time
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mbot_protocol.errors import ConfigurationError, RefusedError, UnreachableError
 from mbot_protocol.v1.messages_pb2 import Status
+from mbot_workstation.by_hand import hand_drive
 from mbot_workstation.by_hand.hand import FRESH_S, HELD_UP_S, Hand, HandRepeat
 from mbot_workstation.by_hand.hand_drive import HOLD_MS, HandDrive
 from mbot_workstation.console.page_messages import (
@@ -14,11 +17,16 @@ from mbot_workstation.console.page_messages import (
     read_message,
 )
 
+from ..until import until
+
 ANNA, MAX = 1, 2
 
 
+RIGHT = 0.25
+
+
 def said(press: int = 1, sent_s: float = 0.0, left: float = 0.5, seen_stops: int = 3) -> HandRepeat:
-    return HandRepeat(press=press, left=left, right=0.5, seen_stops=seen_stops, sent_s=sent_s)
+    return HandRepeat(press=press, left=left, right=RIGHT, seen_stops=seen_stops, sent_s=sent_s)
 
 
 def test_a_hand_holds_while_repeats_come_and_no_longer() -> None:
@@ -44,6 +52,34 @@ def test_letting_go_is_final_for_that_press_also_when_overtaken() -> None:
     assert not hand.repeat(ANNA, said(press=3, sent_s=0.3), 0.3)
     hand.let_go(ANNA, 2)  # late: of the one before
     assert hand.held(0.3) is not None
+    hand.let_go(MAX, 9)  # somebody else: of nothing
+    hand.let_go(MAX)
+    assert hand.held(0.3) is not None
+
+
+def test_a_late_word_of_an_old_press_does_not_take_over_a_new_one() -> None:
+    hand = Hand()
+    hand.repeat(ANNA, said(), 0)
+    assert not hand.repeat(ANNA, said(press=2, sent_s=0.1, left=-0.5), 0.1)
+    assert hand.repeat(ANNA, said(sent_s=0.05), 0.11)
+    held = hand.held(0.11)
+    assert held is not None
+    assert (held.press, held.left) == (2, -0.5)
+
+
+def test_a_page_that_is_gone_leaves_nothing_to_the_next_of_its_number() -> None:
+    hand = Hand()
+    hand.repeat(ANNA, said(), 0)
+    hand.forget(ANNA)
+    assert hand.held(0) is None
+    assert not hand.repeat(ANNA, said(sent_s=-10.0), 0.1), "by a slower way, with its first press"
+
+
+def test_stop_with_nobody_there_is_nothing() -> None:
+    hand = Hand()
+    hand.let_all_go()
+    assert hand.held(0) is None
+    assert not hand.repeat(ANNA, said(), 0)
 
 
 def test_a_heap_of_old_repeats_after_a_tunnel_that_hung_counts_for_nothing() -> None:
@@ -74,6 +110,10 @@ def test_the_stops_that_count_are_those_seen_on_taking_hold() -> None:
     held = hand.held(0.1)
     assert held is not None
     assert held.seen_stops == 3
+    hand.repeat(ANNA, said(press=2, seen_stops=4, sent_s=0.2), 0.2)
+    held = hand.held(0.2)
+    assert held is not None
+    assert held.seen_stops == 4
 
 
 @given(
@@ -102,14 +142,20 @@ def test_whatever_happens_who_holds_said_so_a_moment_ago(steps: list[tuple]) -> 
 
 
 class Control:
-    """Keeps what it was told; refuses and takes its time as told."""
+    """Keeps what it was told; refuses and takes its time as told.
+
+    Attributes:
+        attempts: commands, also those that were refused.
+
+    """
 
     def __init__(self, clock: "Clock") -> None:
         self.clock = clock
         self.told: list[tuple[object, ...]] = []
         self.stops = 3
         self.dead = False
-        self.catch_up_takes_s = 0.0
+        self.catch_up_takes_s = self.let_go_takes_s = 0.0
+        self.attempts = 0
 
     def catch_up(self, seen_stops: int) -> Status:
         self.clock.now_s += self.catch_up_takes_s
@@ -123,10 +169,12 @@ class Control:
         return "manual"
 
     def let_go(self, press: int) -> None:
+        time.sleep(self.let_go_takes_s)
         self._check(self.seen)
         self.told.append(("let go", press))
 
     def _check(self, seen_stops: int) -> None:
+        self.attempts += 1
         if self.dead:
             raise UnreachableError("nobody there")
         if seen_stops != self.stops:
@@ -164,7 +212,7 @@ def test_each_repeat_is_one_command_and_none_is_made_up(bench: Bench) -> None:
     for _ in range(3):
         bench.repeat()
     bench.drive.step()
-    assert bench.control.told == [(0.5, 0.5, HOLD_MS, 1)] * 3
+    assert bench.control.told == [(0.5, RIGHT, HOLD_MS, 1)] * 3
 
 
 def test_without_repeats_the_robot_is_let_go_once(bench: Bench) -> None:
@@ -172,16 +220,16 @@ def test_without_repeats_the_robot_is_let_go_once(bench: Bench) -> None:
     bench.clock.now_s += FRESH_S
     bench.drive.step()
     bench.drive.step()
-    assert bench.control.told == [(0.5, 0.5, HOLD_MS, 1), ("let go", 1)]
+    assert bench.control.told == [(0.5, RIGHT, HOLD_MS, 1), ("let go", 1)]
     assert bench.repeat(), "the same press does not begin again"
     assert len(bench.control.told) == 2
 
 
 @pytest.mark.parametrize("end", ["let go", "forget", "stop"])
 def test_however_it_ends_the_robot_is_let_go(bench: Bench, end: str) -> None:
-    bench.repeat()
+    bench.repeat(press=7)
     {
-        "let go": lambda: bench.drive.let_go(ANNA, 1),
+        "let go": lambda: bench.drive.let_go(ANNA, 7),
         "forget": lambda: bench.drive.forget(ANNA),
         "stop": bench.drive.let_all_go,
     }[end]()
@@ -214,14 +262,54 @@ def test_a_robot_out_of_reach_ends_it_in_words(bench: Bench) -> None:
     bench.control.dead = True
     bench.repeat()
     assert bench.words == [(ANNA, "nobody there")]
+    told = bench.control.attempts
+    bench.drive.step()
+    assert bench.control.attempts == told, "what has ended there is not ended once more"
 
 
 def test_the_end_of_the_console_lets_go(bench: Bench) -> None:
+    bench.control.let_go_takes_s = 0.1
     with bench.drive:
         bench.drive.repeat(ANNA, said(sent_s=bench.clock.now_s))
-        while not bench.control.told:
-            pass
+        assert until(lambda: bool(bench.control.told))
+        began_s = time.monotonic()
     assert bench.control.told[-1][0] == "let go"
+    assert time.monotonic() - began_s < 1.0
+
+
+def test_a_console_that_nobody_drove_from_ends_at_once(bench: Bench) -> None:
+    with bench.drive:
+        time.sleep(0.05)
+        began_s = time.monotonic()
+    assert time.monotonic() - began_s < 0.5
+    assert bench.control.attempts == 0
+
+
+def test_the_thread_lets_go_by_itself_when_the_hand_falls_silent() -> None:
+    control = Control(Clock())
+    with HandDrive(control, lambda *_: None) as drive:
+        drive.repeat(ANNA, said(sent_s=time.monotonic()))
+        assert until(lambda: ("let go", 1) in control.told, FRESH_S + 0.4)
+
+
+def test_the_thread_hands_on_at_once_that_a_hand_has_let_go(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(hand_drive, "FRESH_S", 100.0)  # it does not look by itself
+    with bench.drive as drive:
+        drive.repeat(ANNA, said(sent_s=bench.clock.now_s))
+        assert until(lambda: bool(bench.control.told))
+        drive.let_go(ANNA, 1)
+        assert until(lambda: ("let go", 1) in bench.control.told, 1.0)
+
+
+def test_the_thread_does_not_spin(bench: Bench) -> None:
+    with bench.drive as drive:
+        drive.repeat(ANNA, said(sent_s=bench.clock.now_s))
+        assert until(lambda: bool(bench.control.told))
+        began_s = time.process_time()
+        time.sleep(0.3)
+        assert time.process_time() - began_s < 0.15
 
 
 def test_what_the_page_says_is_read_as_what_it_is() -> None:
@@ -241,6 +329,7 @@ def test_what_the_page_says_is_read_as_what_it_is() -> None:
         '{"do":"run"}',
         '{"do":"run","seen_stops":"7"}',
         '{"do":"hand","press":1,"left":1.1,"right":0,"seen_stops":2,"sent_s":0}',
+        '{"do":"hand","press":1,"left":0,"right":-1.1,"seen_stops":2,"sent_s":0}',
         '{"do":"hand","press":1,"left":NaN,"right":0,"seen_stops":2,"sent_s":0}',
         '{"do":"hand","press":1,"left":1e999,"right":0,"seen_stops":2,"sent_s":0}',
         '{"do":"let-go","press":' + "9" * 5000 + "}",

@@ -1,14 +1,19 @@
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
 from mbot_protocol.errors import RefusedError, UnreachableError
 from mbot_protocol.keys import COMMAND, STATUS, STOP
+from mbot_protocol.schema import SCHEMA_VERSION
 from mbot_protocol.v1.messages_pb2 import CommandReply, State
 from mbot_workstation.link import remote_control
 from mbot_workstation.link.remote_control import (
     BEGIN_WAIT_S,
+    CONFIRM_PAUSE_S,
+    LOOK_PAUSE_S,
+    STOP_PAUSE_S,
     TIME_TO_LIVE_S,
     NotStandingError,
     RemoteControl,
@@ -36,6 +41,7 @@ def test_run_and_drive_carry_session_and_expiry(robot: FakeRobot, control: Remot
     assert control.drive(0.5, -0.25, 300) == "manual"
     run, drive = robot.commands()
     for command in (run, drive):
+        assert command.schema_version == SCHEMA_VERSION
         assert command.robot_id == "mbot-1"
         assert command.session_id == SESSION_ID
         left_ns = command.expires_monotonic_ns - robot.now_ns()
@@ -48,6 +54,27 @@ def test_run_and_drive_carry_session_and_expiry(robot: FakeRobot, control: Remot
     assert (drive.drive.wheels.left, drive.drive.wheels.right) == (0.5, -0.25)
     assert drive.drive.hold_ms == 300
     assert robot.names() == ["status", "command", "command"]
+
+
+def test_no_two_senders_are_taken_for_one(robot: FakeRobot) -> None:
+    """Else the one's command would make the other's an old one."""
+    with RobotLink(robot.address) as link:
+        for _ in range(8):
+            RemoteControl(link).run()
+    senders = {command.sender_id for command in robot.commands()}
+    assert len(senders) == 8
+    assert 0 not in senders
+
+
+def test_nothing_is_set_in_motion_that_a_stop_would_not_reach(
+    robot: FakeRobot, control: RemoteControl, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(RobotLink, "reaches", lambda _self, topic: topic is not STOP)
+    for command in (control.run, lambda: control.drive(0.5, 0.5, 300)):
+        with pytest.raises(UnreachableError, match="a STOP does not get through to robot mbot-1"):
+            command()
+    assert robot.commands() == []
+    assert control.stop() == "stopped"  # it is tried all the same
 
 
 def test_a_command_that_was_held_up_is_refused(robot: FakeRobot, control: RemoteControl) -> None:
@@ -105,9 +132,9 @@ def test_after_a_stop_of_ones_own_one_looks_again(robot: FakeRobot, control: Rem
 
 
 def test_a_robot_that_does_not_confirm_that_it_stands(
-    robot: FakeRobot, control: RemoteControl, monkeypatch: pytest.MonkeyPatch
+    robot: FakeRobot, control: RemoteControl
 ) -> None:
-    monkeypatch.setattr(remote_control, "CONFIRM_PAUSE_S", 0.01)
+    began_s = time.monotonic()
     robot.replies[STOP.name] = lambda _data: CommandReply(
         schema_version=1, accepted=True, state=State.STATE_STOPPED, reason="the board is lost"
     )
@@ -117,6 +144,7 @@ def test_a_robot_that_does_not_confirm_that_it_stands(
         control.stop()
     assert raised.value.exit_code == 1
     assert len(robot.commands()) == 8
+    assert time.monotonic() - began_s > 7 * CONFIRM_PAUSE_S, "a board has its time to answer"
 
 
 def test_a_board_that_confirms_late_is_asked_again_soon(
@@ -160,6 +188,31 @@ def test_a_stop_without_confirmation_says_what_that_means(
     assert len(robot.commands()) == 3
 
 
+def test_a_link_that_is_down_gets_the_time_to_come_back(
+    robot: FakeRobot, control: RemoteControl, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    down_until_s = time.monotonic() + 1.5 * STOP_PAUSE_S
+    whole = RobotLink.query
+
+    def query(link: RobotLink, *asked: Any) -> Any:
+        if time.monotonic() < down_until_s:
+            raise UnreachableError("no link")
+        return whole(link, *asked)
+
+    monkeypatch.setattr(RobotLink, "query", query)
+    assert control.stop() == "stopped"
+
+
+def test_after_a_run_that_runs_nothing_is_waited_for(
+    robot: FakeRobot, control: RemoteControl
+) -> None:
+    running = robot.status()
+    running.state = State.STATE_RUNNING
+    robot.replies[STATUS.name] = lambda _data: running
+    assert control.after_run().state == State.STATE_RUNNING
+    assert robot.names() == ["status"]
+
+
 def test_after_a_run_one_beat_and_a_bit_is_waited_for(
     robot: FakeRobot, control: RemoteControl
 ) -> None:
@@ -172,6 +225,8 @@ def test_after_a_run_one_beat_and_a_bit_is_waited_for(
         assert control.after_run().state == State.STATE_FAULT
         waited_s = time.monotonic() - began_s
         assert beat_s + BEGIN_WAIT_S <= waited_s < beat_s + BEGIN_WAIT_S + 1.0
+        assert robot.names().count("status") < 3 + waited_s / LOOK_PAUSE_S
+        robot.received.clear()
 
 
 def test_a_refusal_gives_the_robots_reason(robot: FakeRobot, control: RemoteControl) -> None:
