@@ -1,13 +1,16 @@
 """What the updater asks of the system, in the system's words."""
 
 import subprocess
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from mbot_protocol.errors import RefusedError
 from mbot_update import health_gate, system
 from mbot_update.release_folders import ReleaseFolders
+from mbot_update.system import Service
 
 from .release_bench import HEALTHY, KEY, Robot
 
@@ -77,11 +80,81 @@ def test_a_daemon_that_changes_its_process_has_died(
 ) -> None:
     robot = Robot(tmp_path, monkeypatch)
     robot.runs("0.1")
-    from dataclasses import replace
-
     seen = iter([HEALTHY, replace(HEALTHY, pid=8)])
     monkeypatch.setattr(system, "service", lambda: next(seen))
     assert health_gate.is_worse(HEALTHY) == "it got READY and died"
+
+
+class Day:
+    """A clock that only sleeping turns, and what systemd says at each time."""
+
+    def __init__(
+        self, robot: Robot, monkeypatch: pytest.MonkeyPatch, *later: tuple[float, Service]
+    ) -> None:
+        self.now_s = 1000.0
+        self._later = later
+        clock = SimpleNamespace(monotonic=lambda: self.now_s, sleep=self._sleep)
+        monkeypatch.setattr(health_gate, "time", clock)
+        monkeypatch.setattr(system, "service", self._service)
+        monkeypatch.setattr(health_gate, "STAYS_S", 5.0)
+        monkeypatch.setattr(health_gate, "HEALTHY_WITHIN_S", 30.0)
+        robot.runs("0.1")
+
+    def _sleep(self, time_s: float) -> None:
+        self.now_s += time_s
+
+    def _service(self) -> Service:
+        found = HEALTHY
+        for after_s, service in self._later:
+            if self.now_s - 1000.0 >= after_s:
+                found = service
+        return found
+
+
+BLIND = replace(HEALTHY, words="idle; camera-lost")
+
+
+@pytest.mark.parametrize(
+    ("later", "why", "known_after_s"),
+    [
+        ([], "", 5.0),
+        ([(0.0, BLIND), (12.0, HEALTHY)], "", 12.0),
+        ([(0.0, BLIND)], "worse than before: camera-lost", 30.0),
+        ([(0.0, replace(HEALTHY, words=""))], "worse than before: it says nothing", 30.0),
+        ([(4.0, replace(HEALTHY, pid=8))], "it got READY and died", 4.0),
+        ([(0.0, BLIND), (20.0, replace(BLIND, state="failed"))], "it got READY and died", 20.0),
+    ],
+)
+def test_a_new_release_has_its_time_to_find_board_and_camera(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    later: list[tuple[float, Service]],
+    why: str,
+    known_after_s: float,
+) -> None:
+    day = Day(Robot(tmp_path, monkeypatch), monkeypatch, *later)
+    assert health_gate.is_worse(HEALTHY, "0.1") == why
+    assert known_after_s <= day.now_s - 1000.0 < known_after_s + 2.0
+
+
+def test_why_a_release_would_not_run_is_one_line_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot = Robot(tmp_path, monkeypatch)
+    for version in ("0.1", "0.2"):
+        robot.has(version)
+
+    def tried(stdout: str, stderr: str) -> str:
+        def run(command: list[str], _: float) -> subprocess.CompletedProcess[str]:
+            bad = "0.2" in command[0]
+            return subprocess.CompletedProcess(command, 11 if bad else 0, stdout, stderr)
+
+        monkeypatch.setattr(system, "as_daemon", run)
+        return health_gate.would_not_run(robot.folders, "0.2", "0.1")
+
+    assert tried("", "Traceback\n" + "x" * 1000 + "\n") == "x" * 300
+    assert tried("one\ntwo\n", "") == "two"
+    assert tried("", "") == "it ended with 11"
 
 
 def test_a_folder_without_its_mark_is_no_release(tmp_path: Path) -> None:

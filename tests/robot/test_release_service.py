@@ -1,8 +1,11 @@
 """A release over the network: taken in piece by piece, refused for a reason, handed to root."""
 
+import os
+import platform
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,7 +20,7 @@ from mbot_agent.releases.release_service import ReleaseService
 from mbot_protocol import release_archive
 from mbot_protocol.errors import RefusedError
 from mbot_protocol.keys import CHUNK_BYTES, RELEASE_BEGIN, RELEASE_CHUNK, RELEASE_COMMIT, RELEASES
-from mbot_protocol.release_ledger import Computer, Ledger, Outcome
+from mbot_protocol.release_ledger import RESERVE_BYTES, Computer, Ledger, Outcome
 from mbot_protocol.schema import SCHEMA_VERSION
 from mbot_protocol.v1.messages_pb2 import (
     PushChunk,
@@ -37,7 +40,7 @@ class Robot:
     """The service on a disk of its own."""
 
     def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.inbox = folder / "inbox"
+        self.inbox = folder / "state/inbox"
         self.application = folder / "application"
         (self.application / "releases/0.1").mkdir(parents=True)
         (self.application / "releases/0.1/whole").touch()
@@ -45,7 +48,8 @@ class Robot:
         self.service = ReleaseService(
             "mbot-1", (KEY.public,), self.inbox, lambda: self.armed, "0.1", self.application
         )
-        monkeypatch.setattr(ReleaseService, "_computer", lambda _: PI)
+        self.computer = PI
+        monkeypatch.setattr(ReleaseService, "_computer", lambda _: self.computer)
 
     def ask(self, name: str, message: Message) -> PushReply:
         payload = message.SerializeToString()
@@ -138,6 +142,98 @@ def test_another_archive_than_announced_is_refused_at_the_end(robot: Robot, tmp_
     assert robot.send(path).accepted
 
 
+def test_another_release_than_announced_is_refused_at_the_end(robot: Robot, tmp_path: Path) -> None:
+    announced, sent = archive(tmp_path), archive(tmp_path, "0.3", 3)
+    assert announced.stat().st_size == sent.stat().st_size
+    assert "another release than was announced" in robot.send(announced, sent.read_bytes()).reason
+    assert not (robot.inbox / "request").exists()
+
+
+def test_only_its_own_push_goes_on_and_half_of_it_is_not_the_whole(
+    robot: Robot, tmp_path: Path
+) -> None:
+    data = archive(tmp_path).read_bytes()
+    begun = robot.begin(tmp_path / "0.2.tar")
+    assert "not under way" in robot.chunk("f" * 16, 0, data[:10]).reason
+    assert robot.chunk(begun.push_id, 0, data[:10]).received_bytes == 10
+    assert f"10 of {len(data)} bytes" in robot.commit(begun.push_id).reason
+    assert robot.chunk(begun.push_id, 10, data[10:]).accepted
+    assert robot.commit(begun.push_id).received_bytes == len(data)
+
+
+def test_a_disk_must_hold_the_archive_twice_and_what_it_unpacks_to(
+    robot: Robot, tmp_path: Path
+) -> None:
+    """The daemon's file and the updater's, and the folder where it will run."""
+    path = archive(tmp_path)
+    needed_bytes = 2 * path.stat().st_size + 1000 + RESERVE_BYTES
+    robot.computer = replace(PI, free_bytes=needed_bytes - 1)
+    assert "disk is full" in robot.begin(path).reason
+    robot.computer = replace(PI, free_bytes=needed_bytes)
+    assert robot.begin(path).accepted
+
+
+def test_what_is_received_is_nobody_elses_to_read_or_change(robot: Robot, tmp_path: Path) -> None:
+    robot.begin(archive(tmp_path))
+    assert robot.inbox.stat().st_mode & 0o777 == 0o700
+    assert (robot.inbox / "incoming.tar").stat().st_mode & 0o777 == 0o600
+
+
+def test_the_request_comes_after_the_archive_has_reached_the_disk(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After a power cut the updater finds all of it, or is asked for nothing."""
+    synced: list[str] = []
+    whole = os.fsync
+
+    def fsync(descriptor: int) -> None:
+        if not (robot.inbox / "request").exists():
+            synced.append(Path(f"/proc/self/fd/{descriptor}").readlink().name)
+        whole(descriptor)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    assert robot.send(archive(tmp_path)).accepted
+    assert synced[0] == "incoming.tar"
+
+
+def test_a_disk_that_refuses_is_a_reason(robot: Robot, tmp_path: Path) -> None:
+    robot.inbox.parent.write_text("in the way")
+    assert "cannot keep the release in" in robot.begin(archive(tmp_path)).reason
+
+
+def open_files() -> int:
+    return len(list(Path("/proc/self/fd").iterdir()))
+
+
+def test_a_push_leaves_no_file_open_however_it_ends(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = archive(tmp_path)
+    before = open_files()
+    robot.begin(path)
+    robot.armed = True
+    robot.begin(path)
+    robot.armed = False
+    assert open_files() == before, "given up"
+    assert robot.send(path).accepted
+    assert open_files() == before, "whole"
+    (robot.inbox / "request").unlink()  # as the updater does when it has taken it
+    assert robot.begin(path).accepted
+    later_s = time.monotonic() + pieces.STAGING_EXPIRES_S + 1
+    monkeypatch.setattr(time, "monotonic", lambda: later_s)
+    assert robot.begin(path).accepted
+    assert open_files() == before + 1, "forgotten, and begun anew"
+
+
+def test_a_robot_knows_what_it_is(tmp_path: Path) -> None:
+    service = ReleaseService("mbot-1", (), tmp_path, lambda: False, "0.1", tmp_path)
+    found = service._computer()  # pyright: ignore[reportPrivateUsage]
+    assert found.system == platform.freedesktop_os_release().get("VERSION_CODENAME", "unknown")
+    assert found.architecture in ("amd64", "arm64")  # as Debian calls them
+    assert found.python == ".".join(platform.python_version_tuple()[:2])
+    assert found.free_bytes > 0
+
+
 def test_one_push_at_a_time_and_a_silent_one_is_forgotten(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -164,16 +260,22 @@ def test_half_a_release_of_an_earlier_start_is_swept_and_a_whole_one_is_not(
 
 def test_the_list_says_what_became_of_the_last_update(robot: Robot) -> None:
     outcome = Outcome("a1", "0.2", "rolled-back", "no READY")
+    (robot.application / "releases/0.0").mkdir()
+    (robot.application / "releases/0.0/whole").touch()
     (robot.application / "ledger.json").write_bytes(
-        Ledger(golden="0.1", outcome=outcome).to_bytes()
+        Ledger(golden="0.0", previous="0.1", outcome=outcome).to_bytes()
     )
     reply = ReleaseList.FromString(robot.service.answers[RELEASES.name](b""))
-    assert (reply.running, reply.releases[0].version, reply.releases[0].golden) == (
-        "0.1",
-        "0.1",
-        True,
-    )
-    assert (reply.update.request, reply.update.phase) == ("a1", "rolled-back")
+    assert (reply.accepted, reply.running) == (True, "0.1")
+    found = [(one.version, one.golden, one.previous) for one in reply.releases]
+    assert found == [("0.0", True, False), ("0.1", False, True)]
+    update = reply.update
+    assert (update.request, update.version, update.phase) == ("a1", "0.2", "rolled-back")
+    assert (update.detail, update.goes_on) == ("no READY", False)
+    robot.inbox.mkdir(parents=True)
+    (robot.inbox / "request").touch()
+    reply = ReleaseList.FromString(robot.service.answers[RELEASES.name](b""))
+    assert reply.update.goes_on
     (robot.application / "ledger.json").write_bytes(b"x")
     assert "unreadable" in ReleaseList.FromString(robot.service.releases(b"")).reason
 

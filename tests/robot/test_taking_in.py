@@ -1,5 +1,6 @@
 """What the daemon leaves for root, and why nothing of it is believed."""
 
+import errno
 import os
 import re
 import subprocess
@@ -10,12 +11,14 @@ from pathlib import Path
 
 import pytest
 
+from mbot_protocol import release_archive
 from mbot_protocol.errors import RefusedError
+from mbot_protocol.release_ledger import RESERVE_BYTES, Computer
 from mbot_update import main, taking_in, update_steps
 from mbot_workstation.models.signing_key import SigningKey
 from mbot_workstation.releases.make_release import UPDATER_MODULES, put_updater
 
-from .release_bench import Robot, archive
+from .release_bench import COMPUTER, FILES, Robot, archive
 
 
 @pytest.fixture
@@ -129,6 +132,135 @@ def test_a_build_that_fails_leaves_nothing(
     monkeypatch.setattr(taking_in.system, "build", lambda *_: "no space left")
     robot.receives(archive(tmp_path))
     assert "0.2 can't be built here: no space left" in refused(robot)
+    with pytest.raises(RefusedError, match="no space left"):
+        by_hand(robot, archive(tmp_path))
+    assert not robot.folders.release("0.2").exists()
+
+
+def by_hand(robot: Robot, path: Path) -> str:
+    with path.open("rb") as file:
+        return update_steps.update(robot.folders, file).phase
+
+
+def test_a_disk_must_hold_what_is_unpacked_and_what_is_built(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = archive(tmp_path)
+    files_bytes = sum(map(len, FILES.values()))
+    free_bytes = files_bytes + 1000 + RESERVE_BYTES - 1
+
+    def computer(_: Path) -> Computer:
+        return replace(COMPUTER, free_bytes=free_bytes)
+
+    monkeypatch.setattr(taking_in.system, "computer", computer)
+    with pytest.raises(RefusedError, match="disk is full"):
+        by_hand(robot, path)
+    free_bytes += 1
+    assert by_hand(robot, path) == "installed"
+    update_steps.put_back_by_hand(robot.folders)
+    free_bytes -= 1000  # it is built already
+    assert by_hand(robot, path) == "installed"
+    update_steps.put_back_by_hand(robot.folders)
+    free_bytes -= 1
+    with pytest.raises(RefusedError, match="disk is full"):
+        by_hand(robot, path)
+
+
+def test_one_that_is_there_already_is_not_built_again_and_none_takes_its_name(
+    robot: Robot, tmp_path: Path
+) -> None:
+    (tmp_path / "other").mkdir()
+    path, other = archive(tmp_path), archive(tmp_path / "other", sequence=3)
+    assert by_hand(robot, path) == "installed"
+    update_steps.put_back_by_hand(robot.folders)
+    steps: list[str] = []
+    robot.system.before = steps.append
+    assert by_hand(robot, path) == "installed"
+    assert "build" not in steps
+    update_steps.put_back_by_hand(robot.folders)
+    with pytest.raises(RefusedError, match=r"another release of the name 0\.2"):
+        by_hand(robot, other)
+    (robot.folders.release("0.2") / "manifest.json").unlink()  # one that root has checked out
+    with pytest.raises(RefusedError, match=r"another release of the name 0\.2"):
+        by_hand(robot, path)
+
+
+def test_what_an_earlier_update_left_is_none_of_this_one(robot: Robot, tmp_path: Path) -> None:
+    for left in (robot.folders.incoming / "wheels", robot.folders.release("0.2") / "venv"):
+        left.mkdir(parents=True)
+        (left / "left.whl").write_bytes(b"not of this release")
+    assert by_hand(robot, archive(tmp_path)) == "installed"
+    assert list(robot.folders.release("0.2").rglob("left.whl")) == []
+    assert not robot.folders.incoming.exists()
+
+
+def test_a_release_lies_there_as_root_would_lay_it(robot: Robot, tmp_path: Path) -> None:
+    """Compiled, since the service may write nothing there; open only while it is not root's own."""
+    commands: list[str] = []
+    modes: list[int] = []
+    whole = robot.system.build
+
+    def build(command: list[str], timeout_s: float) -> str:
+        commands.append(" ".join(command))
+        modes.append(robot.folders.incoming.stat().st_mode & 0o777)
+        return whole(command, timeout_s)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(taking_in.system, "build", build)
+        assert by_hand(robot, archive(tmp_path)) == "installed"
+    assert set(modes) == {0o700}
+    release = robot.folders.release("0.2")
+    assert f"{release}/venv/bin/python -I -m compileall -q {release}/venv/lib" in commands
+    expected = {"deploy/install.sh": 0o755, "deploy/systemd/mbot-agent.service": 0o644}
+    for name, mode in expected.items():
+        assert (release / name).stat().st_mode & 0o777 == mode
+    with archive(tmp_path).open("rb") as file:
+        said = release_archive.read_manifest(file)
+    (package,) = (release / "venv/lib").glob("python3.*/site-packages/mbot_agent/main.py")
+    assert package.read_bytes().startswith(b"# a wheel")
+    assert said == tuple((release / f"manifest.{end}").read_bytes() for end in ("json", "sig"))
+
+
+def test_a_release_without_a_firmware_is_one(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delitem(FILES, "firmware/mbot-deadman.hex")
+    assert by_hand(robot, archive(tmp_path)) == "installed"
+    assert not (robot.folders.release("0.2") / "firmware").exists()
+
+
+def test_a_disk_that_refuses_while_it_is_unpacked_is_a_reason(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "chmod", full)
+    robot.receives(archive(tmp_path))
+    assert refused(robot) == "cannot take the release in: No space left on device"
+
+
+@pytest.mark.parametrize("kind", ["fifo", "file", "nothing"])
+def test_an_inbox_that_is_no_folder_holds_nothing_up(robot: Robot, kind: str) -> None:
+    inbox = robot.folders.inbox
+    inbox.rmdir()
+    {"fifo": lambda: os.mkfifo(inbox), "file": inbox.touch, "nothing": lambda: None}[kind]()
+    assert not taking_in.is_asked(robot.folders)
+    assert update_steps.work(robot.folders) == robot.folders.ledger.outcome
+    with pytest.raises(RefusedError, match="there is no release in"):
+        taking_in.open_request(robot.folders)
+
+
+def test_an_update_leaves_no_file_open(robot: Robot, tmp_path: Path) -> None:
+    def open_files() -> int:
+        return len(list(Path("/proc/self/fd").iterdir()))
+
+    before = open_files()
+    robot.receives(archive(tmp_path))
+    assert update_steps.work(robot.folders).phase == "installed"
+    os.mkfifo(robot.folders.inbox / "request")
+    assert update_steps.work(robot.folders).phase == "refused"
+    assert open_files() == before
 
 
 def test_the_updater_runs_with_the_systems_python_alone(tmp_path: Path) -> None:

@@ -9,8 +9,8 @@ import pytest
 
 from mbot_protocol import atomic_file
 from mbot_protocol.errors import RefusedError
-from mbot_protocol.release_ledger import BUSY
-from mbot_update import release_folders, system, taking_in, update_steps
+from mbot_protocol.release_ledger import BUSY, Ledger, Outcome
+from mbot_update import release_folders, short_lives, system, taking_in, update_steps
 
 from .release_bench import HEALTHY, SPARE, Robot, archive
 
@@ -271,6 +271,206 @@ def test_a_daemon_that_is_about_to_be_started_again_is_not_put_back(
     states = iter([replace(HEALTHY, state="activating"), replace(HEALTHY, state="failed")])
     monkeypatch.setattr(update_steps.system, "service", lambda: next(states))
     assert update_steps.is_given_up(robot.folders)
+
+
+class Diary:
+    """All that happens: notes in the ledger, turns of the link, what is asked of systemd."""
+
+    def __init__(self, robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.outcomes: list[Outcome] = []
+        self.steps: list[str] = []
+        folders = robot.folders
+        whole_note, whole_switch = folders.note, folders.switch
+
+        def note(ledger: Ledger) -> None:
+            whole_note(ledger)
+            self.steps.append(f"notes {ledger.came_from or 'nothing'}")
+            if ledger.outcome not in self.outcomes:
+                self.outcomes.append(ledger.outcome)
+
+        def switch(version: str) -> None:
+            whole_switch(version)
+            self.steps.append(f"turns to {version}")
+
+        monkeypatch.setattr(folders, "note", note)
+        monkeypatch.setattr(folders, "switch", switch)
+        robot.system.before = self.steps.append
+
+
+def test_each_phase_is_noted_for_whoever_watches(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    diary = Diary(robot, monkeypatch)
+    robot.receives(archive(tmp_path))
+    update_steps.work(robot.folders)
+    assert diary.outcomes == [
+        Outcome(),
+        Outcome("a1", "", "checking", "checking"),
+        Outcome("a1", "0.2", "building", "building 0.2"),
+        Outcome("a1", "0.2", "trying", "0.2 instead of 0.1"),
+        Outcome("a1", "0.2", "installed", "0.2 runs"),
+    ]
+    robot.receives(archive(tmp_path, "0.3", 1), "b2")
+    refused = update_steps.work(robot.folders)
+    assert (refused.request, refused.phase) == ("b2", "refused")
+    assert robot.folders.ledger.outcome == refused
+
+
+@pytest.mark.parametrize("good", [True, False])
+def test_where_it_came_from_is_noted_before_the_link_is_turned(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, good: bool
+) -> None:
+    """And systemd has read the unit before the daemon is started by it, in both directions."""
+    robot.system.starts = lambda version: good or version == "0.1"
+    diary = Diary(robot, monkeypatch)
+    robot.receives(archive(tmp_path))
+    update_steps.work(robot.folders)
+    trial = diary.steps[diary.steps.index("try") + 1 :]
+    there = ["notes 0.1", "turns to 0.2", "systemctl", "restart"]
+    back = [] if good else ["turns to 0.1", "systemctl", "restart"]
+    assert trial == [*there, *back, "notes nothing"]
+
+
+def test_the_one_that_runs_may_be_installed_again_by_hand(robot: Robot, tmp_path: Path) -> None:
+    """What was held against it is forgotten, and it is not even restarted."""
+    robot.receives(archive(tmp_path))
+    update_steps.work(robot.folders)
+    robot.folders.lives.write_text("0.2 9\n")
+    robot.folders.note(robot.folders.ledger.with_rejected("0.2", "died"))
+    robot.system.restarted.clear()
+    with archive(tmp_path).open("rb") as file:
+        outcome = update_steps.update(robot.folders, file)
+    assert outcome == Outcome("", "0.2", "installed", "0.2")
+    ledger = robot.folders.ledger
+    assert (ledger.outcome, ledger.rejected, ledger.previous) == (outcome, {}, "0.1")
+    assert (robot.folders.current, robot.system.restarted) == ("0.2", [])
+    assert short_lives.short_lives(robot.folders) == 0
+
+
+def test_the_first_one_is_not_compared_with_any(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot = Robot(tmp_path / "root", monkeypatch)
+    robot.folders.application.mkdir(parents=True)
+    robot.system.service = replace(HEALTHY, state="inactive", pid=0, words="")
+    with archive(tmp_path).open("rb") as file:
+        assert update_steps.update(robot.folders, file).phase == "installed"
+    ledger = robot.folders.ledger
+    assert (robot.folders.current, ledger.golden, ledger.previous) == ("0.2", "0.2", "")
+    assert robot.system.restarted == []
+
+
+@pytest.mark.parametrize("current", ["0.1", "0.2"])
+@pytest.mark.parametrize("state", ["active", "inactive", ""])
+def test_a_boot_goes_back_from_what_nobody_accepted_and_wakes_nobody(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch, current: str, state: str
+) -> None:
+    robot.has("0.2")
+    robot.folders.switch(current)
+    robot.folders.note(replace(robot.folders.ledger, came_from="0.1"))
+    robot.system.service = replace(HEALTHY, state=state)
+    diary = Diary(robot, monkeypatch)
+    update_steps.recover(robot.folders)
+    assert (robot.folders.current, robot.folders.ledger.came_from) == ("0.1", "")
+    read_anew = ["systemctl"] if current == "0.2" else []
+    restarted = ["restart"] if current == "0.2" and state == "active" else []
+    assert diary.steps == ["turns to 0.1", "notes nothing", *read_anew, *restarted]
+
+
+def test_a_boot_on_a_full_disk_needs_no_note_where_nothing_went_on(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    FullDisk(monkeypatch).full = True
+    update_steps.recover(robot.folders)
+    assert robot.system.restarted == []
+
+
+def test_a_person_goes_back_from_the_last_one_that_was_accepted(
+    robot: Robot, tmp_path: Path
+) -> None:
+    """Not from one whose trial was broken off: that would become the one to go back to."""
+    robot.receives(archive(tmp_path))
+    update_steps.work(robot.folders)
+    robot.has("0.3")
+    robot.folders.switch("0.3")
+    robot.folders.note(replace(robot.folders.ledger, came_from="0.2"))
+    update_steps.put_back_by_hand(robot.folders)
+    assert (robot.folders.current, robot.folders.ledger.previous) == ("0.1", "0.2")
+
+
+def test_an_old_one_that_does_not_get_ready_either_is_said(robot: Robot, tmp_path: Path) -> None:
+    robot.system.starts = lambda _: False
+    robot.receives(archive(tmp_path))
+    outcome = update_steps.work(robot.folders)
+    assert outcome.version == "0.2"
+    assert outcome.detail == "it did not get READY; 0.1 is back, but not READY"
+    assert robot.folders.ledger.outcome == outcome
+
+
+def dies_later(robot: Robot) -> None:
+    robot.system.service = replace(HEALTHY, state="failed", result="exit-code", exit_status=1)
+
+
+def test_what_died_later_is_swept_and_named(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot.receives(archive(tmp_path))
+    update_steps.work(robot.folders)
+    dies_later(robot)
+    diary = Diary(robot, monkeypatch)
+    outcome = update_steps.put_back_by_itself(robot.folders)
+    assert (outcome.request, outcome.version, outcome.phase) == ("", "0.2", "rolled-back")
+    assert outcome.detail == f"{update_steps.DIED}: 0.1 runs"
+    ledger = robot.folders.ledger
+    assert (ledger.outcome, ledger.previous, ledger.golden) == (outcome, "", "0.1")
+    assert robot.folders.versions() == ["0.1"]
+    assert diary.steps == ["notes 0.1", "turns to 0.1", "systemctl", "restart", "notes nothing"]
+
+
+def test_what_a_person_may_still_go_back_to_stays_when_the_golden_one_is_put_back(
+    robot: Robot, tmp_path: Path
+) -> None:
+    for number in (2, 3):
+        robot.receives(archive(tmp_path, f"0.{number}", number))
+        update_steps.work(robot.folders)
+    robot.folders.note(robot.folders.ledger.with_rejected("0.2", "died"))
+    dies_later(robot)
+    update_steps.put_back_by_itself(robot.folders)
+    assert (robot.folders.current, robot.folders.ledger.previous) == ("0.1", "0.2")
+    assert robot.folders.is_whole("0.2")
+
+
+def test_killed_at_any_step_of_putting_back_the_dead_one_is_not_taken_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    new, number, was_killed = archive(tmp_path), 0, True
+    while was_killed:
+        with monkeypatch.context() as patched:
+            robot = Robot(tmp_path / f"root-{number}", patched)
+            robot.runs("0.1")
+            robot.receives(new)
+            update_steps.work(robot.folders)
+            dies_later(robot)
+            dying = DyingOs()
+            dying.last = number
+            robot.system.before = dying.count
+            was_killed = False
+            with monkeypatch.context() as dangerous:
+                for module in (atomic_file, release_folders):
+                    dangerous.setattr(module, "os", dying)
+                try:
+                    update_steps.put_back_by_itself(robot.folders)
+                except Killed:
+                    was_killed = True
+            robot.system.before = lambda _: None
+            turned = robot.folders.current == "0.1"
+            update_steps.recover(robot.folders)
+            went_back = robot.folders.current == "0.1"
+            assert went_back or not turned, number
+            assert ("0.2" in robot.folders.ledger.rejected) == went_back, number
+            assert robot.folders.ledger.came_from == ""
+        number += 1
+    assert number > 10
 
 
 class FullDisk:
