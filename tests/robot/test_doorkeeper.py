@@ -6,6 +6,7 @@ from mbot_agent.network.doorkeeper import (
     MOST_A_NAME,
     MOST_MESSAGES,
     MOST_UNREAD,
+    UNREAD_WITHIN_S,
     Doorkeeper,
     Traffic,
     Visitor,
@@ -116,3 +117,72 @@ def test_when_too_much_is_held_all_go_who_may_only_look_and_the_busiest_stays_aw
     assert set(keeper.hoarders(seen.items(), 1.0)) == {vera, vera_too, dora}
     back = [visitor("person:dora", 6), visitor("person:vera", 7)]
     assert looks(keeper, {one: Traffic() for one in back}, 2.0) == {back[0]}
+
+
+def test_a_guest_of_long_standing_has_sent_much_and_stays() -> None:
+    """Megabytes in all, a little at a time; and what came before the first look is no flood."""
+    keeper = Doorkeeper(ACCESS)
+    vera = visitor("person:vera", 1)
+    for look in range(100):
+        seen = Traffic(10_000_000 + 5_000 * look, 100_000 + 20 * look, 5 * 10**6)
+        if look == 0:
+            seen = Traffic(seen.received_bytes, 20, seen.unread_us)
+            assert looks(keeper, {vera: seen}, 1000.0) == set()
+            continue
+        begun = Traffic(seen.received_bytes, 20 * (look + 1), seen.unread_us)
+        assert looks(keeper, {vera: begun}, 1000.0 + look * LOOK_EVERY_S) == set()
+
+
+def test_a_burst_is_one_seconds_and_no_more() -> None:
+    for messages, goes in ((0.9 * MOST_MESSAGES, False), (1.5 * MOST_MESSAGES, True)):
+        keeper = Doorkeeper(ACCESS)
+        vera = visitor("person:vera", 1)
+        assert looks(keeper, {vera: Traffic()}, 10.0) == set()
+        seen = {vera: Traffic(received_segments=round(messages))}
+        assert bool(looks(keeper, seen, 10.0 + LOOK_EVERY_S)) is goes
+
+
+def test_looks_in_quick_succession_are_one() -> None:
+    """Whoever comes or goes makes the guard look."""
+    keeper = Doorkeeper(ACCESS)
+    vera = visitor("person:vera", 1)
+    for passed_s in (0.0, 0.01, 0.02, 0.034, 0.068):
+        seen = {vera: Traffic(unread_us=round(passed_s * 1e6))}
+        assert looks(keeper, seen, 10.0 + passed_s) == set()
+    assert looks(keeper, {vera: Traffic(unread_us=150_000)}, 10.15) == {vera}
+
+
+def test_who_reads_half_of_the_time_reads() -> None:
+    keeper = Doorkeeper(ACCESS)
+    vera = visitor("person:vera", 1)
+    for look in range(20):
+        now_s = 10.0 + look * LOOK_EVERY_S
+        unread_us = round(look * LOOK_EVERY_S * 0.5e6)
+        assert looks(keeper, {vera: Traffic(unread_us=unread_us)}, now_s) == set()
+
+
+def test_who_fell_asleep_long_ago_may_do_so_again() -> None:
+    keeper = Doorkeeper(ACCESS)
+    for times in range(2 * MOST_UNREAD + 2):
+        now_s = 1000.0 + times * UNREAD_WITHIN_S
+        paul = visitor("person:paul", times)
+        for look in range(3):
+            seen = {paul: Traffic(unread_us=round(look * LOOK_EVERY_S * 1e6))}
+            gone = looks(keeper, seen, now_s + look * LOOK_EVERY_S)
+            assert gone == ({paul} if look == 2 else set())
+        assert looks(keeper, {visitor("person:paul", 99): Traffic()}, now_s + 1.0) == set()
+
+
+def test_nobody_is_a_hoarder_where_nobody_is() -> None:
+    keeper = Doorkeeper(ACCESS)
+    assert keeper.hoarders([], 1.0) == {}
+    assert keeper.hoarders([(visitor("person:paul", 1), Traffic(10**9))], 1.0) == {}
+
+
+def test_who_has_gone_is_forgotten() -> None:
+    """A daemon runs for months."""
+    keeper = Doorkeeper(ACCESS)
+    for port in range(1000):
+        looks(keeper, {visitor("person:vera", port): Traffic()}, 10.0 + port * LOOK_EVERY_S)
+    kept = (keeper._since_s, keeper._before, keeper._deaf_looks)  # pyright: ignore
+    assert [len(one) for one in kept] == [1, 1, 1]

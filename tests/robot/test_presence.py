@@ -43,7 +43,7 @@ def test_silence_is_a_fault_after_its_time_and_a_look_ends_it() -> None:
     world.now_s += 2.9
     presence.look()
     assert presence.fault is None
-    world.now_s += 0.2
+    world.now_s = 1000.0 + STOPS.lost_link_after_s
     fault = presence.fault
     assert fault is not None
     assert fault.kind == "link-lost"
@@ -75,5 +75,7 @@ def test_a_link_that_fails_counts_as_lost(broken: bool) -> None:
 
 def test_it_looks_by_itself() -> None:
     world = World()
-    with world.presence():
+    with world.presence() as presence:
         assert world.looked.wait(5.0)
+        thread = presence._thread  # pyright: ignore[reportPrivateUsage]
+    assert not thread.is_alive(), "and looks no more when it is left"

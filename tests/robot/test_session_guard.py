@@ -3,13 +3,15 @@
 import socket
 import time
 from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from mbot_agent.configuration import Access
 from mbot_agent.network import session_guard
 from mbot_agent.network.doorkeeper import Visitor
-from mbot_agent.network.session_guard import MOST_QUERIES, SessionGuard
+from mbot_agent.network.session_guard import MOST_HELD_BYTES, MOST_QUERIES, SessionGuard
 from mbot_protocol.keys import Right
 
 from ..until import until
@@ -75,27 +77,111 @@ def test_who_floods_is_shown_out() -> None:
     hers.close()
 
 
-def test_a_flood_is_told_of_and_a_few_questions_are_not() -> None:
+def test_a_flood_is_told_of_while_it_lasts_and_a_page_that_opens_is_not() -> None:
     told: list[float] = []
     asked = 0
-    with SessionGuard(Access(), list, lambda: asked, lambda: told.append(time.monotonic())):
-        for each, fires in ((MOST_QUERIES // 2, False), (3 * MOST_QUERIES, True)):
-            end_s = time.monotonic() + 2.5
-            while time.monotonic() < end_s:
-                asked += each // 10
-                time.sleep(0.1)
-            assert bool(told) is fires
+
+    def ask(each_100_ms: int, times: int) -> None:
+        nonlocal asked
+        for _ in range(times):
+            asked += each_100_ms
+            time.sleep(0.1)
+
+    with SessionGuard(ACCESS, list, lambda: asked, lambda: told.append(time.monotonic())):
+        ask(MOST_QUERIES // 2, 1)
+        ask(0, 12)
+        assert told == []
+        ask(MOST_QUERIES // 3, 13)
+        assert told
+        ask(0, 12)
+        seen = len(told)
+        ask(0, 12)
+        assert len(told) == seen
 
 
-def test_who_makes_the_daemon_hold_too_much_is_shown_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever it is that is held: here pages that this process really takes."""
-    monkeypatch.setattr(session_guard, "MOST_HELD_BYTES", 32 << 20)
+def test_who_says_much_at_once_and_seldom_is_no_flood() -> None:
+    """Messages are told from bytes."""
     ours, hers, visitor = linked()
     with SessionGuard(ACCESS, lambda: [visitor]):
-        time.sleep(0.5)
-        assert not is_shut(hers)
-        held = b"x" * (48 << 20)
-        assert until(lambda: is_shut(hers), 3)
-        assert len(held) > 0
+        for _ in range(5):
+            hers.sendall(bytes(2_000))
+            time.sleep(0.1)
+            assert not is_shut(hers)
     ours.close()
     hers.close()
+
+
+@pytest.mark.parametrize("access", [ACCESS, Access()])
+def test_leaving_ends_its_thread_at_once(access: Access) -> None:
+    with SessionGuard(access, list) as guard:
+        thread = guard._thread  # pyright: ignore[reportPrivateUsage]
+        time.sleep(0.05)
+        began_s = time.monotonic()
+    assert not thread.is_alive()
+    assert time.monotonic() - began_s < 0.8
+
+
+def test_it_looks_when_somebody_has_come_and_else_now_and_then() -> None:
+    looks: list[float] = []
+
+    def links() -> list[Visitor]:
+        looks.append(time.monotonic())
+        return []
+
+    with SessionGuard(ACCESS, links) as guard:
+        time.sleep(0.5)
+        assert 2 <= len(looks) <= 6
+        for _ in range(10):
+            seen = len(looks)
+            guard.look_now()
+            assert until(lambda seen=seen: len(looks) > seen)
+        assert looks[-1] - looks[-11] < 0.9, "at once"
+        seen = len(looks)
+        time.sleep(0.3)
+        assert len(looks) - seen <= 4
+    with SessionGuard(Access(), links) as guard:
+        seen = len(looks)
+        guard.look_now()
+        time.sleep(0.1)
+    assert len(looks) == seen, "without certificates there is nobody to be shown out"
+
+
+def test_what_is_no_tcp_link_is_none_of_its_business() -> None:
+    """Sockets of the journal's and systemd's kind, pipes and files; and it keeps none of them."""
+    ours, hers, visitor = linked()
+    stranger = Visitor("person:nick", visitor.address, "a session")
+    one, other = socket.socketpair()
+    with one, other, ours, hers:
+        kept = len(list(Path("/proc/self/fd").iterdir()))
+        with SessionGuard(ACCESS, lambda: [Visitor("person:vera", ("10.0.0.7", 1), "gone")]):
+            time.sleep(0.35)
+        assert len(list(Path("/proc/self/fd").iterdir())) <= kept
+        gone = replace(stranger, address=("10.0.0.7", 1))
+        with SessionGuard(ACCESS, lambda: [gone, stranger]):
+            assert until(lambda: is_shut(hers), 3)
+        one.sendall(b"x")
+        assert other.recv(1) == b"x"
+
+
+def test_when_too_much_is_held_they_go_and_may_come_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    held = 50 << 20
+    monkeypatch.setattr(session_guard, "anonymous_bytes", lambda: held)
+    ours, hers, visitor = linked()
+    people = {"vera": (Right.VIEW,), "dora": (Right.DRIVE,)}
+    busy, busy_end, dora = linked()
+    visitors = [visitor, replace(dora, name="person:dora")]
+    busy_end.sendall(bytes(5000))
+    with SessionGuard(Access(people=people), lambda: visitors):
+        held += MOST_HELD_BYTES
+        time.sleep(0.3)
+        assert not is_shut(hers)
+        held += 1
+        assert until(lambda: is_shut(hers) and is_shut(busy_end), 3)
+        again, again_end, vera = linked()
+        visitors[:] = [vera]
+        time.sleep(0.3)
+        assert not is_shut(again_end), "it is held still, and not for her"
+        held += MOST_HELD_BYTES // 2 + 1
+        assert until(lambda: is_shut(again_end), 3)
+    for end in (ours, hers, busy, busy_end, again, again_end):
+        end.close()

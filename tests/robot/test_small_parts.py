@@ -14,6 +14,8 @@ from mbot_agent.network.health import read_health
 from mbot_agent.network.pulse import Pulse
 from mbot_agent.process.service_manager import notify
 
+from ..until import until
+
 
 def test_what_is_a_device_and_what_an_address() -> None:
     assert device_index("0") == device_index("/dev/video0") == 0
@@ -64,9 +66,22 @@ def test_systemd_hears_what_it_is_told(tmp_path: Path, monkeypatch: pytest.Monke
 def test_a_stop_service_that_is_silent_is_not_taken_for_answering() -> None:
     answers = iter([True, False])
     probe = Pulse(lambda _timeout_s: next(answers))
+    began_ns = probe.answered_ns
     probe.ask()
     answered_ns = probe.answered_ns
+    assert answered_ns > began_ns
     probe.ask()
     assert probe.answered_ns == answered_ns
     probe.ask()  # asking raises: as if silent
     assert probe.answered_ns == answered_ns
+
+
+def test_the_daemon_asks_itself_again_and_again_until_its_end() -> None:
+    asked: list[float] = []
+    with Pulse(lambda timeout_s: asked.append(timeout_s) is None) as pulse:
+        assert until(lambda: len(asked) >= 2)
+        answered_ns = pulse.answered_ns
+        assert until(lambda: pulse.answered_ns > answered_ns)
+        thread = pulse._thread  # pyright: ignore[reportPrivateUsage]
+    assert not thread.is_alive()
+    assert len(asked) <= 4

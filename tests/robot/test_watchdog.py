@@ -6,7 +6,9 @@ from mbot_agent.process import watchdog
 from mbot_agent.process.watchdog import LONGEST_PAUSE_NS, Watchdog
 
 
-def test_it_is_fed_only_while_every_part_makes_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_is_fed_only_while_every_part_makes_progress(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     told: list[str] = []
     monkeypatch.setattr(watchdog, "notify", told.append)
     now_ns = time.monotonic_ns()
@@ -15,10 +17,18 @@ def test_it_is_fed_only_while_every_part_makes_progress(monkeypatch: pytest.Monk
     dog = Watchdog({name: lambda name=name: seen[name] for name in seen})
     assert dog.feed("running")
     assert told == ["WATCHDOG=1\nSTATUS=running"]
-    now_ns += LONGEST_PAUSE_NS + 1
+    now_ns += LONGEST_PAUSE_NS
+    assert dog.feed("running")
+    now_ns += 1
     seen["motors"] = now_ns
-    assert not dog.feed("running")
-    assert told[1:] == ["STATUS=running"]
+    for _ in range(2):
+        assert not dog.feed("running")
+    assert told[2:] == ["STATUS=running"] * 2
     seen["serve stop"] = now_ns
-    assert dog.feed("stopped")
-    assert told[2:] == ["WATCHDOG=1\nSTATUS=stopped"]
+    for _ in range(2):
+        assert dog.feed("stopped")
+    assert told[4:] == ["WATCHDOG=1\nSTATUS=stopped"] * 2
+    assert [record.getMessage() for record in caplog.records] == [
+        "no progress: serve stop; the watchdog is not fed",
+        "all parts make progress again",
+    ]
