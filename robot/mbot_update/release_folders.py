@@ -106,11 +106,7 @@ class ReleaseFolders:
         new.unlink(missing_ok=True)
         os.symlink(Path("releases") / version, new)
         os.rename(new, self._link)
-        directory = os.open(self.application, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-        try:
-            os.fsync(directory)
-        finally:
-            os.close(directory)
+        atomic_file.sync_directory(self.application)
 
     def remove(self, version: str) -> None:
         """Delete a release, its mark first: what is left of a broken-off removal is not whole."""

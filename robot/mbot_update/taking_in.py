@@ -82,24 +82,21 @@ def unpack(
     """
     if folders.incoming.exists():
         shutil.rmtree(folders.incoming)
-    folders.incoming.mkdir(mode=0o700, parents=True)
-    kept: list[tuple[bytes, bytes]] = []
+    folders.incoming.mkdir(mode=0o700)
 
     def judge(data: bytes, signatures: bytes) -> ReleaseManifest:
         if trusted is not None:
             release_manifest.verify(data, signatures, trusted, system.has_signed)
         manifest = release_manifest.decode(data)
         _check(folders, manifest, data, by_hand=trusted is None)
-        kept.append((data, signatures))
+        (folders.incoming / "manifest.json").write_bytes(data)
+        (folders.incoming / "manifest.sig").write_bytes(signatures)
         return manifest
 
     try:
-        manifest = release_archive.read(archive, judge, partial(_place, folders.incoming))
-        for name, data in zip(("manifest.json", "manifest.sig"), kept[0], strict=True):
-            (folders.incoming / name).write_bytes(data)
+        return release_archive.read(archive, judge, partial(_place, folders.incoming))
     except OSError as error:
         raise RefusedError(f"cannot take the release in: {error.strerror}") from None
-    return manifest
 
 
 def build(folders: ReleaseFolders, manifest: ReleaseManifest) -> None:
@@ -116,7 +113,6 @@ def build(folders: ReleaseFolders, manifest: ReleaseManifest) -> None:
     folder = folders.release(manifest.version)
     if folder.exists():
         shutil.rmtree(folder)
-    folder.mkdir(parents=True)
     incoming, venv = folders.incoming, folder / "venv"
     packages = ["-I", "-m", "compileall", "-q", str(venv / "lib")]
     try:
@@ -131,7 +127,6 @@ def build(folders: ReleaseFolders, manifest: ReleaseManifest) -> None:
         if (incoming / name).exists():
             (incoming / name).rename(folder / name)
     folders.finish(manifest.version)
-    shutil.rmtree(incoming, ignore_errors=True)
 
 
 def _run(command: list[str]) -> None:

@@ -72,7 +72,7 @@ def change_over(folders: ReleaseFolders, version: str, number: str = "", floor: 
     if version == old:
         short_lives.begin_anew(folders)
         outcome = Outcome(number, version, "installed", version)
-        folders.note(replace(folders.ledger.accepted(version, old, floor), outcome=outcome))
+        folders.note(replace(folders.ledger.accepted(version, version, floor), outcome=outcome))
         return outcome
     if before.is_armed:
         raise RefusedError("the robot has been set in motion: stop it and try again")
@@ -164,8 +164,8 @@ def put_back_by_itself(folders: ReleaseFolders) -> Outcome:
     system.reload_units()
     system.start_without_waiting()
     previous = "" if target == ledger.previous else ledger.previous
-    if _note_if_possible(folders, replace(ledger, came_from="", previous=previous)):
-        folders.sweep()
+    folders.sweep()  # first: on a disk that was full there is room for a note again
+    _note_if_possible(folders, replace(ledger, came_from="", previous=previous))
     return outcome
 
 
@@ -192,19 +192,17 @@ def _go_back(folders: ReleaseFolders, version: str, number: str, why: str) -> Ou
     runs = f"{old} runs again" if system.restart() else f"{old} is back, but not READY"
     outcome = Outcome(number, version, "rolled-back", f"{why}; {runs}")
     ledger = replace(folders.ledger.with_rejected(version, why), came_from="", outcome=outcome)
-    if _note_if_possible(folders, ledger):
-        folders.sweep()
+    folders.sweep()  # first: on a disk that was full there is room for a note again
+    _note_if_possible(folders, ledger)
     return outcome
 
 
-def _note_if_possible(folders: ReleaseFolders, ledger: Ledger) -> bool:
-    """Whether it is noted: a robot that drives matters more than a disk that is full."""
+def _note_if_possible(folders: ReleaseFolders, ledger: Ledger) -> None:
+    """A robot that drives matters more than a disk that is full."""
     try:
         folders.note(ledger)
     except OSError as error:
         print(f"mbot-agent: not noted: {error}", file=sys.stderr)
-        return False
-    return True
 
 
 def _refused(folders: ReleaseFolders, number: str, error: MbotError) -> Outcome:

@@ -11,6 +11,7 @@ from mbot_protocol import atomic_file
 from mbot_protocol.errors import RefusedError
 from mbot_protocol.release_ledger import BUSY, Ledger, Outcome
 from mbot_update import release_folders, short_lives, system, taking_in, update_steps
+from mbot_update.release_folders import BEFORE_RELEASES
 
 from .release_bench import HEALTHY, SPARE, Robot, archive
 
@@ -193,10 +194,33 @@ def test_a_wrong_configuration_puts_nothing_back(robot: Robot, tmp_path: Path) -
 def test_a_person_goes_back_and_forth(robot: Robot, tmp_path: Path) -> None:
     robot.receives(archive(tmp_path))
     update_steps.work(robot.folders)
+    robot.folders.lives.write_text("0.2 9\n")
     update_steps.put_back_by_hand(robot.folders)
     assert robot.folders.current == "0.1"
     update_steps.put_back_by_hand(robot.folders)
     assert robot.folders.current == "0.2"
+    assert short_lives.short_lives(robot.folders) == 0, "it has another nine lives"
+
+
+@pytest.mark.parametrize(("state", "previous"), [("active", ""), ("inactive", BEFORE_RELEASES)])
+def test_one_of_before_releases_goes_once_another_has_shown_itself_in_its_place(
+    robot: Robot, tmp_path: Path, state: str, previous: str
+) -> None:
+    robot.has(BEFORE_RELEASES)
+    robot.folders.switch(BEFORE_RELEASES)
+    robot.system.service = replace(HEALTHY, state=state)
+    with archive(tmp_path).open("rb") as file:
+        outcome = update_steps.update(robot.folders, file)
+    assert outcome.detail == ("0.2 runs" if state == "active" else "0.2")
+    assert robot.folders.ledger.previous == previous
+    assert robot.folders.is_whole(BEFORE_RELEASES) == bool(previous)
+
+
+def test_a_request_that_nobody_can_read_is_refused_and_gone(robot: Robot) -> None:
+    os.mkfifo(robot.folders.inbox / "request")
+    outcome = update_steps.work(robot.folders)
+    assert (outcome.request, outcome.phase) == ("", "refused")
+    assert list(robot.folders.inbox.iterdir()) == []
 
 
 @pytest.mark.parametrize("fate", ["good", "mute"])
@@ -474,14 +498,14 @@ def test_killed_at_any_step_of_putting_back_the_dead_one_is_not_taken_again(
 
 
 class FullDisk:
-    """Takes no note any more, from when it is told so."""
+    """Takes no note any more, from when it is told so, or while what fills it is there."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, filled_by: Path = Path("/")) -> None:
         self.full = False
         whole = atomic_file.replace
 
         def replace_if_room(path: Path, data: bytes, *, mode: int = 0o666) -> None:
-            if self.full and path.name == "ledger.json":
+            if self.full and filled_by.exists() and path.name == "ledger.json":
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             whole(path, data, mode=mode)
 
@@ -507,6 +531,22 @@ def test_a_disk_that_fills_up_during_a_trial_leaves_the_old_release_running(
     disk.full = False
     update_steps.recover(robot.folders)
     assert (robot.folders.current, robot.folders.ledger.came_from) == ("0.1", "")
+
+
+def test_what_fills_the_disk_goes_before_that_is_noted(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disk = FullDisk(monkeypatch, robot.folders.release("0.2"))
+
+    def fill(step: str) -> None:
+        disk.full |= step == "restart"
+
+    robot.system.before = fill
+    robot.receives(archive(tmp_path))
+    assert update_steps.work(robot.folders).phase == "rolled-back"
+    ledger = robot.folders.ledger
+    assert (ledger.came_from, ledger.outcome.phase) == ("", "rolled-back")
+    assert "the disk takes no note of it" in ledger.rejected["0.2"]
 
 
 def test_a_full_disk_keeps_no_dead_release_from_going_back(

@@ -113,10 +113,10 @@ def confine() -> bool:
     program = bpf(machine)
     buffer = ctypes.create_string_buffer(program, len(program))
     header = struct.pack("HxxxxxxP", len(program) // 8, ctypes.addressof(buffer))
-    libc = ctypes.CDLL(None, use_errno=True)
+    libc = ctypes.CDLL(None)
     return (
         libc.prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0
-        and libc.prctl(_PR_SET_SECCOMP, _FILTER, ctypes.c_char_p(header), 0, 0) == 0
+        and libc.prctl(_PR_SET_SECCOMP, _FILTER, ctypes.c_char_p(header)) == 0
         and alone
     )
 

@@ -186,15 +186,15 @@ class ModelKeeper:
         """Do what follows from a verdict on the model in use; an outdated one changes nothing."""
         sha256 = verdict.sha256
         with self._turn:
-            if sha256 != self.active_sha256:
+            in_use = self._in_use
+            if in_use is None or sha256 != in_use.policy.sha256:
                 return  # a person was faster
             if verdict.finding is Finding.BROKEN:
                 self._go_back(sha256, verdict.reason)
             elif verdict.finding is Finding.SURVIVED:
                 self._change("survival", Activation.survived)
             elif self._change("proof", lambda a: a.proved(sha256)):
-                if self._in_use is not None:
-                    self._in_use = replace(self._in_use, proven=True)
+                self._in_use = replace(in_use, proven=True)
                 self._turn.say(logging.INFO, "model %s has proven itself", sha256[:12])
 
     def check_active(self, expected_sha256: str) -> None:

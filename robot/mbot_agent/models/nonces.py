@@ -28,7 +28,6 @@ class Nonces:
         """A new number, in hexadecimal."""
         nonce = secrets.token_hex(NONCE_BYTES)
         with self._lock:
-            self._forget_expired()
             while len(self._issued_s) >= MOST_OUTSTANDING:
                 del self._issued_s[next(iter(self._issued_s))]
             self._issued_s[nonce] = time.monotonic()
@@ -37,10 +36,5 @@ class Nonces:
     def use(self, nonce: str) -> bool:
         """Whether the number was handed out, is young enough and unused; now it is used."""
         with self._lock:
-            self._forget_expired()
-            return self._issued_s.pop(nonce, None) is not None
-
-    def _forget_expired(self) -> None:
-        oldest_s = time.monotonic() - LIFETIME_S
-        for nonce in [n for n, issued_s in self._issued_s.items() if issued_s < oldest_s]:
-            del self._issued_s[nonce]
+            issued_s = self._issued_s.pop(nonce, None)
+        return issued_s is not None and time.monotonic() - issued_s <= LIFETIME_S

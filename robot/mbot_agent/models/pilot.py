@@ -21,7 +21,7 @@ class Pilot:
         self._policy: Policy | None = None
         self._memory: Memory | None = None  # None: zeros
         self._answer: Answer | None = None
-        self._trial = Trial("", 0, lambda _: None)
+        self._trial: Trial  # of the policy, and with it
         self._given_up: Fault | None = None
         self._incoming: deque[tuple[Policy, Trial]] = deque()
 

@@ -12,7 +12,7 @@ class Turn:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._holder = 0
+        self._holder: int | None = None
         self._said: list[tuple[int, str, tuple[object, ...]]] = []
 
     def __enter__(self) -> Self:
@@ -21,7 +21,7 @@ class Turn:
         return self
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
-        said, self._said, self._holder = self._said, [], 0
+        said, self._said, self._holder = self._said, [], None
         self._lock.release()
         for level, line, values in said:
             log.log(level, line, *values)

@@ -8,12 +8,13 @@ import contextlib
 import logging
 import os
 import platform
-import re
 import shutil
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import IO
 
 from mbot_agent.intake.pieces import STAGING_EXPIRES_S, Pieces
 from mbot_agent.releases.own_release import ARCHIVE, REQUEST, update_goes_on
@@ -32,6 +33,15 @@ LONGEST_S = 1800.0
 
 _SENDER = "the workstation"
 _ARCHITECTURES = {"aarch64": "arm64", "x86_64": "amd64"}
+
+
+@dataclass(frozen=True, slots=True)
+class _Push:
+    """One on its way in: its manifest as announced, and what there is of the archive."""
+
+    manifest: bytes
+    file: IO[bytes]
+    pieces: Pieces
 
 
 class ReleaseService:
@@ -67,9 +77,7 @@ class ReleaseService:
         self._is_armed = is_armed
         self._running = running
         self._application = application
-        self._pieces: Pieces | None = None
-        self._file: int | None = None
-        self._manifest = b""
+        self._push: _Push | None = None
 
     @property
     def answers(self) -> dict[str, Callable[[bytes], bytes]]:
@@ -130,7 +138,7 @@ class ReleaseService:
                 f"the release is for robot {request.robot_id[:80]!r}, this one is "
                 f"{self._robot_id!r}"
             )
-        if self._pieces is not None and not self._pieces.has_expired:
+        if self._push is not None and not self._push.pieces.has_expired:
             raise RefusedError(f"another push is under way; try again in {STAGING_EXPIRES_S:.0f} s")
         self._give_up()
         manifest = self._judge(request.manifest, request.signatures)
@@ -141,31 +149,32 @@ class ReleaseService:
         ledger = read_ledger(self._application / "ledger.json")
         check_release(manifest, ledger, self._computer(), needed_bytes)
         self._inbox.mkdir(mode=0o700, parents=True, exist_ok=True)
-        flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC
-        self._file = os.open(self._inbox / ARCHIVE, flags, 0o600)
-        self._manifest = request.manifest
-        self._pieces = Pieces(size_bytes, LONGEST_S, partial(_write, self._file))
-        reply.push_id = self._pieces.push_id
+        file = open(self._inbox / ARCHIVE, "wb", opener=_private)  # noqa: SIM115
+        pieces = Pieces(size_bytes, LONGEST_S, file.write)
+        self._push = _Push(request.manifest, file, pieces)
+        reply.push_id = pieces.push_id
 
     def _chunk(self, payload: bytes, reply: messages.PushReply) -> None:
         request = decode(messages.PushChunk, payload, _SENDER)
-        pieces = self._under_way(request.push_id)
+        pieces = self._under_way(request.push_id).pieces
         pieces.add(request.offset_bytes, request.data)
         reply.push_id, reply.received_bytes = pieces.push_id, pieces.received_bytes
 
     def _commit(self, payload: bytes, reply: messages.PushReply) -> None:
         request = decode(messages.PushCommit, payload, _SENDER)
-        pieces = self._under_way(request.push_id)
+        push = self._under_way(request.push_id)
+        pieces = push.pieces
         pieces.check_whole()
-        if self._file is not None:
-            os.fsync(self._file)
+        push.file.flush()
+        os.fsync(push.file.fileno())
         try:
             with (self._inbox / ARCHIVE).open("rb") as archive:
-                release_archive.read(archive, self._judge_same)
+                release_archive.read(archive, partial(self._judge_same, push.manifest))
         except MbotError:
             self._give_up()
             raise
-        self._close()
+        push.file.close()
+        self._push = None
         atomic_file.replace(self._inbox / REQUEST, pieces.push_id.encode())
         log.info("a release has been received; the updater takes over")
         reply.push_id, reply.received_bytes = pieces.push_id, pieces.received_bytes
@@ -181,8 +190,8 @@ class ReleaseService:
             raise RefusedError(f"{found.version} runs on this robot already")
         return found
 
-    def _judge_same(self, manifest: bytes, signatures: bytes) -> ReleaseManifest:
-        if manifest != self._manifest:
+    def _judge_same(self, announced: bytes, manifest: bytes, signatures: bytes) -> ReleaseManifest:
+        if manifest != announced:
             raise RefusedError("the archive is another release than was announced: push again")
         return self._judge(manifest, signatures)
 
@@ -193,39 +202,31 @@ class ReleaseService:
         if update_goes_on(self._inbox):
             raise RefusedError("an update is under way: wait for its end")
 
-    def _under_way(self, push_id: str) -> Pieces:
-        pieces = self._pieces
-        if pieces is None or pieces.has_expired or pieces.push_id != push_id:
+    def _under_way(self, push_id: str) -> _Push:
+        push = self._push
+        if push is None or push.pieces.has_expired or push.pieces.push_id != push_id:
             raise RefusedError("this push is not under way (any more): push again")
-        return pieces
-
-    def _close(self) -> None:
-        self._pieces = None
-        if self._file is not None:
-            file, self._file = self._file, None
-            with contextlib.suppress(OSError):
-                os.close(file)
+        return push
 
     def _give_up(self) -> None:
-        if self._pieces is not None:
-            self._close()
+        if self._push is not None:
+            with contextlib.suppress(OSError):  # what it could not write it need not
+                self._push.file.close()
+            self._push = None
             atomic_file.remove(self._inbox / ARCHIVE)
 
     def _computer(self) -> Computer:
         try:
-            text = Path("/etc/os-release").read_text()
+            system = platform.freedesktop_os_release()
         except OSError:
-            text = ""
-        name = re.search(r'^VERSION_CODENAME="?([a-z]*)', text, re.MULTILINE)
+            system = dict[str, str]()
         return Computer(
-            name[1] if name else "unknown",
+            system.get("VERSION_CODENAME", "unknown"),
             _ARCHITECTURES.get(platform.machine(), platform.machine()),
             f"{sys.version_info.major}.{sys.version_info.minor}",
             shutil.disk_usage(self._application).free,
         )
 
 
-def _write(file: int, data: bytes) -> None:
-    rest = memoryview(data)
-    while rest:
-        rest = rest[os.write(file, rest) :]
+def _private(path: str, flags: int) -> int:
+    return os.open(path, flags, 0o600)

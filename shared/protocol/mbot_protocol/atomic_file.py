@@ -38,7 +38,7 @@ def replace(path: Path, data: bytes, *, mode: int = 0o666) -> None:
         _discard(temporary)
         raise
     try:
-        _sync_directory(path.parent)
+        sync_directory(path.parent)
     except OSError:
         # The rename has happened, but who knows whether it will be there tomorrow. Refusing means
         # that the old content has to be back now, and whole, should the power fail before the next.
@@ -66,6 +66,15 @@ def remove(path: Path) -> None:
     """Delete a file if it is there; that this reaches the disk is not waited for."""
     with contextlib.suppress(OSError):
         os.unlink(path)
+
+
+def sync_directory(path: Path) -> None:
+    """What has been renamed there has reached the disk on return; raises OSError if it has not."""
+    directory = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(directory)
+    finally:
+        os.close(directory)
 
 
 def _written(path: Path, data: bytes, mode: int) -> Path:
@@ -104,11 +113,3 @@ def _put_back(path: Path, content: bytes | None, mode: int) -> None:
 def _discard(temporary: Path) -> None:
     with contextlib.suppress(OSError):
         os.unlink(temporary)
-
-
-def _sync_directory(path: Path) -> None:
-    directory = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        os.fsync(directory)
-    finally:
-        os.close(directory)

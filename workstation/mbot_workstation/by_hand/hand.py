@@ -3,6 +3,7 @@
 Pure but for what it remembers; the clock is handed in.
 """
 
+from collections import defaultdict
 from dataclasses import dataclass
 
 import msgspec
@@ -68,7 +69,7 @@ class Hand:
 
     def __init__(self) -> None:
         self._grip: Grip | None = None
-        self._over: dict[int, int] = {}
+        self._over: defaultdict[int, int] = defaultdict(int)
         self._fastest_s: dict[int, float] = {}
 
     def repeat(self, owner: int, said: HandRepeat, now_s: float) -> str:
@@ -78,9 +79,9 @@ class Hand:
         self._fastest_s[owner] = fastest_s
         held = self.held(now_s)
         if held is not None and held.owner != owner:
-            self._over[owner] = max(said.press, self._over.get(owner, 0))
+            self._over[owner] = max(said.press, self._over[owner])
             return "somebody else drives by hand now"
-        if said.press <= self._over.get(owner, 0):
+        if said.press <= self._over[owner]:
             return "let go first, then take hold again"
         if travel_s - fastest_s > HELD_UP_S:
             return f"held up for {travel_s - fastest_s:.1f} s on its way"
@@ -102,7 +103,7 @@ class Hand:
         """A page lets go: of this press and those before; of whatever it holds, if not given."""
         held = self._grip if self._grip is not None and self._grip.owner == owner else None
         ended = press if press is not None else held.press if held is not None else 0
-        self._over[owner] = max(ended, self._over.get(owner, 0))
+        self._over[owner] = max(ended, self._over[owner])
         if held is not None and held.press <= ended:
             self._grip = None
 

@@ -44,7 +44,7 @@ class HandDrive:
         self._hand = Hand()
         self._driving: Grip | None = None
         self._presses = 0  # as the robot counts them, for which all pages are one hand
-        self._sent_s = 0.0
+        self._sent_s: float | None = None
         self._news = threading.Condition()
         self._is_news = False
         self._closing = False

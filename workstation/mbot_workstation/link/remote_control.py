@@ -85,11 +85,9 @@ class RemoteControl:
     ) -> None:
         self._link = link
         self._monotonic_ns = monotonic_ns
-        self._session_id = 0
-        self._stop_count = 0
         self._sender_id = secrets.randbits(63) | 1
         self._numbers = itertools.count(1)
-        self._clock: RobotClock | None = None
+        self._seen: tuple[RobotClock, Status] | None = None
 
     def synchronise(self) -> Status:
         """Learn the robot's session, clock and last stop anew; before what may set it in motion.
@@ -106,9 +104,7 @@ class RemoteControl:
                 "mbot-agent, or connect to the robot itself"
             )
         status = self._link.status()
-        self._clock = RobotClock(status.now_monotonic_ns, self._monotonic_ns())
-        self._session_id = status.session_id
-        self._stop_count = status.last_stop.count
+        self._seen = RobotClock(status.now_monotonic_ns, self._monotonic_ns()), status
         return status
 
     def catch_up(self, seen_stops: int) -> Status:
@@ -121,7 +117,6 @@ class RemoteControl:
         """
         status = self.synchronise()
         if status.last_stop.count != seen_stops:
-            self._clock = None
             raise RefusedError(
                 f"robot {self._link.robot_id}: {stop_words(status)}; look, then do it again"
             )
@@ -192,7 +187,7 @@ class RemoteControl:
             NotStandingError: the robot is disarmed, but eight times its board did not confirm.
 
         """
-        self._clock = None  # whatever comes after this has to look first
+        self._seen = None  # whatever comes after this has to look first
         unheard = unconfirmed = 0
         while True:
             try:
@@ -219,12 +214,13 @@ class RemoteControl:
             time.sleep(CONFIRM_PAUSE_S)
 
     def _send(self, command: Command, good_for_s: float = TIME_TO_LIVE_S) -> str:
-        if self._clock is None:
+        if self._seen is None:
             self.synchronise()
-        assert self._clock is not None
-        command.session_id = self._session_id
-        command.expires_monotonic_ns = self._clock.expiry_ns(self._monotonic_ns(), good_for_s)
-        command.stop_count = self._stop_count
+        assert self._seen is not None
+        clock, status = self._seen
+        command.session_id = status.session_id
+        command.expires_monotonic_ns = clock.expiry_ns(self._monotonic_ns(), good_for_s)
+        command.stop_count = status.last_stop.count
         command.sender_id = self._sender_id
         command.number = next(self._numbers)
         return state_word(self._ask(COMMAND, command, TIME_TO_LIVE_S + 1.0).state)
