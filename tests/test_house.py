@@ -56,6 +56,14 @@ def test_few_files_lie_loose(folder: str, most: int) -> None:
     assert len(loose) <= most, loose
 
 
+def test_no_thread_holds_up_the_end_of_its_process() -> None:
+    for path in modules():
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "threading.Thread":
+                named = {word.arg: ast.unparse(word.value) for word in node.keywords}
+                assert named.get("daemon") == "True", f"{path}:{node.lineno}"
+
+
 def test_every_room_says_what_it_is_for() -> None:
     rooms = [p for p in modules() if p.name == "__init__.py"]
     silent = [str(p) for p in rooms if not ast.get_docstring(ast.parse(p.read_text()))]

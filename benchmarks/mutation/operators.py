@@ -34,6 +34,9 @@ _COMPUTED: dict[type[ast.operator], type[ast.operator]] = {
     ast.BitOr: ast.BitAnd,
 }
 
+LARGE = 1000
+"""From here on a number is doubled, not one more."""
+
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 Change = Callable[[ast.AST], ast.AST]
 
@@ -118,9 +121,13 @@ def _changes(function: Function) -> Iterator[tuple[ast.AST, str, int, Change]]:
 
 
 def _nodes_that_act(node: ast.AST) -> Iterator[ast.AST]:
-    """All below, but what only tells: log lines, errors' words, types, docstrings."""
+    """All below, but what only tells: log lines, errors' words, types, docstrings; and whether a
+    thread holds up the end of the process, which a house rule watches.
+    """
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.JoinedStr | ast.arguments | ast.Assert) or _only_tells(child):
+            continue
+        if isinstance(child, ast.keyword) and child.arg == "daemon":
             continue
         if isinstance(child, ast.expr) and child is getattr(node, "annotation", None):
             continue
@@ -166,6 +173,8 @@ def _in_what_is_computed(node: ast.AST) -> Iterator[tuple[str, Change]]:
             | ast.AugAssign(op=op, target=left, value=right)
         ) if type(op) in _COMPUTED and not _is_text(left) and not _is_text(right):
             yield "arithmetic", _arithmetic
+        case ast.Call(func=ast.Name("max" | "min")):
+            return
         case ast.Call(args=[first, second, *_]) if ast.dump(first) != ast.dump(second):
             yield "arguments swapped", _swapped
         case _:
@@ -226,7 +235,10 @@ def _constant(copied: ast.AST) -> ast.AST:
     assert isinstance(copied, ast.Constant)
     value = copied.value
     assert isinstance(value, bool | int | float)
-    copied.value = not value if isinstance(value, bool) else value + 1
+    if isinstance(value, bool):
+        copied.value = not value
+    else:  # of a million nobody would notice one more
+        copied.value = value + 1 if abs(value) < LARGE else 2 * value
     return copied
 
 

@@ -8,6 +8,7 @@ _ROBOT, _PROTOCOL, _WORKSTATION = "robot", "shared/protocol", "workstation"
 _FILES = (
     (_ROBOT, "mbot_agent", "arming helm control_loop metronome"),
     (_ROBOT, "mbot_agent/board", "board_session motors motor_stop"),
+    (_ROBOT, "mbot_agent/camera", "capture picture_check stuck"),
     (_ROBOT, "mbot_agent/commands", "command_service stop_service"),
     (_ROBOT, "mbot_agent/models", "activation confinement model_keeper nonces pilot"),
     (_ROBOT, "mbot_agent/models", "sequence_floors staging trial trust turn"),

@@ -227,7 +227,7 @@ def test_nobody_wakes_a_command_that_waits_for_its_acknowledgement(
     looks = 0
     read = session._read  # pyright: ignore[reportPrivateUsage]
 
-    def counted(timeout_s: float, *, wakeable: bool = True) -> object:
+    def counted(timeout_s: float, *, wakeable: bool = False) -> object:
         nonlocal looks
         looks += 1
         return read(timeout_s, wakeable=wakeable)

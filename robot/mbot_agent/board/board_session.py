@@ -102,7 +102,7 @@ class BoardSession:
             again = time.monotonic() + VERSION_INTERVAL_S
             # Not wakeable: whoever wants to drive meanwhile has to wait, and must not be spun for.
             while time.monotonic() < again:
-                for reply in self._read(again - time.monotonic(), wakeable=False):
+                for reply in self._read(again - time.monotonic()):
                     if isinstance(reply, VersionReply):
                         self.version = reply.version
                         self.stop()
@@ -169,7 +169,7 @@ class BoardSession:
             BoardResetError: the board has been reset.
 
         """
-        for reply in self._read(timeout_s):
+        for reply in self._read(timeout_s, wakeable=True):
             if isinstance(reply, Banner):
                 raise BoardResetError(f"the board on {self.path} has been reset ({reply.version})")
 
@@ -179,7 +179,7 @@ class BoardSession:
         self._write(frame)
         deadline = time.monotonic() + ACKNOWLEDGE_TIMEOUT_S
         while (left := deadline - time.monotonic()) > 0:
-            replies = self._read(left, wakeable=False)
+            replies = self._read(left)
             # All of them are looked at: a banner behind the acknowledgement counts too.
             if any(isinstance(reply, Banner) for reply in replies):
                 raise BoardResetError(f"the board on {self.path} has been reset")
@@ -189,7 +189,7 @@ class BoardSession:
 
     def _drain(self) -> None:
         """Take in late replies, so that an old acknowledgement is not taken for the next one's."""
-        for reply in self._read(0.0, wakeable=False):
+        for reply in self._read(0.0):
             if isinstance(reply, Banner):
                 raise BoardResetError(f"the board on {self.path} has been reset")
 
@@ -199,7 +199,7 @@ class BoardSession:
         except (serial.SerialException, OSError) as error:
             raise BoardLostError(f"writing to {self.path} failed: {error}") from None
 
-    def _read(self, timeout_s: float, *, wakeable: bool = True) -> list[Reply]:
+    def _read(self, timeout_s: float, *, wakeable: bool = False) -> list[Reply]:
         fds = [self._fd, self._wake_fd] if wakeable else [self._fd]
         try:
             ready, _, _ = select.select(fds, [], [], max(0.0, timeout_s))

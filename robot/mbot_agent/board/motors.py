@@ -76,9 +76,8 @@ class Motors:
         return self
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
-        self.halt()
         self._closing = True
-        self._wake()
+        self.halt()
         self._thread.join(timeout=2.0)
 
     @property

@@ -40,7 +40,6 @@ class Link:
         self._configuration = configuration
         self._session: zenoh.Session | None = None
         self._publishers: dict[str, zenoh.Publisher] = {}
-        self._queryables: list[zenoh.Queryable[zenoh.handlers.Handler[zenoh.Query]]] = []
         self._replies: list[Replies] = []
         self._served: list[Listener] = []
         self._tokens: list[zenoh.LivelinessToken] = []
@@ -188,7 +187,6 @@ class Link:
         queryable = self._open_session.declare_queryable(
             key, zenoh.handlers.RingChannel(most_waiting)
         )
-        self._queryables.append(queryable)
         replies = Replies(name, reply_threads)
         self._replies.append(replies)
         listener = Listener(queryable, key, take, replies)
