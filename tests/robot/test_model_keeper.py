@@ -15,6 +15,7 @@ from mbot_agent.models import model_directory as model_store
 from mbot_agent.models import model_keeper
 from mbot_agent.models.policy import Policy
 from mbot_agent.models.trial import Finding, Trial, Verdict
+from mbot_agent.models.trust import Admission
 from mbot_protocol import atomic_file
 from mbot_protocol.errors import RefusedError
 from mbot_protocol.model_manifest import SignedManifest
@@ -136,6 +137,8 @@ def test_starts_that_end_in_order_are_not_held_against_a_model(robot: Robot) -> 
     for _ in range(5):
         with Robot(robot.directory).keeper as keeper:
             assert keeper.active_sha256 == digest(SECOND)
+            began_s = time.monotonic()
+        assert time.monotonic() - began_s < model_keeper.END_WAIT_S / 2, "nothing to wait for"
 
 
 def test_nor_are_those_that_lived_without_asking_it(robot: Robot) -> None:
@@ -305,6 +308,19 @@ class Told(list[tuple[Policy, Trial]]):
     def append(self, one: tuple[Policy, Trial]) -> None:
         super().append(one)
         self._told.append(len(self._robot.changes))
+
+
+def test_what_a_push_did_not_know_of_is_not_undone_by_it(robot: Robot) -> None:
+    robot.push(SECOND)
+    with pytest.raises(RefusedError, match=r"another model .* has become active meanwhile"):
+        robot.keeper.install(THIRD, digest(FIRST), Admission())
+    assert robot.active == Robot(robot.directory).active == "second"
+
+
+def test_an_older_push_is_refused_after_a_newer_one(robot: Robot) -> None:
+    late = sign(THIRD, robot.nonce())
+    robot.push(SECOND)
+    assert "is not above" in robot.push(THIRD, late).reason
 
 
 def test_an_older_push_is_refused_after_a_word_to_go_back(robot: Robot) -> None:
