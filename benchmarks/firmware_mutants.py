@@ -126,20 +126,25 @@ def main() -> int:
     parser.add_argument("--only", nargs="*", default=[], metavar="TEXT", help="names with this")
     parser.add_argument("--list", action="store_true", help="name them, and end")
     arguments = parser.parse_args()
-    equivalent = tomllib.loads(EQUIVALENT.read_text()).keys() if EQUIVALENT.exists() else set[str]()
+    named = {name for name in tomllib.loads(EQUIVALENT.read_text()) if name.startswith("firmware:")}
     generated = mutants()
-    tried = [one for one in generated if one.name not in equivalent]
+    if gone := named - {one.name for one in generated}:
+        print(f"{EQUIVALENT.name} names what is not generated: {', '.join(sorted(gone))}")
+        return 1
+    tried = [one for one in generated if one.name not in named]
     if arguments.only:
         tried = [one for one in tried if any(text in one.name for text in arguments.only)]
     if arguments.list:
         print("\n".join(f"{one.name}: {one.instead!r}" for one in tried))
         return 0
     began_s = time.monotonic()
+    judged: list[tuple[FirmwareMutant, str]] = []
     with ThreadPoolExecutor(WORKERS) as workers:
-        judged = list(zip(tried, workers.map(kills, tried), strict=True))
-    alive = [(one, what) for one, what in judged if what not in ("killed", "does not compile")]
-    for one, what in alive:
-        print(f"SURVIVES {one.name}: {what}")
+        for one, what in zip(tried, workers.map(kills, tried), strict=True):
+            judged.append((one, what))
+            if what not in ("killed", "does not compile"):
+                print(f"SURVIVES {one.name}: {what}", flush=True)
+    alive = [one for one, what in judged if what not in ("killed", "does not compile")]
     killed = sum(what == "killed" for _, what in judged)
     print(f"{len(generated)} generated; {killed} killed in {time.monotonic() - began_s:.0f} s")
     return 1 if alive else 0

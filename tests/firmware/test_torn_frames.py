@@ -114,3 +114,10 @@ def test_after_garbage_and_a_pause_one_plain_stop_is_enough(
         stop_ms, end_ms = 50 + 60 * i, 80 + 60 * i
         assert trace.replies(stop_ms, end_ms) == ACKNOWLEDGED, garbage.hex()
         assert trace.speeds_at(stop_ms + 3) == trace.speeds_at(end_ms - 0.1) == OFF, garbage.hex()
+
+
+def test_nothing_of_a_frame_that_was_obeyed_is_part_of_the_next(simulator: Simulator) -> None:
+    """A frame whose first byte is lost stays one, and the one before lends it none."""
+    beheaded = joystick(50, -50)[1:]
+    trace = simulator.run(ARMED, rx(20, DRIVE), rx(40, beheaded), end_ms=80)
+    assert trace.speeds_since(25) == {DRIVING}
