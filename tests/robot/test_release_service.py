@@ -5,6 +5,7 @@ import platform
 import subprocess
 import sys
 import time
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -183,17 +184,19 @@ def test_the_request_comes_after_the_archive_has_reached_the_disk(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """After a power cut the updater finds all of it, or is asked for nothing."""
-    synced: list[str] = []
+    path = archive(tmp_path)
+    synced: list[tuple[str, int]] = []
     whole = os.fsync
 
     def fsync(descriptor: int) -> None:
         if not (robot.inbox / "request").exists():
-            synced.append(Path(f"/proc/self/fd/{descriptor}").readlink().name)
+            name = Path(f"/proc/self/fd/{descriptor}").readlink().name
+            synced.append((name, os.fstat(descriptor).st_size))
         whole(descriptor)
 
     monkeypatch.setattr(os, "fsync", fsync)
-    assert robot.send(archive(tmp_path)).accepted
-    assert synced[0] == "incoming.tar"
+    assert robot.send(path).accepted
+    assert synced[0] == ("incoming.tar", path.stat().st_size)
 
 
 def test_a_disk_that_refuses_is_a_reason(robot: Robot, tmp_path: Path) -> None:
@@ -210,19 +213,24 @@ def test_a_push_leaves_no_file_open_however_it_ends(
 ) -> None:
     path = archive(tmp_path)
     before = open_files()
-    robot.begin(path)
-    robot.armed = True
-    robot.begin(path)
-    robot.armed = False
-    assert open_files() == before, "given up"
-    assert robot.send(path).accepted
-    assert open_files() == before, "whole"
-    (robot.inbox / "request").unlink()  # as the updater does when it has taken it
-    assert robot.begin(path).accepted
-    later_s = time.monotonic() + pieces.STAGING_EXPIRES_S + 1
-    monkeypatch.setattr(time, "monotonic", lambda: later_s)
-    assert robot.begin(path).accepted
-    assert open_files() == before + 1, "forgotten, and begun anew"
+    with warnings.catch_warnings(record=True) as left_to_the_collector:
+        warnings.simplefilter("always", ResourceWarning)
+        robot.begin(path)
+        robot.armed = True
+        robot.begin(path)
+        robot.armed = False
+        assert open_files() == before, "given up"
+        assert robot.send(path).accepted
+        assert open_files() == before, "whole"
+        (robot.inbox / "request").unlink()  # as the updater does when it has taken it
+        assert robot.begin(path).accepted
+        later_s = time.monotonic() + pieces.STAGING_EXPIRES_S + 1
+        monkeypatch.setattr(time, "monotonic", lambda: later_s)
+        assert not robot.begin(path, "mbot-2").accepted
+        assert robot.begin(archive(tmp_path, "0.1")).reason
+        assert open_files() == before, "forgotten"
+        assert not (robot.inbox / "incoming.tar").exists()
+    assert left_to_the_collector == []
 
 
 def test_a_robot_knows_what_it_is(tmp_path: Path) -> None:

@@ -129,7 +129,12 @@ def test_the_boards_firmware_is_there_for_whoever_flashes_it(robot: Robot, tmp_p
 def test_a_build_that_fails_leaves_nothing(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(taking_in.system, "build", lambda *_: "no space left")
+    whole = robot.system.build
+
+    def build(command: list[str], timeout_s: float) -> str:
+        return "no space left" if "compileall" in command else whole(command, timeout_s)
+
+    monkeypatch.setattr(taking_in.system, "build", build)
     robot.receives(archive(tmp_path))
     assert "0.2 can't be built here: no space left" in refused(robot)
     with pytest.raises(RefusedError, match="no space left"):
@@ -225,8 +230,10 @@ def test_a_release_without_a_firmware_is_one(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delitem(FILES, "firmware/mbot-deadman.hex")
+    monkeypatch.setitem(FILES, "deploy/about/a/folder.txt", b"that comes first")
     assert by_hand(robot, archive(tmp_path)) == "installed"
     assert not (robot.folders.release("0.2") / "firmware").exists()
+    assert (robot.folders.release("0.2") / "deploy/about/a/folder.txt").exists()
 
 
 def test_a_disk_that_refuses_while_it_is_unpacked_is_a_reason(

@@ -4,6 +4,7 @@ import errno
 import os
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -11,7 +12,7 @@ from mbot_protocol import atomic_file
 from mbot_protocol.errors import RefusedError
 from mbot_protocol.release_ledger import BUSY, Ledger, Outcome
 from mbot_update import release_folders, short_lives, system, taking_in, update_steps
-from mbot_update.release_folders import BEFORE_RELEASES
+from mbot_update.release_folders import BEFORE_RELEASES, ReleaseFolders
 
 from .release_bench import HEALTHY, SPARE, Robot, archive
 
@@ -283,18 +284,29 @@ def _recovered(robot: Robot, found: set[tuple[str, str]]) -> None:
     found.add((folders.current, ledger.outcome.phase))
 
 
+@pytest.mark.parametrize("state", ["activating", "active", "inactive"])
+@pytest.mark.parametrize("failed_after_s", [0.0, 2.0, 60.0])
 def test_a_daemon_that_is_about_to_be_started_again_is_not_put_back(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, state: str, failed_after_s: float
 ) -> None:
     """systemd 254 and newer ask after every death."""
-    robot = Robot(tmp_path, monkeypatch)
-    monkeypatch.setattr(update_steps, "GIVES_UP_WITHIN_S", 0.3)
-    for state in ("activating", "active", "inactive"):
-        robot.system.service = replace(HEALTHY, state=state)
-        assert not update_steps.is_given_up(robot.folders)
-    states = iter([replace(HEALTHY, state="activating"), replace(HEALTHY, state="failed")])
-    monkeypatch.setattr(update_steps.system, "service", lambda: next(states))
-    assert update_steps.is_given_up(robot.folders)
+    Robot(tmp_path, monkeypatch)
+    now_s = 1000.0
+
+    def sleep(time_s: float) -> None:
+        nonlocal now_s
+        now_s += time_s
+
+    def service() -> system.Service:
+        return replace(HEALTHY, state="failed" if now_s - 1000.0 >= failed_after_s else state)
+
+    clock = SimpleNamespace(monotonic=lambda: now_s, sleep=sleep)
+    monkeypatch.setattr(update_steps, "time", clock)
+    monkeypatch.setattr(system, "service", service)
+    given_up = update_steps.is_given_up(ReleaseFolders(tmp_path))
+    assert given_up == (failed_after_s < update_steps.GIVES_UP_WITHIN_S)
+    assert now_s - 1000.0 >= min(failed_after_s, update_steps.GIVES_UP_WITHIN_S)
+    assert now_s - 1000.0 < update_steps.GIVES_UP_WITHIN_S + 2.0
 
 
 class Diary:
