@@ -4,6 +4,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 
 import pytest
 
@@ -250,3 +251,17 @@ def test_a_cable_that_is_pulled_is_named(wake: tuple[int, int]) -> None:
                 act(session)
             assert not isinstance(lost.value, UnacknowledgedError)
             session.__exit__(BoardLostError, lost.value, None)
+
+
+def test_a_port_that_takes_nothing_any_more_is_named(wake: tuple[int, int]) -> None:
+    board = FakeBoard()  # which reads nothing: it was never plugged in
+    session = BoardSession.open(board.path, BAUD_RATE, wake[0])
+    fd = session._fd  # pyright: ignore[reportPrivateUsage]
+    with suppress(BlockingIOError):
+        while True:
+            os.write(fd, bytes(1024))
+    with pytest.raises(BoardLostError, match=f"writing to {board.path} failed"):
+        session.send(FORWARD)
+    session.__exit__(BoardLostError, BoardLostError("as it was"), None)
+    with board:
+        pass

@@ -21,7 +21,7 @@ from mbot_protocol.picture import Observer, Picture
 from mbot_protocol.policy_contract import FULL_VIEW, FieldOfView, PolicyMetadata
 
 from .loop_bench import HAND, Bench
-from .tiny_models import constant_model
+from .tiny_models import constant_model, counting_model
 
 
 @pytest.fixture
@@ -532,3 +532,27 @@ def test_a_daemon_that_starts_with_a_fault_in_the_way_says_so_at_once(
     assert [record.getMessage() for record in caplog.records] == [
         "not driving: no model yet: `workstation push-model` sends one"
     ]
+
+
+@pytest.mark.parametrize("gap", ["held", "unacknowledged", "refused"])
+def test_a_policy_goes_on_from_what_it_did_and_begins_anew_behind_a_gap(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, gap: str
+) -> None:
+    bench.pilot.use(Policy(counting_model()))
+    bench.run()
+
+    def left() -> float:
+        tick = bench.tick()
+        return tick.action.left if tick.action is not None else -1.0
+
+    assert [left() for _ in range(3)] == [0.0, 0.125, 0.25]
+    with monkeypatch.context() as patch:
+        if gap == "held":
+            bench.camera.fault = Fault("camera-lost", "gone")
+        elif gap == "unacknowledged":
+            patch.setattr(bench.board, "delivery", lambda *_: None)
+        else:
+            patch.setattr(bench.helm, "steer_by_policy", lambda *_: None)
+        bench.tick()
+    bench.camera.fault = None
+    assert [left() for _ in range(3)] == [0.0, 0.125, 0.25]

@@ -85,7 +85,7 @@ def test_messages_are_counted_of_all_sessions_of_a_name() -> None:
 
 def test_who_does_not_read_is_shown_out_and_may_come_again_twice() -> None:
     keeper = Doorkeeper(ACCESS)
-    now_s = 10.0
+    now_s = 1000.0
     for times in range(MOST_UNREAD + 1):
         paul = visitor("person:paul", times)
         assert looks(keeper, {paul: Traffic()}, now_s) == set()
