@@ -9,7 +9,7 @@ import pytest
 
 from mbot_protocol.errors import RefusedError
 from mbot_update import health_gate, system
-from mbot_update.release_folders import ReleaseFolders
+from mbot_update.release_folders import BEFORE_RELEASES, ReleaseFolders
 from mbot_update.system import Service
 
 from .release_bench import HEALTHY, KEY, Robot
@@ -169,3 +169,11 @@ def test_a_folder_without_its_mark_is_no_release(tmp_path: Path) -> None:
     assert folders.current == "0.1"
     folders.sweep()
     assert folders.versions() == ["0.1"]
+
+
+def test_one_of_before_releases_is_not_tried_for_it_knows_no_such_word(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot = Robot(tmp_path, monkeypatch)
+    robot.system.tried = {BEFORE_RELEASES: "invalid choice: 'try'"}
+    assert health_gate.would_not_run(robot.folders, BEFORE_RELEASES, "0.1") == ""

@@ -106,3 +106,10 @@ def test_what_a_kill_left_half_written_is_swept(robot: Robot) -> None:
     robot.folders.sweep()
     assert not half.exists()
     assert (robot.folders.application / "ledger.json").exists()
+
+
+def test_a_turn_that_was_broken_off_is_no_obstacle(robot: Robot) -> None:
+    robot.has("0.2")
+    (robot.folders.application / "current.new").symlink_to("releases/gone")
+    robot.folders.switch("0.2")
+    assert robot.folders.current == "0.2"
