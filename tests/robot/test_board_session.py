@@ -265,3 +265,10 @@ def test_a_port_that_takes_nothing_any_more_is_named(wake: tuple[int, int]) -> N
     session.__exit__(BoardLostError, BoardLostError("as it was"), None)
     with board:
         pass
+
+
+def test_a_port_that_fails_is_named(board: FakeBoard, wake: tuple[int, int]) -> None:
+    session = BoardSession.open(board.path, BAUD_RATE, wake[0])
+    session._port.close()  # pyright: ignore[reportPrivateUsage]
+    with pytest.raises(BoardLostError, match=f"reading from {board.path} failed"):
+        session.wait(5.0)

@@ -387,6 +387,11 @@ def test_a_hands_command_lives_no_longer_than_it_holds(service: Service) -> None
     assert service.send(short).accepted
     [command] = service.bench.board.commands
     assert command.deadline_ns == short.expires_monotonic_ns
+    late = service.drive_command(  # by a clock that differs a little
+        300, press=1, expires_monotonic_ns=time.monotonic_ns() + 390_000_000
+    )
+    assert service.send(late).accepted
+    assert service.bench.board.commands[-1].deadline_ns <= time.monotonic_ns() + 300_000_000
     assert "press from 1 on" in service.send(service.drive_command(300, press=0)).reason
 
 
