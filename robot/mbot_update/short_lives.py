@@ -21,6 +21,9 @@ TOO_MANY = 10
 UNDER_FIRE_S = 30.0
 """The watchdog's 5 s, the 3 s that its abort may take, and the motors' stop, doubled."""
 
+BY_FIRE = ("watchdog", "oom-kill")
+"""What a flood of messages can come to."""
+
 PROVEN = "proven"
 
 
@@ -66,7 +69,7 @@ def _died(folders: ReleaseFolders) -> bool:
     result, status = (os.environ.get(name, "") for name in ("SERVICE_RESULT", "EXIT_STATUS"))
     asked_for = result in ("", "success")
     misconfigured = (result, status) == ("exit-code", str(system.WRONG_CONFIGURATION))
-    under_fire = result == "watchdog" and is_under_fire(folders)
+    under_fire = result in BY_FIRE and is_under_fire(folders)
     return not asked_for and not misconfigured and not under_fire
 
 

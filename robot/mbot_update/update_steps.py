@@ -152,7 +152,7 @@ def put_back_by_itself(folders: ReleaseFolders) -> Outcome:
     found = system.service()
     if (found.result, found.exit_status) == ("exit-code", system.WRONG_CONFIGURATION):
         raise RefusedError("the daemon ended because of its configuration, not of its release")
-    if found.result == "watchdog" and short_lives.is_under_fire(folders):
+    if found.result in short_lives.BY_FIRE and short_lives.is_under_fire(folders):
         system.start_without_waiting()
         raise RefusedError("the daemon was flooded with messages: that is not its release's fault")
     current, ledger = folders.current, folders.ledger

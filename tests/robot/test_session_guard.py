@@ -10,7 +10,7 @@ import pytest
 
 from mbot_agent.configuration import Access
 from mbot_agent.network import session_guard
-from mbot_agent.network.doorkeeper import Visitor
+from mbot_agent.network.doorkeeper import MOST_A_NAME, Visitor
 from mbot_agent.network.session_guard import MOST_HELD_BYTES, MOST_QUERIES, SessionGuard
 from mbot_protocol.keys import Right
 
@@ -166,6 +166,7 @@ def test_what_is_no_tcp_link_is_none_of_its_business() -> None:
 def test_when_too_much_is_held_they_go_and_may_come_again(monkeypatch: pytest.MonkeyPatch) -> None:
     held = 50 << 20
     monkeypatch.setattr(session_guard, "anonymous_bytes", lambda: held)
+    monkeypatch.setattr(session_guard, "HOLDING_PAUSE_S", 0.0)
     ours, hers, visitor = linked()
     people = {"vera": (Right.VIEW,), "dora": (Right.DRIVE,)}
     busy, busy_end, dora = linked()
@@ -181,7 +182,57 @@ def test_when_too_much_is_held_they_go_and_may_come_again(monkeypatch: pytest.Mo
         visitors[:] = [vera]
         time.sleep(0.3)
         assert not is_shut(again_end), "it is held still, and not for her"
-        held += MOST_HELD_BYTES // 2 + 1
+        held += MOST_HELD_BYTES // 2
         assert until(lambda: is_shut(again_end), 3)
     for end in (ours, hers, busy, busy_end, again, again_end):
         end.close()
+
+
+def test_memory_that_came_back_lowers_the_bar_and_one_that_does_not_is_no_lock_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    held = 50 << 20
+    monkeypatch.setattr(session_guard, "anonymous_bytes", lambda: held)
+    fires: list[float] = []
+    guard = SessionGuard(ACCESS, list, lambda: 0, lambda: fires.append(time.monotonic()))
+    too_much = guard._holds_too_much  # pyright: ignore[reportPrivateUsage]
+    held += MOST_HELD_BYTES + 1
+    assert [too_much() for _ in range(3)] == [True, False, False]
+    monkeypatch.setattr(session_guard, "HOLDING_PAUSE_S", 0.0)
+    guard._again_s = 0.0  # pyright: ignore[reportPrivateUsage]
+    held = 60 << 20
+    assert not too_much()
+    for _ in range(6):  # an attack each, after which memory comes back
+        held = (50 << 20) + MOST_HELD_BYTES + 1
+        assert too_much()
+        held = 60 << 20
+        assert not too_much()
+    assert len(fires) == 7
+
+
+def test_a_fifth_session_is_not_heard_for_a_while_and_then_shown_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its client would connect anew at once, with all of TLS, hundreds of times a second."""
+    monkeypatch.setattr(session_guard, "HELD_S", 1.0)
+    ends = [linked() for _ in range(MOST_A_NAME + 1)]
+    visitors: list[Visitor] = []
+    with SessionGuard(ACCESS, lambda: list(visitors)):
+        visitors += [visitor for _, _, visitor in ends[:-1]]
+        time.sleep(0.3)
+        ours, hers, fifth = ends[-1]
+        visitors.append(fifth)
+        time.sleep(0.3)
+        hers.sendall(b"anybody there?")
+        ours.settimeout(0.2)
+        with pytest.raises(TimeoutError):
+            ours.recv(1)
+        assert not is_shut(hers)
+        for here, there, _ in ends[:-1]:
+            there.sendall(b"news")
+            assert here.recv(4) == b"news"
+        assert until(lambda: is_shut(hers), 3)
+        assert not any(is_shut(there) for _, there, _ in ends[:-1])
+    for here, there, _ in ends:
+        here.close()
+        there.close()

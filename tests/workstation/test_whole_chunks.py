@@ -2,6 +2,7 @@
 
 import random
 import struct
+import time
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,7 @@ import zstandard
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.recordings import whole_chunks
 from mbot_workstation.recordings.whole_chunks import MOST_CHUNK_BYTES, WholeChunks
 
 
@@ -181,3 +183,18 @@ def test_what_is_none_is_told(tmp_path: Path) -> None:
         WholeChunks(tmp_path / "none.mcap")
     path.write_bytes(MCAP0_MAGIC[:3])
     assert WholeChunks(path).words == "0 of 0 chunks read, it was never ended properly"
+
+
+def test_chunks_that_unpack_to_too_much_together_are_refused_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "six.mcap"
+    path.write_bytes(bytes((6,)) * (20 << 20))
+    began_s = time.monotonic()
+    with pytest.raises(ConfigurationError, match="not an MCAP"):
+        WholeChunks(path)
+    assert time.monotonic() - began_s < 10, "looked for by its shape, not byte by byte: was 36 s"
+    monkeypatch.setattr(whole_chunks, "MOST_BYTES", 10)
+    recorded = WholeChunks(Path(__file__).parents[1] / "data" / "recorded-drive" / "000.mcap")
+    with pytest.raises(ConfigurationError, match="unpacks to more than"):
+        list(recorded.messages())

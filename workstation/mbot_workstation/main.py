@@ -44,7 +44,8 @@ def _run() -> int:
         code = app(prog_name="workstation", standalone_mode=False) or 0
         return _said("interrupted", code) if code == INTERRUPTED else code
     except MbotError as error:
-        return _said(str(error), error.exit_code)
+        # Names and words of strangers' files may stand in it.
+        return _said("".join(c if c.isprintable() else " " for c in str(error)), error.exit_code)
     except typer.Abort:
         return _said("interrupted", INTERRUPTED)
     except Exception as error:

@@ -38,6 +38,11 @@ UNREAD_WITHIN_S = 60.0
 
 BANNED_S = 30.0
 
+SURPLUS = f"has {MOST_A_NAME} sessions already"
+BANNED = "is to stay away for a while"
+COME_AGAIN = (SURPLUS, BANNED)
+"""Whose client connects anew at once: it is to be held for a while, not turned away."""
+
 
 @dataclass(frozen=True, slots=True)
 class Visitor:
@@ -108,45 +113,40 @@ class Doorkeeper:
                 continue
             if name not in self._rights:
                 found[visitor] = "is not on this robot's roll"
+            elif of_a_name.get(name, 0) == MOST_A_NAME:
+                # Nothing else is held against it: who opens a fifth window has to keep the four.
+                found[visitor] = SURPLUS
             elif why := self._misbehaves(visitor, name, here[visitor], now_s):
                 found[visitor] = why
             else:
                 of_a_name[name] = of_a_name.get(name, 0) + 1
-                if of_a_name[name] > MOST_A_NAME:
-                    found[visitor] = f"has {MOST_A_NAME} sessions already"
         self._before = {one: seen for one, seen in self._before.items() if one in here}
         self._deaf_looks = {one: n for one, n in self._deaf_looks.items() if one in here}
         return found
 
-    def hoarders(
-        self, visitors: Iterable[tuple[Visitor, Traffic]], now_s: float
-    ) -> dict[Visitor, str]:
+    def hoarders(self, visitors: Iterable[Visitor]) -> dict[Visitor, str]:
         """Who has to go when the daemon holds too much: all who may only look or drive, which ends
-        what it holds for them, and who has sent the most may not come again for a while.
+        what it holds for them.
 
-        Nobody tells how much is held for whom. Whoever means no harm connects anew by itself.
+        Nobody tells how much is held for whom, so nobody is kept away for it: whoever means no harm
+        connects anew by itself.
         """
-        sent = {
-            visitor: traffic.received_bytes
-            for visitor, traffic in visitors
+        return {
+            visitor: "may hold too much of the daemon's memory"
+            for visitor in visitors
             if visitor.name in self._rights and Right.PUSH not in self._rights[visitor.name]
         }
-        if sent:
-            most = max(sent, key=lambda visitor: sent[visitor])
-            assert most.name is not None
-            self._banned_until_s[most.name] = now_s + BANNED_S
-        return dict.fromkeys(sent, "may hold too much of the daemon's memory")
 
     def _misbehaves(self, visitor: Visitor, name: str, traffic: Traffic, now_s: float) -> str:
         """Why this one has to go, if so."""
         if self._banned_until_s.get(name, 0.0) > now_s:
-            return "is to stay away for a while"
+            return BANNED
         seen_s, then = self._before.get(visitor, (now_s, Traffic()))
         if visitor in self._before and now_s - seen_s < LOOK_EVERY_S / 2:
             return ""
         self._before[visitor] = now_s, traffic
-        if now_s == seen_s:  # the first look
-            then = Traffic(traffic.received_bytes, 0, traffic.unread_us)
+        if now_s == seen_s:  # the first look: a handshake is no message
+            then = traffic
         if self._does_not_read(visitor, traffic.unread_us - then.unread_us, now_s - seen_s):
             if self._deaf_looks[visitor] == DEAF_LOOKS:  # it may be here for some looks more
                 times = [at for at in self._unread_s.get(name, []) if now_s - at < UNREAD_WITHIN_S]

@@ -2,9 +2,12 @@
 
 Zenoh admits whoever has a certificate of the fleet's authority, and drops what no rule allows, but
 it keeps the session. Here those who have to go (doorkeeper) are shown out. Zenoh has no call to
-close a session, so its socket is shut down, by the far end's address.
+close a session, so its socket is shut down, by the far end's address. A client that would connect
+anew at once, 250 times a second with all of TLS, is first held for a while and not heard.
 """
 
+import contextlib
+import ctypes
 import logging
 import os
 import socket
@@ -15,7 +18,7 @@ from collections.abc import Callable
 from typing import Any, Self
 
 from mbot_agent.configuration import Access
-from mbot_agent.network.doorkeeper import LOOK_EVERY_S, Doorkeeper, Traffic, Visitor
+from mbot_agent.network.doorkeeper import COME_AGAIN, LOOK_EVERY_S, Doorkeeper, Traffic, Visitor
 from mbot_agent.network.health import anonymous_bytes
 
 log = logging.getLogger(__name__)
@@ -23,6 +26,17 @@ log = logging.getLogger(__name__)
 MOST_HELD_BYTES = 64 << 20
 """More memory of its own than the daemon had when it was ready. A pushed model takes 2 MB until it
 is stored; each declaration of a stranger's, denied or not, takes 1.3 kB and 38 bytes of wire."""
+
+MOST_RAISED = 3
+"""Times that the bar is raised by half of that when memory does not come back, up to 160 MB more
+than at the beginning: with the 110 MB of a daemon that drives, below MemoryMax= of its unit."""
+
+HOLDING_PAUSE_S = 10.0
+"""Where memory does not come back all the same, nobody is to be shown out at every look."""
+
+HELD_S = 2.0
+MOST_VISITORS = 16
+"""With more, nobody is held: Zenoh has 32 places."""
 
 MOST_QUERIES = 300
 """A second, to the daemon in all, that are no flood: a fetch is 200 at most, hand commands and
@@ -59,7 +73,10 @@ class SessionGuard:
         self._queries = queries
         self._under_fire = under_fire
         self._counted = time.monotonic(), 0
-        self._most_bytes = anonymous_bytes() + MOST_HELD_BYTES
+        self._begun_bytes = anonymous_bytes()
+        self._raised = 0
+        self._again_s = 0.0
+        self._held_since_s: dict[Visitor, float] = {}
         self._closing = False
         self._news = threading.Event()
         self._thread = threading.Thread(target=self._run, name="sessions", daemon=True)
@@ -95,13 +112,39 @@ class SessionGuard:
         sockets = _sockets()
         seen = [(one, _traffic(sockets.get(one.address))) for one in visitors]
         unwelcome = self._doorkeeper.unwelcome(seen, time.monotonic())
-        if (held_bytes := anonymous_bytes()) > self._most_bytes:
-            self._most_bytes = held_bytes + MOST_HELD_BYTES // 2
-            unwelcome |= self._doorkeeper.hoarders(seen, time.monotonic())
+        if self._holds_too_much():
+            unwelcome |= self._doorkeeper.hoarders(visitors)
         for visitor, why in unwelcome.items():
-            log.warning("%s %s: shown out", visitor.name, why)
-            if (fd := sockets.get(visitor.address)) is not None:
-                _with_socket(fd, lambda one: one.shutdown(socket.SHUT_RDWR))
+            fd = sockets.get(visitor.address)
+            if fd is None:
+                log.error("%s %s, and its socket is not known", visitor.name, why)
+            elif why not in COME_AGAIN or not self._is_held(visitor, fd, len(visitors)):
+                log.warning("%s %s: shown out", visitor.name, why)
+                _with_socket(fd, _shut)
+        held = self._held_since_s
+        self._held_since_s = {one: held[one] for one in held if one in unwelcome}
+
+    def _is_held(self, visitor: Visitor, fd: int, visitors: int) -> bool:
+        """Whether it may not be heard and not go yet: begins with the first look at it."""
+        since_s = self._held_since_s.setdefault(visitor, time.monotonic())
+        if visitors > MOST_VISITORS or time.monotonic() - since_s >= HELD_S:
+            return False
+        _with_socket(fd, _hear_nothing)
+        return True
+
+    def _holds_too_much(self) -> bool:
+        """Whether memory has passed the bar, which comes down again with it."""
+        over_bytes = anonymous_bytes() - self._begun_bytes - MOST_HELD_BYTES
+        step_bytes = MOST_HELD_BYTES // 2
+        if over_bytes < 0:
+            self._raised = 0
+        if over_bytes <= self._raised * step_bytes or time.monotonic() < self._again_s:
+            return False
+        self._raised = min(over_bytes // step_bytes + 1, MOST_RAISED)
+        self._again_s = time.monotonic() + HOLDING_PAUSE_S
+        self._under_fire()
+        _give_back()
+        return True
 
     def _count(self) -> None:
         """Once a second: is the daemon flooded?"""
@@ -120,9 +163,9 @@ def _sockets() -> dict[tuple[str, int], int]:
     for name in os.listdir("/proc/self/fd"):  # noqa: PTH208 (no Path for each of 8,192)
         try:
             if os.readlink(f"/proc/self/fd/{name}").startswith("socket:"):  # noqa: PTH115
-                address = _with_socket(int(name), lambda one: one.getpeername())
-                if isinstance(address, tuple):
-                    found[address[0], address[1]] = int(name)
+                peer: Any = _with_socket(int(name), lambda one: one.getpeername())
+                if peer and not isinstance(peer, str | bytes):
+                    found[peer[0].partition("%")[0], peer[1]] = int(name)
         except OSError:
             continue  # closed meanwhile, or not connected
     return found
@@ -143,6 +186,29 @@ def _traffic(fd: int | None) -> Traffic:
         )
     except (OSError, struct.error):
         return Traffic()
+
+
+_NOTHING = ctypes.create_string_buffer(struct.pack("HBBI", 0x06, 0, 0, 0))
+"""A classic BPF program: return 0, that is, keep nothing of what has come in."""
+_ATTACH_FILTER, _DETACH_FILTER = 26, 27
+
+
+def _hear_nothing(one: socket.socket) -> None:
+    """Let the kernel drop what comes in; the far end only sees a link that is slow."""
+    program = struct.pack("HxxxxxxP", 1, ctypes.addressof(_NOTHING))
+    one.setsockopt(socket.SOL_SOCKET, _ATTACH_FILTER, program)
+
+
+def _shut(one: socket.socket) -> None:
+    with contextlib.suppress(OSError):  # it was heard all the time
+        one.setsockopt(socket.SOL_SOCKET, _DETACH_FILTER, 0)
+    one.shutdown(socket.SHUT_RDWR)
+
+
+def _give_back() -> None:
+    """What is free goes back to the kernel; else what was held for those who went would count."""
+    with contextlib.suppress(AttributeError):  # another libc than glibc
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def _with_socket(fd: int, act: Callable[[socket.socket], Any]) -> Any:

@@ -105,7 +105,9 @@ class Link:
             host, _, port = link.dst.partition("/")[2].partition("?")[0].rpartition(":")
             if port.isdecimal():
                 name = link.auth_identifier
-                found.append(Visitor(name, (host.strip("[]"), int(port)), str(link.zid)))
+                found.append(
+                    Visitor(name, (host.strip("[]").partition("%")[0], int(port)), str(link.zid))
+                )
         return found
 
     def watch_visitors(self, hear: Callable[[], None]) -> None:

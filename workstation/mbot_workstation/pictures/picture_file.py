@@ -25,6 +25,10 @@ _FORMATS = ("JPEG", "PNG", "BMP", "TIFF", "WEBP")
 MOST_PIXELS = cast(int, Image.MAX_IMAGE_PIXELS)
 """Pillow's limit, 256 MB of colours. A few kB of PNG can hold a thousand times as much."""
 
+MOST_SCANNED = 10 * MOST_PIXELS
+"""Pixels over all scans of a progressive JPEG, each of which goes over all of them: libjpeg's own
+script makes ten."""
+
 
 def decode_picture(encoded: bytes, *, turn: bool = False) -> Picture | None:
     """A picture file's content. Shape (height, width, 3), RGB; None if it is none.
@@ -63,10 +67,14 @@ def _opened(encoded: bytes) -> Image.Image | None:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
-            return Image.open(BytesIO(encoded), formats=_FORMATS)
+            image = Image.open(BytesIO(encoded), formats=_FORMATS)
+        scans = encoded.count(b"\xff\xda") if image.format == "JPEG" else 1
+        if scans * image.width * image.height > MOST_SCANNED:
+            raise Image.DecompressionBombError
+        return image
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
         raise ConfigurationError(
-            f"the picture has more than {MOST_PIXELS:,} pixels; reduce it"
+            f"the picture has more than {MOST_PIXELS:,} pixels, or hundreds of scans; save it anew"
         ) from None
     except Exception:  # Pillow's readers raise whatever a broken header leads to
         return None

@@ -68,6 +68,8 @@ def write_commands(path: Path, runs: Iterable[CommandedRun]) -> None:
 
 def _rows(path: Path) -> Iterable[_Row]:
     lines = read_text(path).splitlines()
+    if max(map(len, lines), default=0) > csv.field_size_limit():
+        raise ConfigurationError(f"{path} is no table of commands: a line has no end")
     reader = csv.reader(lines)
     header = tuple(name.strip() for name in next(reader, []))
     if header != HEADER:

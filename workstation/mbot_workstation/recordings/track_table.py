@@ -108,7 +108,10 @@ def _split(lines: Sequence[str], path: Path) -> Sequence[Sequence[str]]:
         return [line.split() for line in lines]
     first = next((line for line in lines if any(one in line for one in DELIMITERS)), "")
     delimiter = max(DELIMITERS, key=first.count)
-    return list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
+    try:
+        return list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
+    except csv.Error as error:  # a cell longer than any number
+        raise ConfigurationError(f"the track is no table: {error}") from None
 
 
 def _numbers(table: _Table, columns: Sequence[Column]) -> Array:

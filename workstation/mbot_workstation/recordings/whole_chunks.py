@@ -5,6 +5,7 @@ loses blocks. Chunks carry checksums, so each is whole or left out. Where a reco
 sense the next chunk is looked for by its shape; that is what `mcap recover` does not do.
 """
 
+import re
 import struct
 import zlib
 from collections.abc import Iterator
@@ -26,6 +27,9 @@ from mbot_protocol.git_lfs import refuse_pointer
 MOST_CHUNK_BYTES = 64 << 20
 """Writers end a chunk after 1 MB or after one message; a camera's raw picture of 4K has 25 MB."""
 
+MOST_BYTES = 512 << 20
+"""Of all chunks together, unpacked: five hours of a robot's own recording."""
+
 _HEAD = struct.Struct("<BQ")
 """A record's opcode and the length of what follows."""
 
@@ -39,6 +43,9 @@ _COUNT_AT = 22
 """Where statistics have the number of chunks: after 8, 2, 4, 4 and 4 bytes."""
 
 _LONGEST_COMPRESSION = 8
+
+_SHAPE = re.compile(rb"\x06(?=[\s\S]{4}\x00{4})")
+"""A chunk's opcode and a length below 4 GB."""
 _PRIVATE = 0x80
 _BETWEEN_CHUNKS = set(Opcode) - {Opcode.CHUNK, Opcode.MESSAGE}
 _FIXED_LENGTHS: dict[int, int] = {Opcode.DATA_END: 4, Opcode.FOOTER: 20}
@@ -118,15 +125,30 @@ class WholeChunks:
         return self.is_finished and self.chunks_read == self.chunks_found
 
     def messages(self) -> Iterator[McapMessage]:
-        """All messages of whole chunks, and of a file without any chunk."""
+        """All messages of whole chunks, and of a file without any chunk.
+
+        Raises:
+            ConfigurationError: they unpack to more than `MOST_BYTES`.
+
+        """
         self.chunks_read = 0
+        left_bytes = MOST_BYTES
         for start, end in self._loose:
             yield from self._message(Message.read(_stream(self._data[start:end]), end - start))
         for start, end in self._chunks:
             try:
-                yield from self._of_chunk(Chunk.read(_stream(self._data[start:end])))
+                chunk = Chunk.read(_stream(self._data[start:end]))
+                if chunk.uncompressed_size <= MOST_CHUNK_BYTES:  # else it is damaged, and left out
+                    left_bytes -= chunk.uncompressed_size
+                if left_bytes >= 0:
+                    yield from self._of_chunk(chunk)
             except _DAMAGE:
                 continue
+            if left_bytes < 0:
+                raise ConfigurationError(
+                    f"the recording unpacks to more than {MOST_BYTES >> 20} MB: cut it, with `mcap "
+                    "filter` for instance"
+                )
             self.chunks_read += 1
 
     def _of_chunk(self, chunk: Chunk) -> Iterator[McapMessage]:
@@ -215,12 +237,11 @@ class WholeChunks:
     def _next_chunk(self, at: int) -> int:
         """Where from here on something has the shape of a chunk; the data's end if nothing has."""
         data = self._data
-        while 0 <= (at := data.find(Opcode.CHUNK, at)) <= len(data) - _HEAD.size:
-            start = at + _HEAD.size
-            end = start + _HEAD.unpack_from(data, at)[1]
+        for found in _SHAPE.finditer(data, at):
+            start = found.start() + _HEAD.size
+            end = start + _HEAD.unpack_from(data, found.start())[1]
             if end <= len(data) and self._is_chunk(start, end):
-                return at
-            at += 1
+                return found.start()
         return len(data)
 
     def _take_up(self, opcode: int, body: bytes) -> bool:
