@@ -6,6 +6,7 @@ from mbot_agent.network.doorkeeper import (
     MOST_A_NAME,
     MOST_MESSAGES,
     MOST_UNREAD,
+    NEWCOMER_S,
     UNREAD_WITHIN_S,
     Doorkeeper,
     Traffic,
@@ -23,6 +24,10 @@ def visitor(name: str | None, port: int) -> Visitor:
     return Visitor(name, ("10.0.0.7", port), f"session {port}")
 
 
+def looks(keeper: Doorkeeper, seen: dict[Visitor, Traffic], now_s: float) -> set[Visitor]:
+    return set(keeper.unwelcome(seen.items(), now_s))
+
+
 def test_who_is_on_the_roll_stays_and_who_is_not_goes() -> None:
     known = [visitor("person:vera", 1), visitor("router:lab", 2), visitor(None, 3)]
     strangers = [visitor("person:nick", 4), visitor("robot:mbot-2", 5), visitor("vera", 6)]
@@ -32,21 +37,20 @@ def test_who_is_on_the_roll_stays_and_who_is_not_goes() -> None:
 
 def test_one_name_has_a_few_places_and_the_first_to_come_stay() -> None:
     keeper = Doorkeeper(ACCESS)
-    first = [visitor("person:vera", port) for port in range(MOST_A_NAME)]
-    assert keeper.unwelcome([(one, Traffic()) for one in first], 0.0) == {}
-    late = visitor("person:vera", 99)
-    other = visitor("person:paul", 100)
-    assert set(keeper.unwelcome([(one, Traffic()) for one in (late, other, *first)], 1.0)) == {late}
-    assert keeper.unwelcome([(one, Traffic()) for one in (late, *first[1:])], 2.0) == {}
+    first = {visitor("person:vera", port): Traffic() for port in range(MOST_A_NAME)}
+    assert looks(keeper, first, 0.0) == set()
+    late, later = visitor("person:vera", 99), visitor("person:vera", 101)
+    other = {visitor("person:paul", 100): Traffic()}
+    assert looks(keeper, first | other | {late: Traffic(), later: Traffic()}, 1.0) == {later}
+    assert looks(keeper, first | other | {late: Traffic()}, 1.0 + NEWCOMER_S) == {late}
+    (gone, *_) = first
+    del first[gone]
+    assert looks(keeper, first | {late: Traffic()}, 3.0) == set()
 
 
 def test_a_router_brings_as_many_as_it_likes() -> None:
     many = [(visitor("router:lab", port), Traffic()) for port in range(20)]
     assert Doorkeeper(ACCESS).unwelcome(many, 0.0) == {}
-
-
-def looks(keeper: Doorkeeper, seen: dict[Visitor, Traffic], now_s: float) -> set[Visitor]:
-    return set(keeper.unwelcome(seen.items(), now_s))
 
 
 def test_who_may_only_look_and_floods_is_shown_out_for_a_while() -> None:
@@ -122,10 +126,13 @@ def test_a_fifth_session_that_comes_again_and_again_costs_the_four_nothing() -> 
     """Zenoh's client connects anew by itself, and each handshake is a dozen messages."""
     keeper = Doorkeeper(ACCESS)
     four = {visitor("person:vera", port): Traffic() for port in range(MOST_A_NAME)}
+    fifth = visitor("person:vera", 100)
     for look in range(100):
         fifth = visitor("person:vera", 100 + look)
         seen = four | {fifth: Traffic(20_000, 300)}
-        assert looks(keeper, seen, look * LOOK_EVERY_S) == {fifth}
+        assert looks(keeper, seen, look * LOOK_EVERY_S) == set()
+    assert looks(keeper, four | {fifth: Traffic(90_000, 900)}, 9.9 + NEWCOMER_S) == {fifth}
+    assert looks(keeper, four, 12.0) == set(), "and it was no flood of theirs"
 
 
 def test_a_handshake_is_no_message() -> None:

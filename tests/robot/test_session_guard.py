@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mbot_agent.configuration import Access
-from mbot_agent.network import session_guard
+from mbot_agent.network import doorkeeper, session_guard
 from mbot_agent.network.doorkeeper import MOST_A_NAME, Visitor
 from mbot_agent.network.session_guard import MOST_HELD_BYTES, MOST_QUERIES, SessionGuard
 from mbot_protocol.keys import Right
@@ -215,6 +215,7 @@ def test_a_fifth_session_is_not_heard_for_a_while_and_then_shown_out(
 ) -> None:
     """Its client would connect anew at once, with all of TLS, hundreds of times a second."""
     monkeypatch.setattr(session_guard, "HELD_S", 1.0)
+    monkeypatch.setattr(doorkeeper, "NEWCOMER_S", 0.2)
     ends = [linked() for _ in range(MOST_A_NAME + 1)]
     visitors: list[Visitor] = []
     with SessionGuard(ACCESS, lambda: list(visitors)):
@@ -222,7 +223,9 @@ def test_a_fifth_session_is_not_heard_for_a_while_and_then_shown_out(
         time.sleep(0.3)
         ours, hers, fifth = ends[-1]
         visitors.append(fifth)
-        time.sleep(0.3)
+        hers.sendall(b"STOP")
+        assert ours.recv(4) == b"STOP", "there is time for that"
+        time.sleep(0.6)
         hers.sendall(b"anybody there?")
         ours.settimeout(0.2)
         with pytest.raises(TimeoutError):

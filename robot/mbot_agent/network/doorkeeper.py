@@ -16,6 +16,9 @@ LOOK_EVERY_S = 0.1
 MOST_A_NAME = 4
 """Sessions: telemetry, a recording, a command, and one that has not been given up yet."""
 
+NEWCOMER_S = 1.0
+"""A fifth may stay so long: enough for a `workstation stop` in one terminal more."""
+
 LARGEST_RATE = 100_000
 """Bytes a second from who may only look or drive: 20 hand commands a second are 4,000. A push sends
 megabytes, so who may push is not counted."""
@@ -113,7 +116,7 @@ class Doorkeeper:
                 continue
             if name not in self._rights:
                 found[visitor] = "is not on this robot's roll"
-            elif of_a_name.get(name, 0) == MOST_A_NAME:
+            elif of_a_name.get(name, 0) >= MOST_A_NAME + self._is_new(visitor, now_s):
                 # Nothing else is held against it: who opens a fifth window has to keep the four.
                 found[visitor] = SURPLUS
             elif why := self._misbehaves(visitor, name, here[visitor], now_s):
@@ -136,6 +139,9 @@ class Doorkeeper:
             for visitor in visitors
             if visitor.name in self._rights and Right.PUSH not in self._rights[visitor.name]
         }
+
+    def _is_new(self, visitor: Visitor, now_s: float) -> bool:
+        return now_s - self._since_s[visitor] < NEWCOMER_S
 
     def _misbehaves(self, visitor: Visitor, name: str, traffic: Traffic, now_s: float) -> str:
         """Why this one has to go, if so."""
