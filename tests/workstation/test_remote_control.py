@@ -100,6 +100,18 @@ def test_a_hands_command_is_good_for_no_longer_than_it_holds(
     assert (over.drive.press, over.drive.let_go, over.drive.hold_ms) == (4, True, 1)
 
 
+def test_after_a_stop_of_ones_own_one_takes_hold_anew(
+    robot: FakeRobot, control: RemoteControl
+) -> None:
+    """As each of the maneuvers does: of a press that is over a robot takes no more."""
+    for _ in range(2):
+        control.drive(0.5, 0.5, 300)
+        control.drive(0.5, 0.5, 300)
+        control.stop()
+    presses = [one.drive.press for one in robot.commands() if one.WhichOneof("action") == "drive"]
+    assert presses == [1, 1, 2, 2]
+
+
 def test_nobody_drives_on_through_somebodys_stop(robot: FakeRobot, control: RemoteControl) -> None:
     control.drive(0.5, 0.5, 300)
     robot.stops += 1

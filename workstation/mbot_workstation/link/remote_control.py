@@ -88,6 +88,7 @@ class RemoteControl:
         self._sender_id = secrets.randbits(63) | 1
         self._numbers = itertools.count(1)
         self._seen: tuple[RobotClock, Status] | None = None
+        self._presses = 1
 
     def synchronise(self) -> Status:
         """Learn the robot's session, clock and last stop anew; before what may set it in motion.
@@ -149,21 +150,22 @@ class RemoteControl:
             status = self._link.status()
         return status
 
-    def drive(self, left: float, right: float, hold_ms: int, press: int = 1) -> str:
+    def drive(self, left: float, right: float, hold_ms: int, press: int = 0) -> str:
         """Drive by hand for `hold_ms` (at most 1000); then the robot stops by itself.
 
         Args:
             left, right: wheels in [-1, 1], 1 is full speed forward.
             hold_ms: how long this command holds; it is not obeyed later than that either.
             press: which time that this hand has taken hold; once a press is over (let go, or none
-                of its commands for as long as one holds), the robot takes no more of it.
+                of its commands for as long as one holds), the robot takes no more of it. Without
+                one it is the time since the last `stop`.
 
         Raises:
             RefusedError, UnreachableError, ...: as `run`.
 
         """
         wheels = Wheels(left=left, right=right)
-        drive = Drive(wheels=wheels, hold_ms=hold_ms, press=press)
+        drive = Drive(wheels=wheels, hold_ms=hold_ms, press=press or self._presses)
         return self._send(Command(drive=drive), min(TIME_TO_LIVE_S, hold_ms / 1000))
 
     def let_go(self, press: int) -> None:
@@ -188,6 +190,7 @@ class RemoteControl:
 
         """
         self._seen = None  # whatever comes after this has to look first
+        self._presses += 1  # and to take hold anew
         unheard = unconfirmed = 0
         while True:
             try:
