@@ -417,7 +417,7 @@ BESIDE = (
         "a viewer who reads nothing, or says STOP without end",
         (
             Bar("STOP of others ≤ 100 ms, second worst", "STOP second worst ms", 100),
-            Bar("0 drive frames after it", "drive frames after STOP", 0),
+            Bar("0 drive frames after it, second worst", "drive frames after STOP", 0),
         ),
         (
             f"{END}/test_stop_under_attack.py",
