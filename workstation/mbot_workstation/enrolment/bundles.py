@@ -14,7 +14,6 @@ import tomli_w
 
 from mbot_protocol.access_rules import LONGEST_BLOCK_US, Kind, request_limits, router_access
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.keys import STOP
 from mbot_workstation.enrolment.certificates import Identity, check_issued
 from mbot_workstation.enrolment.roll import ROLL_FILE, Roll, decode_roll, encode_roll
 
@@ -26,10 +25,6 @@ LEASE_MS = 2000
 """As the robot's: whoever falls silent is forgotten after 2 s on each hop."""
 
 MOST_ROUTER_SESSIONS = 256
-
-MOST_STOPS_HZ = 200.0
-"""Of one link to a router. A STOP that comes within 5 ms of another one changes nothing: a `run`
-between them would have to name the first one's count, which nobody knows before its reply."""
 
 LARGEST_ROUTED_BYTES = 1 << 20
 
@@ -154,15 +149,6 @@ def zenohd_json5(roll: Roll, name: str, folder: str = f"/{ROUTER_FOLDER}") -> st
         },
         "access_control": router_access({robot_id: r.people for robot_id, r in behind.items()}),
         "low_pass_filter": request_limits("*"),
-        # A robot sees one link for all who come through a router, and can show nobody out.
-        "downsampling": [
-            {
-                "id": "STOPs of one person",
-                "messages": ["query"],
-                "flows": ["ingress"],
-                "rules": [{"key_expr": STOP.key("*"), "freq": MOST_STOPS_HZ}],
-            }
-        ],
     }
     return _ROUTER_HEAD + json.dumps(settings, indent=2) + "\n"
 
