@@ -72,9 +72,7 @@ def test_advice_teaches() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("units", [8, 0])
-def test_an_update_finds_the_rollout_as_it_was(
-    units: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_update_finds_the_rollout_as_it_was(units: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """With unchanged weights every action is as likely as when it was drawn, over the ends of
     episodes and forgettings too: pictures, states and previous actions belong together. Compared in
     whole floats, whatever this processor is faster at.
