@@ -1,4 +1,4 @@
-"""Others' STOPs while somebody who may only look reads nothing, or asks too much."""
+"""Others' STOPs while somebody who may only look reads nothing, asks too much, or is gone."""
 
 import sys
 import time
@@ -11,7 +11,7 @@ import pytest
 
 from mbot_protocol.errors import MbotError
 from mbot_protocol.keys import CHUNK_BYTES, Right
-from mbot_workstation.link.remote_control import RemoteControl
+from mbot_workstation.link.remote_control import STOP_TIMEOUT_S, RemoteControl
 from mbot_workstation.models.push import push as push_model
 
 from ..reliability.effort import second_worst
@@ -21,7 +21,7 @@ from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
 from .deaf_viewer import DRIVE, FILE
 from .fleet import LOCALHOST, Fleet
-from .processes import HERE, ROBOT_ID, Daemon, Process, until
+from .processes import HERE, ROBOT_ID, Daemon, Process
 
 Record = Callable[[str, object], None]
 
@@ -53,7 +53,7 @@ def push(daemon: Daemon, fleet: Fleet) -> None:
 
 
 @pytest.mark.timeout(120)
-@pytest.mark.parametrize("attacker", ["deaf_viewer.py", "stop_flood.py"])
+@pytest.mark.parametrize("attacker", ["deaf_viewer.py", "stop_flood.py", "vanished_viewer.py"])
 def test_no_viewer_keeps_anybody_elses_stop_from_being_confirmed(
     enrolled: tuple[Daemon, Fleet],
     board: FakeBoard,
@@ -82,14 +82,15 @@ def test_no_viewer_keeps_anybody_elses_stop_from_being_confirmed(
                     if any("WATCHDOG=1" in line for line in heard()):
                         found.fed_s.append(time.monotonic())
                     time.sleep(STOPS_EVERY_S)
-                assert until(lambda: not attack.is_running(), 30)
+                assert attack.wait(30) == 0
             assert process.is_running()
     record_property("STOP worst ms", round(max(found.confirmed_ms), 1))
     record_property("STOP second worst ms", round(second_worst(found.confirmed_ms), 1))
-    record_property("drive frames after STOP", second_worst(found.driven_after))
+    record_property("drive frames after STOP", sum(found.driven_after))
     record_property("watchdog unfed s", round(found.unfed_s, 1))
     assert second_worst(found.confirmed_ms) <= 100
-    assert second_worst(found.driven_after) == 0
+    assert max(found.confirmed_ms) < STOP_TIMEOUT_S * 1000  # none had to be said twice
+    assert sum(found.driven_after) == 0
     assert found.unfed_s < 3
 
 

@@ -1,6 +1,7 @@
 """The guard's thread on real sockets: this process holds both ends."""
 
 import socket
+import struct
 import time
 from contextlib import suppress
 from dataclasses import replace
@@ -65,6 +66,23 @@ def is_shut_for_writing(end: socket.socket) -> bool:
     except OSError:
         return True
     return False
+
+
+@pytest.mark.parametrize("access", [ACCESS, Access()])
+def test_as_soon_as_somebody_has_come_nobody_will_wait_when_they_are_gone(access: Access) -> None:
+    ours, hers, visitor = linked()
+    ours.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 10))
+
+    def lingers() -> bool:
+        return ours.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8)[:4] != bytes(4)
+
+    with SessionGuard(access, lambda: [visitor]) as guard:
+        assert lingers()
+        guard.look_now()
+        assert until(lambda: not lingers(), 0.5)
+    assert not is_shut(hers)
+    ours.close()
+    hers.close()
 
 
 def test_who_floods_is_shown_out() -> None:

@@ -1,6 +1,7 @@
 import socket
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,7 @@ from mbot_workstation.link.robot_link import RobotLink
 from mbot_workstation.link.security import LinkSecurity, link_security
 
 from ..free_port import free_port
+from ..until import until
 from .fake_robot import SESSION_ID, FakeRobot
 
 
@@ -32,6 +34,32 @@ def link(robot: FakeRobot) -> Iterator[RobotLink]:
 def test_the_only_robot_is_found_and_asked(link: RobotLink) -> None:
     assert link.robot_id == "mbot-1"
     assert link.status().session_id == SESSION_ID
+
+
+def test_no_close_of_a_connection_with_a_robot_that_is_gone_is_waited_for() -> None:
+    """Also of one that Zenoh has made anew by itself."""
+    port = free_port()
+    with ExitStack() as stack:
+        with FakeRobot("mbot-1", port) as robot:
+            stack.enter_context(RobotLink(robot.address, "mbot-1"))
+            assert until(lambda: lingering(port) == [False], 5)
+        assert until(lambda: lingering(port) == [], 5)
+        with FakeRobot("mbot-1", port):
+            assert until(lambda: lingering(port) == [False], 10)
+
+
+def lingering(port: int) -> list[bool]:
+    """Of each of this process's connections with it: whether a close would wait."""
+    found: list[bool] = []
+    for fd in Path("/proc/self/fd").iterdir():
+        with suppress(OSError), socket.socket(fileno=int(fd.name)) as one:
+            try:
+                if one.getpeername()[1] == port:
+                    option = one.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8)
+                    found.append(option[:4] != bytes(4))
+            finally:
+                one.detach()
+    return found
 
 
 def test_the_address_may_come_from_the_environment(

@@ -4,22 +4,25 @@ Zenoh admits whoever has a certificate of the fleet's authority, and drops what 
 it keeps the session. Here those who have to go (doorkeeper) are shown out. Zenoh has no call to
 close a session, so its socket is shut down, by the far end's address. A client that would connect
 anew at once, 250 times a second with all of TLS, is first held for a while and not heard.
+
+Nor by going without a word: as soon as a link is there its socket is told not to linger
+(connected_sockets).
 """
 
 import contextlib
 import ctypes
 import logging
-import os
 import socket
 import struct
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, Self
+from typing import Self
 
 from mbot_agent.configuration import Access
 from mbot_agent.network.doorkeeper import COME_AGAIN, LOOK_EVERY_S, Doorkeeper, Traffic, Visitor
 from mbot_agent.network.health import anonymous_bytes
+from mbot_protocol.connected_sockets import Address, connected_sockets, with_socket
 
 log = logging.getLogger(__name__)
 
@@ -47,8 +50,8 @@ _BYTES_RECEIVED, _DATA_SEGMENTS_IN, _RECEIVER_LIMITED_US = 128, 152, 176
 
 
 class SessionGuard:
-    """The thread that looks, and shows out. A context manager; without certificates it only tells
-    of floods.
+    """The thread that looks, and shows out. A context manager; without certificates it shows
+    nobody out.
     """
 
     def __init__(
@@ -99,18 +102,17 @@ class SessionGuard:
             self._news.wait(LOOK_EVERY_S if self._shows_out else 1.0)
             self._news.clear()
             try:
-                if self._shows_out:
-                    self._look()
+                self._look()
                 self._count()
             except OSError as error:
                 log.debug("nobody was shown out: %s", error)
 
     def _look(self) -> None:
-        visitors = self._links()
+        sockets = connected_sockets()
+        visitors = self._links() if self._shows_out else []
         if not visitors:
             return
-        sockets = _sockets()
-        seen = [(one, _traffic(sockets.get(one.address))) for one in visitors]
+        seen = [(one, _traffic(sockets.get(one.address), one.address)) for one in visitors]
         unwelcome = self._doorkeeper.unwelcome(seen, time.monotonic())
         if self._holds_too_much():
             unwelcome |= self._doorkeeper.hoarders(visitors)
@@ -120,7 +122,7 @@ class SessionGuard:
                 log.error("%s %s, and its socket is not known", visitor.name, why)
             elif why not in COME_AGAIN or not self._is_held(visitor, fd, len(visitors)):
                 log.warning("%s %s: shown out", visitor.name, why)
-                _with_socket(fd, _shut)
+                with_socket(fd, visitor.address, _shut)
         held = self._held_since_s
         self._held_since_s = {one: held[one] for one in held if one in unwelcome}
 
@@ -129,7 +131,7 @@ class SessionGuard:
         since_s = self._held_since_s.setdefault(visitor, time.monotonic())
         if visitors > MOST_VISITORS or time.monotonic() - since_s >= HELD_S:
             return False
-        _with_socket(fd, _hear_nothing)
+        with_socket(fd, visitor.address, _hear_nothing)
         return True
 
     def _holds_too_much(self) -> bool:
@@ -157,27 +159,13 @@ class SessionGuard:
             self._under_fire()
 
 
-def _sockets() -> dict[tuple[str, int], int]:
-    """This process's connected TCP sockets, by the far end's address."""
-    found: dict[tuple[str, int], int] = {}
-    for name in os.listdir("/proc/self/fd"):  # noqa: PTH208 (no Path for each of 8,192)
-        try:
-            if os.readlink(f"/proc/self/fd/{name}").startswith("socket:"):  # noqa: PTH115
-                peer: Any = _with_socket(int(name), lambda one: one.getpeername())
-                if peer and not isinstance(peer, str | bytes):
-                    found[peer[0].partition("%")[0], peer[1]] = int(name)
-        except OSError:
-            continue  # closed meanwhile, or not connected
-    return found
-
-
-def _traffic(fd: int | None) -> Traffic:
+def _traffic(fd: int | None, address: Address) -> Traffic:
     """What has gone over a socket."""
     if fd is None:
         return Traffic()
     try:
-        info = _with_socket(
-            fd, lambda one: one.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 192)
+        info = with_socket(
+            fd, address, lambda one: one.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 192)
         )
         return Traffic(
             struct.unpack_from("Q", info, _BYTES_RECEIVED)[0],
@@ -209,12 +197,3 @@ def _give_back() -> None:
     """What is free goes back to the kernel; else what was held for those who went would count."""
     with contextlib.suppress(AttributeError):  # another libc than glibc
         ctypes.CDLL(None).malloc_trim(0)
-
-
-def _with_socket(fd: int, act: Callable[[socket.socket], Any]) -> Any:
-    """Do something with a socket that belongs to Zenoh, and leave it open."""
-    one = socket.socket(fileno=os.dup(fd))
-    try:
-        return act(one)
-    finally:
-        one.close()

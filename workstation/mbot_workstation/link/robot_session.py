@@ -8,6 +8,7 @@ import json
 
 import zenoh
 
+from mbot_protocol.connected_sockets import connected_sockets
 from mbot_protocol.errors import ConfigurationError, MbotError, UnreachableError
 from mbot_protocol.keys import ALIVE, check_robot_id, robot_id_of
 from mbot_workstation.link.address import Endpoint
@@ -39,10 +40,17 @@ def open_session(
     reason = why_unreachable(endpoint, timeout_s)
     if reason is None:
         try:
-            return zenoh.open(_configuration(endpoint, security, timeout_s))
+            session = zenoh.open(_configuration(endpoint, security, timeout_s))
+            # One robot that is gone must not keep what is said to another waiting.
+            session.info.declare_link_events_listener(_on_link, history=True)
+            return session
         except zenoh.ZError:
             reason = why_no_session(endpoint, security, timeout_s)
     raise UnreachableError(f"no connection to {endpoint}: {reason}")
+
+
+def _on_link(_: zenoh.LinkEvent) -> None:
+    connected_sockets()  # and none of them lingers
 
 
 def alive_robots(session: zenoh.Session, timeout_s: float = CONNECT_TIMEOUT_S) -> list[str]:
