@@ -14,7 +14,7 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.recordings import whole_chunks
-from mbot_workstation.recordings.whole_chunks import MOST_CHUNK_BYTES, WholeChunks
+from mbot_workstation.recordings.whole_chunks import MOST_CHUNK_BYTES, MOST_RECORDS, WholeChunks
 
 
 def a_file(
@@ -198,3 +198,31 @@ def test_chunks_that_unpack_to_too_much_together_are_refused_in_one_line(
     recorded = WholeChunks(Path(__file__).parents[1] / "data" / "recorded-drive" / "000.mcap")
     with pytest.raises(ConfigurationError, match="unpacks to more than"):
         list(recorded.messages())
+
+
+EMPTY_MESSAGE = struct.pack("<BQHIQQ", 5, 22, 1, 0, 0, 0)
+PRIVATE_RECORD = struct.pack("<BQ", 0x90, 0)
+
+
+@pytest.mark.parametrize("record", [EMPTY_MESSAGE, PRIVATE_RECORD])
+def test_records_without_end_are_refused_in_one_line(tmp_path: Path, record: bytes) -> None:
+    """Two million that weigh nothing, in 6 kB."""
+    path = tmp_path / "bomb.mcap"
+    content = record * 2_000_000
+    repacked(path, "zstd", zstandard.compress(content), len(content))
+    with pytest.raises(ConfigurationError, match=f"more than {MOST_RECORDS:,} records"):
+        list(WholeChunks(path).messages())
+
+
+def test_records_without_chunks_are_counted_as_well(tmp_path: Path) -> None:
+    path = tmp_path / "loose.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, use_chunking=False)
+        writer.start()
+        channel = writer.register_channel("/n", "json", writer.register_schema("n", "", b""))
+        for number in range(3):
+            writer.add_message(channel, number, b"", 0)
+        writer.finish()
+    assert len(list(WholeChunks(path).messages(3))) == 3
+    with pytest.raises(ConfigurationError, match="more than 2 records"):
+        list(WholeChunks(path).messages(2))

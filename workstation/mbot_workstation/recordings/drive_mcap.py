@@ -32,13 +32,15 @@ from mbot_protocol.drive_record import (
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.recordings.beat_changes import changes
+from mbot_workstation.recordings.decision_message import read_decision
 from mbot_workstation.recordings.whole_chunks import WholeChunks
 
 FLUSH_EVERY_S = 0.5
 """At most this much is lost to a power cut, plus the time to the next write: below 1 s."""
 
-_MESSAGE_TYPES: dict[str, type[Decision] | type[CompressedImage]] = {
-    kind.DESCRIPTOR.full_name: kind for kind in (Decision, CompressedImage)
+_READERS: dict[str, Callable[[bytes], Decision | CompressedImage]] = {
+    Decision.DESCRIPTOR.full_name: read_decision,
+    CompressedImage.DESCRIPTOR.full_name: CompressedImage.FromString,
 }
 
 _LEVELS = {"INFO": Log.INFO, "WARN": Log.WARNING, "ERROR": Log.ERROR}
@@ -207,11 +209,10 @@ def read_recording(path: Path) -> Iterator[tuple[str, Decision | CompressedImage
     """
     chunks, count = WholeChunks(path), 0
     for found in chunks.messages():
-        kind = _MESSAGE_TYPES.get(found.schema)
-        if kind is not None:
-            message = kind()
+        read = _READERS.get(found.schema)
+        if read is not None:
             try:
-                message.ParseFromString(found.data)
+                message = read(found.data)
             except DecodeError:
                 continue
             count += 1

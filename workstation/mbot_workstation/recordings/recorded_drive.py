@@ -24,6 +24,7 @@ from mbot_protocol.picture import Picture
 from mbot_protocol.policy_contract import FieldOfView
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.pictures.picture_file import decode_picture
+from mbot_workstation.recordings.decision_message import read_decision
 from mbot_workstation.recordings.whole_chunks import WholeChunks
 
 BeatKey = tuple[int, int]
@@ -190,7 +191,7 @@ class _Gathered:
             kind, time_ns = message.topic.rpartition("/")[2], message.log_time_ns
             try:
                 if kind == DECISION_TOPIC:
-                    self._decisions[time_ns] = Decision.FromString(message.data)
+                    self._decisions[time_ns] = read_decision(message.data)
                 elif kind == OBSERVATION_TOPIC:
                     self._pictures[time_ns] = CompressedImage.FromString(message.data)
                 elif kind == DRIVE_TOPIC:

@@ -16,6 +16,10 @@ from mbot_workstation.recordings.whole_chunks import WholeChunks
 
 _log = logging.getLogger(__name__)
 
+MOST_RECORDS = 3600 * 240 * 2
+"""An hour of a motion capture's 240 poses a second, and as much of other topics; a session of the
+paper's 80 runs takes half of that time, and trackers that one buys give 90 a second."""
+
 _Pose = tuple[float, ...]
 """Time in s, x, y, z, then the quaternion, w first."""
 
@@ -64,7 +68,7 @@ def read_mcap(path: Path, topic: str | None = None) -> RawTrack:
     poses: dict[str, list[_Pose]] = {}
     others: set[str] = set()
     chunks, unread = WholeChunks(path), 0
-    for message in chunks.messages():
+    for message in chunks.messages(MOST_RECORDS):
         read = READERS.get((message.schema, message.encoding))
         if read is None:
             others.add(f"{message.topic} ({message.schema or 'no schema'})")

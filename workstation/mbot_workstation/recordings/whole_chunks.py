@@ -30,6 +30,12 @@ MOST_CHUNK_BYTES = 64 << 20
 MOST_BYTES = 512 << 20
 """Of all chunks together, unpacked: five hours of a robot's own recording."""
 
+MOST_RECORDS = 16 * 3600 * 10
+"""Of a drive's file: sixteen hours at the paper's 2.5 beats a second, two at 20, the most that a
+robot may. A beat is a decision, its numbers, a picture and now and then a line: up to 10 records a
+second (docs/telemetry.md). Millions of empty ones fit into a file of some kB.
+"""
+
 _HEAD = struct.Struct("<BQ")
 """A record's opcode and the length of what follows."""
 
@@ -124,16 +130,21 @@ class WholeChunks:
         """Nothing is missing; known once `messages` has come to its end."""
         return self.is_finished and self.chunks_read == self.chunks_found
 
-    def messages(self) -> Iterator[McapMessage]:
+    def messages(self, most: int = MOST_RECORDS) -> Iterator[McapMessage]:
         """All messages of whole chunks, and of a file without any chunk.
 
+        Args:
+            most: records of any kind that there may be.
+
         Raises:
-            ConfigurationError: they unpack to more than `MOST_BYTES`.
+            ConfigurationError: there are more, or they unpack to more than `MOST_BYTES`.
 
         """
         self.chunks_read = 0
+        self._records, self._most = 0, most
         left_bytes = MOST_BYTES
         for start, end in self._loose:
+            self._count()
             yield from self._message(Message.read(_stream(self._data[start:end]), end - start))
         for start, end in self._chunks:
             try:
@@ -158,6 +169,7 @@ class WholeChunks:
             raise ValueError("the checksum is wrong")
         stream = _stream(data)
         while stream.count < len(data):
+            self._count()
             opcode, length = stream.read1(), stream.read8()
             if opcode == Opcode.SCHEMA:
                 schema = Schema.read(stream)
@@ -169,6 +181,14 @@ class WholeChunks:
                 yield from self._message(Message.read(stream, length))
             else:
                 stream.read(length)
+
+    def _count(self) -> None:
+        self._records += 1
+        if self._records > self._most:
+            raise ConfigurationError(
+                f"the recording holds more than {self._most:,} records: cut it, with `mcap filter` "
+                "for instance"
+            )
 
     def _message(self, record: Message) -> Iterator[McapMessage]:
         channel = self._channels.get(record.channel_id)
