@@ -1,7 +1,8 @@
 """Somebody who may only look and says STOP as often as the bytes that they may send allow.
 
-`stop_flood.py HOST:PORT ROBOT_ID SECONDS CA CERTIFICATE KEY`: 500 a second in each of 4 sessions,
-without a payload. Whenever it is shown out it comes again. Prints how many it sent.
+`stop_flood.py HOST:PORT ROBOT_ID SECONDS CA CERTIFICATE KEY [A_SECOND]`: 500 a second, or so many,
+in each of 4 sessions, without a payload. Whenever it is shown out it comes again. Prints how many
+it sent.
 """
 
 import contextlib
@@ -23,7 +24,8 @@ HEAP = 40
 
 
 def main() -> None:
-    address, robot_id, seconds, ca, certificate, key = sys.argv[1:]
+    address, robot_id, seconds, ca, certificate, key, *rate = sys.argv[1:]
+    a_second = int(rate[0]) if rate else A_SECOND
     host, _, port = address.rpartition(":")
     endpoint = Endpoint("tls", host, int(port))
     security = LinkSecurity(Path(ca), Path(certificate), Path(key))
@@ -34,11 +36,12 @@ def main() -> None:
         while time.monotonic() < until_s:
             with contextlib.suppress(Exception), open_session(endpoint, security) as session:
                 stop = STOP.key(robot_id)
-                while time.monotonic() < until_s and session.info.peers_zid():
+                info = session.info
+                while time.monotonic() < until_s and (info.peers_zid() or info.routers_zid()):
                     for _ in range(HEAP):
                         session.get(stop, handler=zenoh.handlers.RingChannel(1), timeout=1.0)
                         sent[number] += 1
-                    time.sleep(HEAP / A_SECOND)
+                    time.sleep(HEAP / a_second)
             time.sleep(0.05)
 
     threads = [threading.Thread(target=flood, args=(number,)) for number in range(SESSIONS)]
@@ -47,6 +50,7 @@ def main() -> None:
     for thread in threads:
         thread.join(float(seconds) + 20)
     print(sent, flush=True)
+    sys.exit(0 if all(sent) else 1)
 
 
 if __name__ == "__main__":

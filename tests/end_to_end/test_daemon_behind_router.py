@@ -4,6 +4,7 @@ README, STOP first. A stand-in that declares its keys otherwise than the daemon 
 
 import json
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,26 +18,30 @@ from mbot_protocol.errors import UnreachableError
 from mbot_protocol.keys import STATUS, STOP, TOPICS, Flow, Right
 from mbot_protocol.schema import SCHEMA_VERSION
 from mbot_protocol.v1.messages_pb2 import Status
-from mbot_workstation.link.remote_control import RemoteControl
+from mbot_workstation.enrolment.bundles import MOST_STOPS_HZ
+from mbot_workstation.link.remote_control import STOP_TIMEOUT_S, RemoteControl
 from mbot_workstation.link.robot_link import RobotLink
 from mbot_workstation.models.push import push
 
 from ..free_port import free_port
+from ..reliability.effort import second_worst
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
 from .fleet import LOCALHOST, Fleet
-from .processes import PROGRAMS, ROBOT_ID, Daemon, until
+from .processes import HERE, PROGRAMS, ROBOT_ID, Daemon, Process, until
+from .stop_flood import SESSIONS
 
 FORWARD = constant_model(0.6, 0.6)
 FORWARD_BOARD = (-169, 169)
 DORA = "dora"
+FLOOD_S = 8
 
 
 @pytest.fixture
 def fleet(tmp_path: Path) -> Fleet:
     fleet = Fleet(tmp_path / "mbot-agent" / "fleet")
     fleet.enrolment.router("lab", [LOCALHOST], free_port())
-    fleet.enrol(ROBOT_ID, {DORA: [Right.PUSH, Right.DRIVE]}, router="lab")
+    fleet.enrol(ROBOT_ID, {DORA: [Right.PUSH, Right.DRIVE], "vera": [Right.VIEW]}, router="lab")
     return fleet
 
 
@@ -97,6 +102,35 @@ def test_every_command_of_the_readme_comes_through_and_stop_first(
     workstation("telemetry", *to_robot, "--json", "--seconds", "1")
     workstation("recordings", "list", *to_robot)
     workstation("rollback", *to_robot, fails=6)
+
+
+@pytest.mark.timeout(120)
+@pytest.mark.usefixtures("behind")
+def test_a_flood_of_stops_through_the_router_holds_up_nobody_elses(
+    fleet: Fleet, tmp_path: Path
+) -> None:
+    """The robot sees one link for all; the router passes on 50 a second of each of its own."""
+    assert until(lambda: is_there(fleet), 20)
+    vera = fleet.security("vera")
+    router = fleet.folder.roll().routers["lab"]
+    program = [str(HERE / "stop_flood.py"), f"{LOCALHOST}:{router.port}", ROBOT_ID, str(FLOOD_S)]
+    program += [str(path) for path in (vera.ca, vera.certificate, vera.key)]
+    found_ms: list[float] = []
+    with fleet.link(ROBOT_ID, DORA) as link:
+        control = RemoteControl(link)
+        before = link.status().last_stop.count
+        with Process(sys.executable, *program, "20000", log=tmp_path / "flood.log") as flood:
+            while flood.is_running():
+                began_s = time.monotonic()
+                assert control.stop() == "stopped"
+                found_ms.append((time.monotonic() - began_s) * 1000)
+                time.sleep(0.3)
+            assert flood.wait() == 0
+        came = link.status().last_stop.count - before
+    assert len(found_ms) > 10
+    assert second_worst(found_ms) <= 100
+    assert max(found_ms) < STOP_TIMEOUT_S * 1000
+    assert came <= MOST_STOPS_HZ * SESSIONS * FLOOD_S * 1.5 + len(found_ms)
 
 
 @pytest.mark.usefixtures("behind")

@@ -14,6 +14,7 @@ import tomli_w
 
 from mbot_protocol.access_rules import LONGEST_BLOCK_US, Kind, request_limits, router_access
 from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.keys import STOP
 from mbot_workstation.enrolment.certificates import Identity, check_issued
 from mbot_workstation.enrolment.roll import ROLL_FILE, Roll, decode_roll, encode_roll
 
@@ -25,6 +26,11 @@ LEASE_MS = 2000
 """As the robot's: whoever falls silent is forgotten after 2 s on each hop."""
 
 MOST_ROUTER_SESSIONS = 256
+
+MOST_STOPS_HZ = 50.0
+"""Of one link to a router, to one robot. A STOP that comes within 20 ms of another one changes
+nothing: a `run` between them would have to name the first one's count, which nobody knows before
+its reply. Whoever waits for the board's word asks again after 50 ms (remote_control)."""
 
 LARGEST_ROUTED_BYTES = 1 << 20
 
@@ -149,6 +155,16 @@ def zenohd_json5(roll: Roll, name: str, folder: str = f"/{ROUTER_FOLDER}") -> st
         },
         "access_control": router_access({robot_id: r.people for robot_id, r in behind.items()}),
         "low_pass_filter": request_limits("*"),
+        # A robot sees one link for all who come through a router, and can show nobody out.
+        "downsampling": [
+            {
+                "id": f"STOPs of one link to {robot_id}",
+                "messages": ["query"],
+                "flows": ["ingress"],
+                "rules": [{"key_expr": STOP.key(robot_id), "freq": MOST_STOPS_HZ}],
+            }
+            for robot_id in behind
+        ],
     }
     return _ROUTER_HEAD + json.dumps(settings, indent=2) + "\n"
 
