@@ -10,6 +10,7 @@ import pytest
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.simulation.camera_renderer import CameraRenderer
+from mbot_workstation.simulation.glb_file import MOST_PARTS
 from mbot_workstation.simulation.object_file import read_objects
 from mbot_workstation.simulation.pose import Pose
 from mbot_workstation.simulation.scene_parameters import SceneParameters
@@ -21,6 +22,8 @@ from tests.workstation.glb_samples import BLUE, RED, Part, packed, pictured, pla
 WHITE, HALF_GREEN, LINEAR = (255, 255, 255), (0, 188, 0), (63, 124, 63)
 LOWER, UPPER = partial(Part, 0, 0.5), partial(Part, 0.5, 1)
 WHOLE = Part(material=0, uv=True)
+EMPTY = {"componentType": 5121, "type": "SCALAR", "count": 0}
+PRIMITIVE = {"attributes": {"POSITION": 0}, "indices": 1}
 
 
 def read(path: Path, more: str = "") -> TargetObject:
@@ -180,6 +183,10 @@ MOVED["pbrMetallicRoughness"]["baseColorTexture"]["extensions"] = {"KHR_texture_
             "9 materials with a picture",
         ),
         ([Part()], [], [], {"nodes": [{"mesh": 0}] * 2000}, "24,000 triangles"),
+        ([Part()], [], [], {"nodes": [{"mesh": 0}, *[{}] * MOST_PARTS]}, "20,009 nodes, meshes"),
+        ([Part()], [], [], {"accessors": [EMPTY] * MOST_PARTS}, "nodes, meshes and"),
+        ([Part()], [], [], {"meshes": [{"primitives": [PRIMITIVE] * MOST_PARTS}]}, "and other"),
+        ([Part()], [], [], {"nodes": [{"children": [1] * MOST_PARTS}, {}]}, "and other parts"),
         (
             [Part()],
             [],

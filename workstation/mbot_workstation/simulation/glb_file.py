@@ -30,6 +30,10 @@ MOST_BYTES = 1 << 28
 """Of all the numbers a header speaks of. The most triangles take 4 MB; a mesh that is yet to be
 reduced should be told so."""
 
+MOST_PARTS = MOST_TRIANGLES
+"""Nodes, meshes, their primitives, accessors and all else that a header lists, used or not: where
+each triangle is a mesh of its own, a thing isn't seen either."""
+
 TEXTURE_PX = 256
 """Larger pictures are reduced to this side."""
 
@@ -132,6 +136,14 @@ def _refuse_unread(header: dict[str, Any]) -> None:
 
 def _refuse_large(header: dict[str, Any]) -> None:
     """Before trimesh makes room for it, for each use anew."""
+    parts = sum(len(listed) for listed in header.values() if isinstance(listed, list))
+    parts += sum(len(mesh["primitives"]) for mesh in header.get("meshes", []))
+    parts += sum(len(node.get("children", [])) for node in header.get("nodes", []))
+    if parts > MOST_PARTS:
+        raise ConfigurationError(
+            f"lists {parts:,} nodes, meshes and other parts, expected at most {MOST_PARTS:,}; "
+            "export the object alone, joined into one mesh and without animations"
+        )
     sizes = [
         one["count"] * _SIZES[one["componentType"]] * _COMPONENTS[one["type"]]
         for one in header.get("accessors", [])
