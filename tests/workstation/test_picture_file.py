@@ -1,5 +1,7 @@
 """What is a picture, and of which size, before anybody makes room for it."""
 
+import contextlib
+import random
 import resource
 import struct
 import zlib
@@ -64,6 +66,48 @@ def test_no_marker_makes_the_one_who_looks_at_the_size_see_another_than_the_deco
     except ConfigurationError:
         return
     assert picture is None or picture.size < 60_000**2
+
+
+def tiled_tiff(tile_px: int, tile: bytes) -> bytes:
+    """Of 100 x 100 pixels in gray, in one compressed tile."""
+    entries = [(256, 100), (257, 100), (258, 8), (259, 8), (262, 1), (277, 1)]
+    entries += [(322, tile_px), (323, tile_px), (324, 134), (325, len(tile))]
+    tags = b"".join(struct.pack("<HHII", tag, 4, 1, value) for tag, value in entries)
+    return struct.pack("<2sHIH", b"II", 42, 8, len(entries)) + tags + bytes(4) + tile
+
+
+def test_a_tile_larger_than_any_picture_is_refused() -> None:
+    assert decode_picture(tiled_tiff(128, zlib.compress(bytes(128**2)))) is not None
+    with pytest.raises(ConfigurationError, match="more than 89,478,485"):
+        decode_picture(tiled_tiff(10_000, zlib.compress(bytes(10**8))))
+
+
+@pytest.mark.parametrize("suffix", PICTURE_SUFFIXES)
+def test_what_is_damaged_is_told_by_nobody_but_us(
+    capfd: pytest.CaptureFixture[str], suffix: str
+) -> None:
+    """Neither by libjpeg, libpng, libtiff, OpenCV nor Pillow."""
+    noise, whole = random.Random(1), cv2.imencode(suffix, PICTURE)[1].tobytes()
+    for number in range(200):
+        damaged = bytearray(whole[: noise.randrange(1, len(whole))] if number % 2 else whole)
+        for _ in range(4):
+            damaged[noise.randrange(len(damaged))] = noise.randrange(256)
+        with contextlib.suppress(ConfigurationError):
+            decode_picture(bytes(damaged))
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_picture_in_part_is_none(capfd: pytest.CaptureFixture[str]) -> None:
+    assert decode_picture(tiled_tiff(128, b"no tile")) is None
+    assert decode_picture(encode_picture(PICTURE, ".jpg")[:-200]) is None
+    assert capfd.readouterr() == ("", "")
+
+
+def test_sixteen_bits_of_gray_are_not_clipped() -> None:
+    gray = PICTURE[..., 0].astype(np.uint16) * 257
+    shown = decode_picture(cv2.imencode(".png", gray)[1].tobytes())
+    assert shown is not None
+    assert (shown == PICTURE[..., :1]).all()
 
 
 def test_what_is_none_is_none() -> None:

@@ -1,14 +1,19 @@
 """Picture files: read as the sensor read them out, and written."""
 
+import logging
+import os
+import threading
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, nullcontext
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import cv2
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageOps
+from PIL.TiffImagePlugin import TILELENGTH, TILEWIDTH, TiffImageFile
 
 from mbot_protocol import atomic_file
 from mbot_protocol.errors import ConfigurationError
@@ -19,6 +24,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PICTURE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
+
+logging.getLogger("PIL").setLevel(logging.CRITICAL)  # what is wrong is said once, by us
+
+_MUTED = threading.Lock()
+"""Two at a time would put back what the other has put there."""
 
 _FORMATS = ("JPEG", "PNG", "BMP", "TIFF", "WEBP")
 
@@ -33,7 +43,8 @@ script makes ten."""
 def decode_picture(encoded: bytes, *, turn: bool = False) -> Picture | None:
     """A picture file's content. Shape (height, width, 3), RGB; None if it is none.
 
-    Every picture of whatever origin is decoded here, its size being looked at first.
+    Every picture of whatever origin is decoded here, its size being looked at first. By Pillow:
+    below OpenCV libjpeg and libpng write on the screen, and what is damaged is shown in part.
 
     Args:
         encoded: of one of the `PICTURE_SUFFIXES`.
@@ -43,11 +54,31 @@ def decode_picture(encoded: bytes, *, turn: bool = False) -> Picture | None:
         ConfigurationError: it has more than `MOST_PIXELS`.
 
     """
-    if _opened(encoded) is None:
+    image = _opened(encoded)
+    if image is None:
         return None
-    kind = cv2.IMREAD_COLOR if turn else cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
-    decoded = cv2.imdecode(np.frombuffer(encoded, np.uint8), kind)
-    return None if decoded is None else cast(Picture, cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB))
+    try:
+        with warnings.catch_warnings(), _mute() if image.format == "TIFF" else nullcontext():
+            warnings.simplefilter("ignore")
+            shown = ImageOps.exif_transpose(image) if turn else image
+            if shown.mode.startswith("I;16"):  # which `convert` would clip
+                return np.repeat((np.asarray(shown) >> 8).astype(np.uint8)[..., None], 3, axis=2)
+            return np.array(shown.convert("RGB"))
+    except Exception:  # Pillow's readers raise whatever broken data lead to
+        return None
+
+
+@contextmanager
+def _mute() -> Iterator[None]:
+    """Nothing reaches the screen: libtiff writes there itself."""
+    with _MUTED, Path(os.devnull).open("wb") as nowhere:
+        kept = os.dup(2)
+        os.dup2(nowhere.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
 
 
 def read_xmp(encoded: bytes) -> bytes:
@@ -66,10 +97,13 @@ def _opened(encoded: bytes) -> Image.Image | None:
     """Its header, and nothing decoded; None if it is no picture."""
     try:
         with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
             warnings.simplefilter("error", Image.DecompressionBombWarning)
             image = Image.open(BytesIO(encoded), formats=_FORMATS)
         scans = encoded.count(b"\xff\xda") if image.format == "JPEG" else 1
-        if scans * image.width * image.height > MOST_SCANNED:
+        tile = image.tag_v2 if isinstance(image, TiffImageFile) else {}
+        tile_pixels = tile.get(TILEWIDTH, 1) * tile.get(TILELENGTH, 1)
+        if tile_pixels > MOST_PIXELS or scans * image.width * image.height > MOST_SCANNED:
             raise Image.DecompressionBombError
         return image
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
