@@ -50,6 +50,17 @@ def shown_source(source: str) -> str:
     return _QUERY.sub("?...", _LOGIN.sub("//...@", source)) if "://" in source else source
 
 
+_AUTHORITY = re.compile(r"://([^/?#]*)")
+
+
+def address_advice(source: str) -> str:
+    """What to write otherwise in an address that seems to have an @ of a password's in it."""
+    authority = _AUTHORITY.search(source)
+    if authority is None or authority[1].count("@") < 2:
+        return ""
+    return "; its address has more than one @: a password's own is written %40"
+
+
 class Camera(Struct, frozen=True, forbid_unknown_fields=True):
     """Where frames come from and when they are too bad to drive on."""
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from mbot_agent.camera.frame_sources import frame_source
 from mbot_agent.camera.picture_check import PictureCheck
-from mbot_agent.camera.source_contract import JpegError
-from mbot_agent.configuration import Configuration, shown_source
+from mbot_agent.camera.source_contract import CameraError, JpegError
+from mbot_agent.configuration import Configuration, address_advice, shown_source
 from mbot_protocol.errors import MbotError
 from mbot_protocol.mcore import has_deadman, is_of_another_board
 from mbot_protocol.public_key import PublicKey
@@ -72,6 +72,14 @@ def examine(
 
 
 def _camera(configuration: Configuration) -> Finding:
+    try:
+        return _seen(configuration)
+    except CameraError as error:
+        advice = address_advice(configuration.camera.source)
+        return Finding("camera", "failed", f"{error}{advice}")
+
+
+def _seen(configuration: Configuration) -> Finding:
     check = PictureCheck(configuration.camera)
     with frame_source(configuration.camera) as source:
         started_s = time.monotonic()

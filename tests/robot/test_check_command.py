@@ -101,6 +101,19 @@ def findings(path: Path) -> dict[str, doctor.Finding]:
     return {finding.subject: finding for finding in doctor.examine(load(path), {})}
 
 
+@pytest.mark.parametrize("prefix", ["", "ffmpeg:"])
+@pytest.mark.parametrize(
+    ("login", "is_told"), [("anna:ge@heim@", True), ("anna:ge%40heim@", False), ("", False)]
+)
+def test_a_password_with_an_at_sign_is_told_how_to_be_written(
+    login: str, is_told: bool, prefix: str, tmp_path: Path
+) -> None:
+    address = f"{prefix}http://{login}127.0.0.1:1/one@two/@three"
+    found = findings(configured(tmp_path, f'[camera]\nsource = "{address}"'))["camera"]
+    assert (found.verdict, "%40" in found.detail) == ("failed", is_told)
+    assert "heim" not in found.detail
+
+
 @pytest.mark.parametrize(
     ("version", "verdict"), [("06.01.107", "warning"), ("0e.01.018", "failed")]
 )
