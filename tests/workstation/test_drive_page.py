@@ -246,6 +246,11 @@ def test_the_commands(tmp_path: Path) -> None:
     (told,) = json.loads(result.stdout)["drives"]
     assert told["decisions"] == 12
     assert page.read_text().startswith("<!DOCTYPE html>")
+    before = page.read_bytes()
+    result = CliRunner().invoke(app, ["report", str(RECORDED), "-o", str(page)])
+    assert isinstance(result.exception, ConfigurationError)
+    assert "exists already" in str(result.exception)
+    assert page.read_bytes() == before
     result = CliRunner().invoke(app, ["film", str(RECORDED), str(tmp_path / "drive.mp4")])
     assert "drive.mp4, 5.2 s" in result.output.replace("\n", "")
     assert ReportOptions(recordings=[RECORDED]).output == Path("drive.html")

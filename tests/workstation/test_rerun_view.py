@@ -107,8 +107,9 @@ def test_several_live_robots_and_a_map_are_in_one_view(robot: FakeRobot, tmp_pat
 
 def test_what_mattered_to_the_policy_is_shown_when_asked_for(tmp_path: Path) -> None:
     path, model = tmp_path / "drive.rrd", str(RECORDED / "seeing.onnx")
-    command = ["view", str(RECORDED), "--save", str(path)]
-    result = CliRunner().invoke(app, [*command, "--attention", "--model", model])
+    command = ["view", str(RECORDED)]
+    saving = [*command, "--save", str(path)]
+    result = CliRunner().invoke(app, [*saving, "--attention", "--model", model])
     assert result.exit_code == 0, result.output
     data = path.read_bytes()
     assert b"virtual/attention" in data
@@ -122,10 +123,12 @@ def test_what_mattered_to_the_policy_is_shown_when_asked_for(tmp_path: Path) -> 
         result = CliRunner().invoke(app, told)
         assert isinstance(result.exception, ConfigurationError)
         assert words in str(result.exception)
-    result = CliRunner().invoke(app, [*command, "--attention", "--model", __file__])
+    path.unlink()
+    result = CliRunner().invoke(app, [*saving, "--attention", "--model", __file__])
     assert "where it looked is not shown: model 93277d5c321b" in result.stderr
     assert b"without_memory" not in path.read_bytes()
-    CliRunner().invoke(app, command)
+    path.unlink()
+    CliRunner().invoke(app, saving)
     assert b"virtual/attention" not in path.read_bytes()
 
 
@@ -133,12 +136,14 @@ def test_a_robot_that_is_off_is_left_out_of_several(robot: FakeRobot, tmp_path: 
     off = f"127.0.0.1:{free_port()}"
     path = tmp_path / "live.rrd"
     for addresses in ([off, robot.address], [robot.address, off]):
+        path.unlink(missing_ok=True)
         command = ["view", "--seconds", "0.2", "--save", str(path)]
         for address in addresses:
             command += ["--robot", address]
         result = CliRunner().invoke(app, command)
         assert result.exit_code == 0, result.output
         assert "nothing listens there" in result.output
+    path.unlink()
     result = CliRunner().invoke(app, ["view", "--robot", off, "--save", str(path)])
     assert isinstance(result.exception, UnreachableError)
     wrong = ["--robot", robot.address, "--map", "mbot-9=a.jsonl"]
@@ -154,3 +159,7 @@ def test_a_recording_becomes_a_file_for_the_viewer(tmp_path: Path) -> None:
     assert len(data) > 50_000
     for name in (b"virtual/observation", b"virtual/wheels/left", b"virtual/log", b"robot_time"):
         assert name in data
+    result = CliRunner().invoke(app, ["view", str(RECORDED), "--save", str(path)])
+    assert isinstance(result.exception, ConfigurationError)
+    assert "exists already" in str(result.exception)
+    assert path.read_bytes() == data

@@ -20,7 +20,9 @@ class ReportOptions:
     """What `report` takes."""
 
     recordings: list[Path] = _recording("Folders or files", "RECORDING...")
-    output: Path = option(Path("drive.html"), "The page.", "--output", "-o", metavar="FILE.html")
+    output: Path = option(
+        Path("drive.html"), "The page, a new file.", "--output", "-o", metavar="FILE.html"
+    )
     maps: list[Path] | None = option(
         None,
         "Also draw the path that `virtual-robot --trajectory` wrote meanwhile. Repeatable.",
@@ -59,6 +61,7 @@ def report(options: ReportOptions) -> None:
     from mbot_workstation.drives.replayed_drive import models_near
     from mbot_workstation.recordings.recorded_drive import read_drives
 
+    check_new_file(options.output)
     drives = [figures(drive) for drive in read_drives(options.recordings)]
     places = [place for path in options.maps or [] for place in read_path(path)]
     models = options.models or models_near(Path())

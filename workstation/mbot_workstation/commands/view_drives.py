@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from mbot_workstation.commands.link_options import CertificateOptions, robots_option
 from mbot_workstation.commands.options import argument, option, with_options
+from mbot_workstation.commands.output_paths import check_new_file
 from mbot_workstation.commands.stop_signals import sigterm_as_ctrl_c
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ class ViewOptions(CertificateOptions):
         8765, "Of that; 0: any.", "--foxglove-port", panel=_PANEL, metavar="PORT", min=0, max=65535
     )
     save: Path | None = option(
-        None, "Write a file for the viewer instead.", "--save", panel=_PANEL, metavar="FILE.rrd"
+        None, "Write a new file for the viewer instead.", "--save", panel=_PANEL, metavar="FILE.rrd"
     )
     maps: list[Path] | None = option(
         None,
@@ -133,6 +134,8 @@ def view(options: ViewOptions) -> None:
     from mbot_workstation.drives.rerun_view import RerunView
     from mbot_workstation.recordings.recorded_drive import read_drives
 
+    if options.save is not None:
+        check_new_file(options.save)
     if (options.attention or options.models) and not options.recordings:
         raise ConfigurationError(
             "--attention is for recordings: what a live robot's policy had in mind is in the "
