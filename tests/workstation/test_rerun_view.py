@@ -1,6 +1,7 @@
 """The Rerun viewer's side: without Rerun one line, with it a file that holds the drive."""
 
 import json
+import shutil
 import signal
 import socket
 import subprocess
@@ -44,6 +45,19 @@ def test_what_changed_is_told_once() -> None:
         ("ERROR", "stuck: the picture stands still"),
         ("WARN", "stop 2"),
     ]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("setpriv") is None, reason="not Linux")
+def test_a_page_ends_with_its_command_even_where_that_is_killed(tmp_path: Path) -> None:
+    ports = free_port(), free_port()
+    command = [sys.executable, "-m", "mbot_workstation.main", "view", str(RECORDED), "--web"]
+    command += ["--no-browser", "--grpc-port", str(ports[0]), "--web-port", str(ports[1])]
+    with (tmp_path / "said").open("w") as said, subprocess.Popen(command, stdout=said) as viewing:
+        assert until(lambda: "look at" in (tmp_path / "said").read_text(), 60)
+        assert listens(ports[0])
+        viewing.kill()
+    assert until(lambda: not any(listens(port) for port in ports), 10)
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ Rerun is the extra `[view]`; nothing else here imports it.
 import importlib
 import math
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -94,7 +95,7 @@ class RerunView:
 
     def open_window(self, *, grpc_port: int) -> None:
         """Open the viewer's window; it stays when this process ends. Raises ConfigurationError."""
-        self._start(grpc_port, [])
+        self._start([], grpc_port, [])
 
     def serve_web(self, *, grpc_port: int, web_port: int) -> str:
         """Serve the viewer as a page; returns the page's address on this machine.
@@ -111,14 +112,18 @@ class RerunView:
                 )
         # The server is not the library's own: that one listens on every network (0.0.0.0).
         options = ["--serve-web", "--web-viewer-port", str(web_port), "--server-memory-limit"]
-        server = self._start(grpc_port, [*options, MEMORY_LIMIT])
+        # Linux ends it with us even where we are killed: rerun_cli, interrupted, kills the server.
+        setpriv = ["setpriv", "--pdeathsig", "INT"] if shutil.which("setpriv") else []
+        server = self._start(setpriv, grpc_port, [*options, MEMORY_LIMIT])
         self._end.callback(lambda: os.killpg(server.pid, signal.SIGTERM))
         return f"http://127.0.0.1:{web_port}/?url={_source(grpc_port)}"
 
-    def _start(self, grpc_port: int, options: list[str]) -> "subprocess.Popen[bytes]":
+    def _start(
+        self, within: list[str], grpc_port: int, options: list[str]
+    ) -> "subprocess.Popen[bytes]":
         """Rerun's own program, for this machine only; what is logged goes there."""
         bound = ["--bind", LOOPBACK, "--port", str(grpc_port)]
-        command = [sys.executable, "-m", "rerun_cli", *bound, *options]
+        command = [*within, sys.executable, "-m", "rerun_cli", *bound, *options]
         process = subprocess.Popen(
             command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
         )
