@@ -1,5 +1,6 @@
 """Whether the picture stands still while the wheels turn; pictures made by hand."""
 
+import math
 from collections.abc import Callable
 
 import cv2
@@ -9,7 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mbot_agent.arming import Mode, Orders
-from mbot_agent.camera.stuck import StuckCheck
+from mbot_agent.camera.stuck import (
+    AREA_PX,
+    NOISE_MARGIN,
+    NOISIEST,
+    ROUNDING,
+    StuckCheck,
+)
 from mbot_agent.tick import Tick
 from mbot_protocol.mcore import STOP, Joystick
 from mbot_protocol.picture import Picture
@@ -18,6 +25,8 @@ PERIOD_S = 0.4
 AHEAD = Joystick(-169, 169)
 """0.6 of full speed."""
 FAST = Joystick(-255, 255)
+GREY = (0.299, 0.587, 0.114)
+"""How much of red, green and blue (ITU-R BT.601)."""
 Look = Callable[[float], Picture]
 
 
@@ -80,6 +89,7 @@ STANDING: dict[str, Look] = {
     "much noise": camera(scene(), noise=3.0),
     "exposure settles": camera(scene(), noise=1.0, exposure=lambda s: 1 - 0.4 * 0.6**s),
     "exposure hunts": camera(scene(), noise=1.0, exposure=lambda s: 1 + 0.1 * np.sin(s)),
+    "exposure falls": camera(scene(), noise=1.0, exposure=lambda s: 0.6 + 0.4 * 0.6**s),
     "a plain wall": camera(plain(150)),
     "a plain wall, noise": camera(plain(150), noise=1.0),
     "a plain wall, rounding": camera(plain(150), exposure=lambda s: 1 + 0.002 * np.sin(9 * s)),
@@ -110,6 +120,43 @@ def test_a_picture_that_changes_is_not(name: str) -> None:
     assert found_after_s(MOVING[name]) is None
 
 
+def tells_apart(first: np.ndarray, then: np.ndarray) -> bool:
+    """Whether what is seen from the second observation on is another picture than the first."""
+    shown = [picture.round().clip(0, 255).astype(np.uint8) for picture in (first, then)]
+    found_s = found_after_s(lambda time_s: shown[time_s > 0], FAST)
+    if found_s == pytest.approx(3.2):
+        return False
+    assert found_s == pytest.approx(3.2 + PERIOD_S)  # it stands still from then on
+    return True
+
+
+def faint(variance: float) -> np.ndarray:
+    """An upper part that is lighter by whole levels, so that areas vary so; shape (64, 64, 1)."""
+    level = math.ceil(2 * math.sqrt(variance))  # half the areas would vary as much, or more
+    share = (1 - math.sqrt(1 - 4 * variance / level**2)) / 2
+    lighter = np.arange(256) < 256 * share
+    return np.kron(lighter.reshape(16, 16), np.full((AREA_PX, AREA_PX), level))[..., np.newaxis]
+
+
+@pytest.mark.parametrize("noise", [0.0, 2.0, 3.5, 7.0])
+@pytest.mark.parametrize(
+    "first",
+    [np.full((64, 64, 3), 100.0), scene()[:, :64].round()],
+    ids=["a plain wall", "a scene"],
+)
+@pytest.mark.parametrize("exposure", [1.0, 0.6])
+def test_what_noise_explains_is_no_change_and_what_is_more_is_one(
+    first: np.ndarray, noise: float, exposure: float
+) -> None:
+    of_colour = noise / np.linalg.norm(GREY)
+    grain = np.random.default_rng(4).normal(0, of_colour, (16, AREA_PX, 16, AREA_PX, 3))
+    grain -= grain.mean((1, 3), keepdims=True)  # so that areas are known to differ by `faint` alone
+    then = first * exposure + grain.reshape(64, 64, 3)
+    bar = ROUNDING + (NOISE_MARGIN * min(noise, NOISIEST) / AREA_PX) ** 2
+    assert not tells_apart(first, then + faint(0.85 * bar))
+    assert tells_apart(first, then + faint(1.15 * bar))
+
+
 def test_creeping_takes_as_long_as_half_a_metre() -> None:
     wall = camera(plain(150), noise=1.0)
     assert found_after_s(wall, FAST) == 3.2
@@ -119,7 +166,17 @@ def test_creeping_takes_as_long_as_half_a_metre() -> None:
 
 @given(st.integers(-65, 65), st.integers(-65, 65))
 def test_in_the_dead_band_nobody_is_stuck(m1: int, m2: int) -> None:
-    assert found_after_s(lambda _: np.full((64, 64, 3), 90, np.uint8), Joystick(m1, m2)) is None
+    wall = camera(plain(90))
+    assert found_after_s(wall, Joystick(m1, m2), longest_s=3600, period_s=400) is None
+
+
+def test_the_way_of_before_the_picture_stood_still_does_not_count() -> None:
+    check, turning, still = StuckCheck(), camera(scene(), turn_px_s=30.0), scene()[:, :64]
+    for number in range(20):
+        assert check.judge(beat(number, turning(number * PERIOD_S), FAST)) is None
+    creeping = Joystick(-94, 94)
+    for number in range(20, 40):  # 8 s of 11
+        assert check.judge(beat(number, still.astype(np.uint8), creeping)) is None
 
 
 def test_to_and_fro_leads_nowhere() -> None:
@@ -137,6 +194,12 @@ def test_it_is_3_s_without_a_pause(gap: Joystick | None) -> None:
         seen = None if pause and gap is None else still
         told = STOP if pause and gap is not None else AHEAD
         assert check.judge(beat(number, seen, told)) is None
+
+
+def test_each_3_s_of_it_are_said_once() -> None:
+    check, still = StuckCheck(), scene()[:, :64].astype(np.uint8)
+    said = [n for n in range(20) if check.judge(beat(n, still, AHEAD)) is not None]
+    assert said == [8, 17]
 
 
 def test_it_is_said_until_somebody_sets_the_robot_in_motion() -> None:

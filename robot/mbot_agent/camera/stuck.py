@@ -10,6 +10,7 @@ drivers, with five presets of cameras and rooms, at least 5.7. The bar lies betw
 """
 
 import math
+import sys
 from dataclasses import dataclass
 
 import cv2
@@ -39,7 +40,7 @@ AREA_PX = 4
 """Side of an area: the noise of 16 pixels averages to a quarter, what has moved does not."""
 
 ROUNDING = 1.0
-"""Levels by which plain areas of two pictures differ since both were rounded to whole ones."""
+"""Variance in levels of plain areas of two pictures, since both were rounded to whole ones."""
 
 NOISE_MARGIN = 2.0
 """Of what white noise leaves in areas: JPEG and noise reduction leave more of it (1.2 measured)."""
@@ -109,37 +110,32 @@ class StuckCheck:
 def has_moved(first: _View, now: _View) -> bool:
     """Whether two views differ by more than noise, rounding and exposure explain."""
     gain = _gain(first.areas, now.areas)
-    left = float((now.areas - gain * first.areas).var())
-    if left > _allowed(NOISIEST):
-        return True
     pixels = now.levels[::2] - gain * first.levels[::2]
     # Neighbours differ by noise, but for the few between which something has an edge.
     steps = np.abs(pixels[:, 1:] - pixels[:, :-1])
-    return left > _allowed(float(np.median(steps)) * _MAD_TO_SIGMA / math.sqrt(2))
-
-
-def _allowed(noise: float) -> float:
-    """The variance of areas that a picture may have which stands still."""
-    return ROUNDING**2 + (NOISE_MARGIN * noise / AREA_PX) ** 2
+    noise = min(float(np.median(steps)) * _MAD_TO_SIGMA / math.sqrt(2), NOISIEST)
+    allowed = ROUNDING + (NOISE_MARGIN * noise / AREA_PX) ** 2
+    return float((now.areas - gain * first.areas).var()) > allowed
 
 
 def _gain(first: NDArray[np.float32], now: NDArray[np.float32]) -> float:
     """The contrast of one view in terms of the other, as far as an exposure may change it."""
     contrast = first - first.mean()
-    power = float((contrast * contrast).sum())
-    gain = float((contrast * now).sum()) / power if power > 0 else 1.0
+    power = max(float((contrast * contrast).sum()), sys.float_info.min)  # a plain one has none
+    gain = float((contrast * now).sum()) / power
     return min(max(gain, 1 / MOST_GAIN), MOST_GAIN)
 
 
 def _view(observation: Picture) -> _View:
     levels = cv2.cvtColor(observation.astype(np.float32), cv2.COLOR_RGB2GRAY)
-    side = levels.shape[0] // AREA_PX
-    areas = cv2.resize(levels, (side, side), interpolation=cv2.INTER_AREA)
+    height_px, width_px = levels.shape
+    size = width_px // AREA_PX, height_px // AREA_PX
+    areas = cv2.resize(levels, size, interpolation=cv2.INTER_AREA)
     return _View(np.asarray(levels, np.float32), np.asarray(areas, np.float32))
 
 
 def _speeds_m_s(joystick: Joystick) -> NDArray[np.float64]:
     """How fast M1 and M2 turn at least, of a weak robot; the sign is the board's."""
     board = np.array((joystick.m1, joystick.m2), np.float64)
-    share = np.maximum(np.abs(board) - LOOSE_BAND, 0) / (SPEED_LIMIT - LOOSE_BAND)
+    share = (np.abs(board) - LOOSE_BAND).clip(0) / (SPEED_LIMIT - LOOSE_BAND)
     return np.sign(board) * share * SLOWEST_M_S
