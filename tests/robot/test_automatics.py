@@ -67,27 +67,56 @@ class Adjustable:
         return self.can
 
 
+def frames(
+    capture: CaptureThread, source: Adjustable, until_s: float, *, driving: bool = False
+) -> None:
+    while source.now_ns < until_s * SECOND:
+        source.now_ns += SECOND // 30
+        if driving:
+            capture.drives(True)
+        capture._take(cast(FrameSource, source))
+
+
 def test_the_thread_says_it_once_and_tells_what_is_so(monkeypatch: pytest.MonkeyPatch) -> None:
     source = Adjustable()
     monkeypatch.setattr("time.monotonic_ns", lambda: source.now_ns)
     capture = CaptureThread(Camera())
     assert capture.light == "unknown"
     capture._begin(cast(FrameSource, source))
-
-    def frames(until_s: float) -> None:
-        while source.now_ns < until_s * SECOND:
-            source.now_ns += SECOND // 30
-            capture._take(cast(FrameSource, source))
-
-    frames(3)
+    frames(capture, source, 3)
     assert capture.light == "automatic"
     capture.drives(True)
-    frames(3.5)
+    frames(capture, source, 3.5)
     assert capture.light == "held"
-    frames(6)
+    frames(capture, source, 6)
     assert capture.light == "automatic"
     assert source.orders == [False, True, False]
     source.can = False
     capture.drives(True)
-    frames(6.5)
+    frames(capture, source, 6.5)
     assert (capture.light, source.orders[3:]) == ("unknown", [True])  # and never asked again
+
+
+def test_a_camera_that_is_opened_anew_in_mid_drive_settles_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    source = Adjustable()
+    monkeypatch.setattr("time.monotonic_ns", lambda: source.now_ns)
+    capture = CaptureThread(Camera())
+    for opened_s in (0, 5):
+        capture._begin(cast(FrameSource, source))
+        frames(capture, source, opened_s + SETTLES_NS / SECOND - 0.1, driving=True)
+        assert capture.light == "automatic"
+        frames(capture, source, opened_s + 5, driving=True)
+        assert capture.light == "held"
+
+
+def test_a_camera_whose_light_cannot_be_held_is_asked_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    source = Adjustable()
+    source.can = False
+    monkeypatch.setattr("time.monotonic_ns", lambda: source.now_ns)
+    capture = CaptureThread(Camera())
+    capture._begin(cast(FrameSource, source))
+    assert capture.light == "unknown"
+    frames(capture, source, 5, driving=True)
+    assert (capture.light, source.orders) == ("unknown", [False])

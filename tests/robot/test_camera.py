@@ -1,7 +1,6 @@
 import threading
 import time
 from pathlib import Path
-from typing import Any, cast
 
 import cv2
 import numpy as np
@@ -11,14 +10,10 @@ from mbot_agent.camera import capture as camera_module
 from mbot_agent.camera.capture import CaptureThread
 from mbot_agent.camera.frame_sources import OpenCvSource, frame_source, is_real_camera
 from mbot_agent.camera.picture_check import REMEMBERED, PictureCheck
-from mbot_agent.camera.source_contract import CameraError, FrameSource, JpegError, Shot
+from mbot_agent.camera.source_contract import CameraError, Shot
 from mbot_agent.configuration import Camera
 
-MILLISECOND = 1_000_000
-
-
-def noise(seed: int, height_px: int = 48, width_px: int = 64) -> np.ndarray:
-    return np.random.default_rng(seed).integers(0, 256, (height_px, width_px, 3), np.uint8)
+from .camera_bench import MILLISECOND, Encoded, noise
 
 
 def video(path: Path, frames: int = 40, colour: tuple[int, int, int] | None = None) -> Path:
@@ -240,6 +235,8 @@ def test_a_picture_is_stale_after_what_is_configured(monkeypatch: pytest.MonkeyP
             time, "monotonic_ns", lambda age_ms=age_ms: captured_ns + age_ms * MILLISECOND
         )
         assert camera.capture.is_fresh() == fresh, age_ms
+        fault = camera.capture.fault
+        assert (fault and fault.kind) == (None if fresh else "camera-stalled")
 
 
 def test_a_refused_frame_ends_freshness_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -263,40 +260,6 @@ def test_a_refused_frame_ends_freshness_at_once(monkeypatch: pytest.MonkeyPatch)
         assert fault is not None
         assert fault.kind == "camera-black"
         assert capture.latest() is None
-
-
-class Encoded:
-    """A camera whose pictures have to be decoded, a frame every 33 ms of its own time."""
-
-    def __init__(self, **settings: Any) -> None:
-        self.capture = CaptureThread(Camera(source="http://camera/stream", **settings))
-        self.decoded: list[int] = []
-        self._shots: list[Shot] = []
-        self._frames = 0
-
-    def read(self) -> Shot:
-        return self._shots.pop()
-
-    def sends(self, picture: np.ndarray | None = None, *, shape: tuple[int, ...] = ()) -> None:
-        """One frame, of noise if no picture is given; damaged if it is an empty one."""
-        number = self._frames
-        self._frames += 1
-        shown = noise(number) if picture is None else picture
-
-        def decode() -> np.ndarray:
-            self.decoded.append(number)
-            if not shown.size:
-                raise JpegError("it cannot be decoded")
-            return shown
-
-        shot = Shot(shape or (48, 64, 3), (number + 100) * 33 * MILLISECOND, decode)
-        self._shots.append(shot)
-        self.capture._take(cast(FrameSource, self))  # pyright: ignore[reportPrivateUsage]
-
-    @property
-    def fault(self) -> str | None:
-        found = self.capture.fault
-        return found.kind if found is not None and found.kind != "camera-stalled" else None
 
 
 def test_most_pictures_are_never_decoded() -> None:

@@ -34,8 +34,7 @@ class CaptureThread:
         self._camera = camera
         self._stale_after_ns = int(camera.stale_after_ms * 1e6)
         self._newest: Shot | None = None
-        self._looked_ns = 0
-        self._in_doubt = True
+        self._looked_ns: int | None = None  # None: the next one is looked at
         self._fault: Fault | None = Fault("camera-starting", "no frame has come yet")
         self._interval_ns = 0.0
         self._automatics = Automatics(camera.automatic)
@@ -59,10 +58,10 @@ class CaptureThread:
         try:
             picture = newest.picture()
         except JpegError:
-            self._in_doubt = True
+            self._looked_ns = None  # the capture thread shall look at the next one and say so
             return None
         if is_black(picture):
-            self._in_doubt = True  # the capture thread shall look at the next one and say so
+            self._looked_ns = None
             return None
         return Frame(picture, newest.captured_ns)
 
@@ -159,11 +158,11 @@ class CaptureThread:
 
     def _judge(self, shot: Shot) -> Fault | None:
         """Look at a frame, or at its shape alone if the last look was good and not long ago."""
-        in_doubt = self._in_doubt or self._newest is None
-        is_due = shot.captured_ns - self._looked_ns >= LOOK_EVERY_NS
-        if not (shot.is_decoded or in_doubt or is_due):
+        looked_ns = None if self._newest is None else self._looked_ns
+        is_due = looked_ns is None or shot.captured_ns - looked_ns >= LOOK_EVERY_NS
+        if not (shot.is_decoded or is_due):
             return self._check.judge_shape(shot.shape)
-        self._in_doubt, self._looked_ns = False, shot.captured_ns
+        self._looked_ns = shot.captured_ns
         try:
             return self._check.judge(shot.picture(), shot.captured_ns)
         except JpegError as error:

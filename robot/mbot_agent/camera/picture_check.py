@@ -55,11 +55,8 @@ class PictureCheck:
     """Judges each frame of a stream by its shape, its light and whether it was seen before."""
 
     def __init__(self, camera: Camera) -> None:
-        self._shape = (
-            None
-            if camera.width_px is None or camera.height_px is None
-            else (camera.height_px, camera.width_px, 3)
-        )
+        size = camera.height_px, camera.width_px
+        self._shape = None if None in size else (*size, 3)
         self._camera = camera
         self._refuse_identical = camera.identical_frames == "refuse" or (
             camera.identical_frames == "auto" and is_real_camera(camera)
