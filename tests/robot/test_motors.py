@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from mbot_agent.board import board_port, board_session
 from mbot_agent.board import motors as motors_module
+from mbot_agent.board.board_session import STOP_REPEATS
 from mbot_agent.board.motors import IDLE_HEARTBEAT_S, Motors
 from mbot_agent.configuration import Board
 from mbot_agent.hardware import DriveCommand
@@ -521,6 +522,24 @@ def test_that_a_board_has_latched_is_found_out_and_one_lost_command_is_not_it(
         refused()
         assert until(lambda n=resets: motors.resets == n, 5)
     assert motors.fault is None
+
+
+def test_refusals_that_follow_at_once_are_a_latch_too_and_no_lost_board(
+    latching: tuple[Motors, FakeBoard], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The stop between them was acknowledged, so the board is there."""
+    monkeypatch.setattr(board_session, "ACKNOWLEDGE_TIMEOUT_S", 0.3)
+    monkeypatch.setattr(motors_module, "IDLE_HEARTBEAT_S", 10.0)
+    motors, board = latching
+    board.latched = True
+    for resets in (0, 1):
+        assert motors.resets == resets
+        seen = len(board.commands)
+        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        assert until(lambda seen=seen: len(board.commands) >= seen + STOP_REPEATS, 5)
+    assert until(lambda: motors.resets == 1, 5)
+    assert motors.fault is None
+    assert not board.moved
 
 
 def test_stock_firmware_never_latches(motors: Motors, board: FakeBoard) -> None:

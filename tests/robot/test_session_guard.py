@@ -6,13 +6,24 @@ import time
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from mbot_agent.configuration import Access
 from mbot_agent.network import doorkeeper, session_guard
 from mbot_agent.network.doorkeeper import MOST_A_NAME, Visitor
-from mbot_agent.network.session_guard import MOST_HELD_BYTES, MOST_QUERIES, SessionGuard
+from mbot_agent.network.health import anonymous_bytes
+from mbot_agent.network.session_guard import (
+    HELD_S,
+    HOLDING_PAUSE_S,
+    MOST_HELD_BYTES,
+    MOST_QUERIES,
+    MOST_RAISED,
+    MOST_VISITORS,
+    SessionGuard,
+    _give_back,  # pyright: ignore[reportPrivateUsage]
+)
 from mbot_protocol.keys import Right
 
 from ..until import until
@@ -38,6 +49,14 @@ def is_shut(end: socket.socket) -> bool:
         return False
     except OSError:
         return True
+
+
+FIN_WAIT2 = 5
+"""This end was shut, and the other one knows (Linux's tcp_states.h)."""
+
+
+def state(end: socket.socket) -> int:
+    return end.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 1)[0]
 
 
 def test_who_does_not_read_is_shown_out_and_who_reads_is_not() -> None:
@@ -206,26 +225,106 @@ def test_when_too_much_is_held_they_go_and_may_come_again(monkeypatch: pytest.Mo
         end.close()
 
 
-def test_memory_that_came_back_lowers_the_bar_and_one_that_does_not_is_no_lock_out(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    held = 50 << 20
-    monkeypatch.setattr(session_guard, "anonymous_bytes", lambda: held)
-    fires: list[float] = []
-    guard = SessionGuard(ACCESS, list, lambda: 0, lambda: fires.append(time.monotonic()))
-    too_much = guard._holds_too_much  # pyright: ignore[reportPrivateUsage]
-    held += MOST_HELD_BYTES + 1
-    assert [too_much() for _ in range(3)] == [True, False, False]
-    monkeypatch.setattr(session_guard, "HOLDING_PAUSE_S", 0.0)
-    guard._again_s = 0.0  # pyright: ignore[reportPrivateUsage]
-    held = 60 << 20
-    assert not too_much()
-    for _ in range(6):  # an attack each, after which memory comes back
-        held = (50 << 20) + MOST_HELD_BYTES + 1
-        assert too_much()
-        held = 60 << 20
-        assert not too_much()
-    assert len(fires) == 7
+class Turned:
+    """A guard that looks when it is told to, at a clock and a memory that the test turns."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now_s = 1000.0
+        self.held = 50 << 20
+        self.queries = 0
+        self.fires: list[float] = []
+        self.given_back = 0
+        monkeypatch.setattr(session_guard.time, "monotonic", lambda: self.now_s)
+        monkeypatch.setattr(session_guard, "anonymous_bytes", lambda: self.held)
+        monkeypatch.setattr(session_guard, "_give_back", self._give_back)
+        self.guard: Any = SessionGuard(
+            ACCESS, list, lambda: self.queries, lambda: self.fires.append(self.now_s)
+        )
+
+    def _give_back(self) -> None:
+        self.given_back += 1
+
+    def holds(self, more_bytes: int) -> bool:
+        """Whether so much more than at the beginning, and the bar, is too much."""
+        self.held = (50 << 20) + MOST_HELD_BYTES + more_bytes
+        return self.guard._holds_too_much()
+
+
+@pytest.fixture
+def turned(monkeypatch: pytest.MonkeyPatch) -> Turned:
+    return Turned(monkeypatch)
+
+
+def test_memory_that_does_not_come_back_is_no_lock_out(turned: Turned) -> None:
+    step = MOST_HELD_BYTES // 2
+    assert [turned.holds(0), turned.holds(1)] == [False, True]
+    turned.now_s += HOLDING_PAUSE_S - 0.1
+    assert not turned.holds(10 * step)
+    turned.now_s += 0.1
+    assert [turned.holds(step), turned.holds(step + 1)] == [False, True]
+    for more in range(2, 9):  # it rises, and so does the bar, but for so often
+        turned.now_s += HOLDING_PAUSE_S
+        assert turned.holds(more * step + 1)
+        turned.now_s += HOLDING_PAUSE_S
+        assert turned.holds(more * step + 1) == (more >= MOST_RAISED)
+    assert turned.given_back == len(turned.fires)
+
+
+def test_memory_that_came_back_lowers_the_bar(turned: Turned) -> None:
+    for _ in range(6):  # an attack each
+        turned.now_s += HOLDING_PAUSE_S
+        assert turned.holds(1)
+        turned.now_s += HOLDING_PAUSE_S
+        assert not turned.holds(0)
+        assert not turned.holds(1)
+        assert not turned.holds(-1)
+    assert len(turned.fires) == turned.given_back == 6
+
+
+def test_who_is_alone_with_its_memory_is_not_under_fire(turned: Turned) -> None:
+    turned.held += 2 * MOST_HELD_BYTES
+    turned.guard._look()
+    assert turned.fires == []
+
+
+def test_a_flood_is_more_queries_a_second_than_anybody_needs(turned: Turned) -> None:
+    def after(seconds: float, queries: int) -> int:
+        turned.now_s += seconds
+        turned.queries += queries
+        turned.guard._count()
+        return len(turned.fires)
+
+    assert after(1.0, MOST_QUERIES) == 0
+    assert after(2.0, 2 * MOST_QUERIES) == 0
+    assert after(0.75, MOST_QUERIES) == 0
+    assert after(0.25, 1) == 1
+    assert after(1.0, 0) == 1
+
+
+def test_freed_memory_goes_back_to_the_kernel() -> None:
+    """What lies above it in glibc's pool keeps it from going by itself."""
+    block = 100_000  # below what glibc takes from the kernel piece by piece
+    pieces = [bytearray(block) for _ in range(600)]
+    full = anonymous_bytes()
+    del pieces[:-1]
+    _give_back()
+    assert anonymous_bytes() < full - 300 * block
+
+
+def test_with_many_here_nobody_is_kept_waiting_to_go(turned: Turned) -> None:
+    ours, hers, visitor = linked()
+    is_held = turned.guard._is_held
+    with ours, hers:
+        fd = ours.fileno()
+        assert is_held(visitor, fd, MOST_VISITORS)
+        assert not is_held(visitor, fd, MOST_VISITORS + 1)
+        turned.now_s += HELD_S - 0.1
+        assert is_held(visitor, fd, 1)
+        turned.now_s += 0.1
+        assert not is_held(visitor, fd, 1)
+        turned.guard._links = lambda: [Visitor("person:vera", ("10.0.0.7", 1), "another")]
+        turned.guard._look()
+        assert turned.guard._held_since_s == {}
 
 
 def test_a_fifth_session_is_not_heard_for_a_while_and_then_shown_out(
@@ -253,6 +352,7 @@ def test_a_fifth_session_is_not_heard_for_a_while_and_then_shown_out(
             there.sendall(b"news")
             assert here.recv(4) == b"news"
         assert until(lambda: is_shut(hers), 3)
+        assert until(lambda: state(ours) == FIN_WAIT2, 3), "heard again: it goes in peace"
         assert not any(is_shut(there) for _, there, _ in ends[:-1])
     for here, there, _ in ends:
         here.close()

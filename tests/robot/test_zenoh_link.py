@@ -4,14 +4,18 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 import zenoh
 
 from mbot_agent.configuration import Access, Configuration, Network
+from mbot_agent.network.doorkeeper import Visitor
 from mbot_agent.network.requests import Request
 from mbot_agent.network.zenoh_link import (
     Link,
+    Listener,
     _reason,  # pyright: ignore[reportPrivateUsage]
 )
 from mbot_protocol.errors import UnreachableError
@@ -75,6 +79,18 @@ def test_whoever_asks_by_a_wildcard_asks_nobody(ends: tuple[Link, zenoh.Session]
     assert answers(session, STATUS.key("*"), 20.0) == []
     assert time.monotonic() - began_s < 10.0, "and is told so at once"
     assert len(asked) == 1
+
+
+def test_a_wildcard_is_not_taken_even_if_the_rules_let_it_through() -> None:
+    key = STATUS.key("mbot-1")
+    asked = [SimpleNamespace(key_expr=one, payload=None) for one in (STATUS.key("*"), key)]
+    taken: list[Request] = []
+    ended: list[tuple[object, bytes | None]] = []
+    replies = SimpleNamespace(send=lambda query, reply: ended.append((query, reply)))
+    listener = Listener(cast(Any, asked), key, taken.append, cast(Any, replies))
+    assert until(lambda: len(taken) == 1, 5)
+    assert ended == [(asked[0], None)]
+    assert listener.taken == 2
 
 
 def test_a_question_without_a_word_is_one(ends: tuple[Link, zenoh.Session]) -> None:
@@ -186,6 +202,42 @@ def test_who_is_connected_is_known_by_address_and_session() -> None:
             came.clear()
         assert came.wait(10), "gone"
         assert until(lambda: not link.visitors())
+
+
+def test_a_link_without_a_port_is_nobody_that_could_be_shown_out() -> None:
+    link = Link(Configuration(robot_id="mbot-1"))
+    there = [
+        SimpleNamespace(dst=dst, auth_identifier=None, zid="1")
+        for dst in ("unixsock-stream//run/a", "tls/[fe80::1%2]:7447?prio=6-7")
+    ]
+    info = SimpleNamespace(links=lambda: there)
+    link._session = cast(Any, SimpleNamespace(info=info))  # pyright: ignore[reportPrivateUsage]
+    assert link.visitors() == [Visitor(None, ("fe80::1", 7447), "1")]
+
+
+def test_what_a_link_has_begun_ends_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And Zenoh says nothing by itself."""
+    levels: list[str] = []
+    monkeypatch.setattr(zenoh, "init_log_from_env_or", levels.append)
+    port = free_port()
+    network = Network(listen=(f"tcp/127.0.0.1:{port}",))
+    with Link(Configuration(robot_id="mbot-1", network=network)) as link:
+        link.serve({STATUS.name: lambda _: b"status"})
+        with open_session(parse_address(f"127.0.0.1:{port}"), None) as session:
+            assert answers(session, STATUS.key("mbot-1")) == [b"status"]
+        assert replying()
+    assert until(lambda: not replying(), 5)
+    assert levels == ["off"]
+
+
+def replying() -> list[str]:
+    return [one.name for one in threading.enumerate() if one.name.startswith("reply status")]
+
+
+def test_a_topic_is_declared_once(ends: tuple[Link, zenoh.Session]) -> None:
+    link, _ = ends
+    declared = [link._publisher(DECISION) for _ in range(2)]  # pyright: ignore[reportPrivateUsage]
+    assert declared[0] is declared[1]
 
 
 def test_what_is_published_arrives_in_order(ends: tuple[Link, zenoh.Session]) -> None:

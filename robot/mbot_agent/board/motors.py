@@ -12,7 +12,6 @@ import time
 from typing import Self
 
 from mbot_agent.board.board_session import (
-    BoardLostError,
     BoardResetError,
     BoardSession,
     UnacknowledgedError,
@@ -36,9 +35,6 @@ board before it is needed."""
 
 LATCHED_AFTER_REFUSALS = 2
 """Drive commands that were not acknowledged, though the stops between them were."""
-
-LOST_AFTER_FAILURES = 2
-"""Unacknowledged commands in a row (50 ms each) until the port is closed and opened anew."""
 
 
 class Motors:
@@ -244,7 +240,7 @@ class Motors:
         """Keep the board doing what is in force until the daemon closes or the board is lost."""
         driving = False
         next_write = 0.0
-        failures = refused = 0
+        refused = 0
         while not self._closing:
             self.progress_ns = time.monotonic_ns()
             command, ticket, fresh = self._in_force()
@@ -268,14 +264,11 @@ class Motors:
                     next_write = now + REFRESH_S
                     if fresh:
                         self._delivered(ticket, Delivery(written_ns, acknowledged_ns))
-                failures = 0
-            except UnacknowledgedError as error:
-                failures += 1
+            except UnacknowledgedError:
                 refused += command is not None
-                if failures >= LOST_AFTER_FAILURES:
-                    raise BoardLostError(str(error)) from None
                 self._drop(ticket)
-                # It may or may not have obeyed. Stop it for certain before anything newer is sent.
+                # It may or may not have obeyed. Stop it for certain before anything newer is sent;
+                # a board that does not acknowledge that is lost.
                 self._stop(session)
                 driving = False
                 if refused >= LATCHED_AFTER_REFUSALS and session.may_latch:

@@ -4,6 +4,7 @@ People who are not on the roll go at once, one name has a few places, and who fl
 not read what it is sent, or makes the daemon hold more and more for them is shown out.
 """
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -109,20 +110,20 @@ class Doorkeeper:
         here = dict(visitors)
         self._since_s = {one: self._since_s.get(one, now_s) for one in here}
         found: dict[Visitor, str] = {}
-        of_a_name: dict[str, int] = {}
+        of_a_name: Counter[str] = Counter()
         for visitor in sorted(here, key=lambda one: self._since_s[one]):
             name = visitor.name
             if name is None or name in self._routers:
                 continue
             if name not in self._rights:
                 found[visitor] = "is not on this robot's roll"
-            elif of_a_name.get(name, 0) >= MOST_A_NAME + self._is_new(visitor, now_s):
+            elif of_a_name[name] >= MOST_A_NAME + self._is_new(visitor, now_s):
                 # Nothing else is held against it: who opens a fifth window has to keep the four.
                 found[visitor] = SURPLUS
             elif why := self._misbehaves(visitor, name, here[visitor], now_s):
                 found[visitor] = why
             else:
-                of_a_name[name] = of_a_name.get(name, 0) + 1
+                of_a_name[name] += 1
         self._before = {one: seen for one, seen in self._before.items() if one in here}
         self._deaf_looks = {one: n for one, n in self._deaf_looks.items() if one in here}
         return found

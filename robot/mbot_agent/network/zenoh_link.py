@@ -43,8 +43,6 @@ class Link:
         self._replies: list[Replies] = []
         self._served: list[Listener] = []
         self._tokens: list[zenoh.LivelinessToken] = []
-        self._listeners: list[zenoh.LinkEventsListener[zenoh.handlers.Handler[zenoh.LinkEvent]]]
-        self._listeners = []
 
     def __enter__(self) -> Self:
         """Open the session.
@@ -120,7 +118,6 @@ class Link:
             for _ in listener:
                 hear()
 
-        self._listeners.append(listener)
         threading.Thread(target=run, name="visitors", daemon=True).start()
 
     def publish(self, topic: Topic, payload: bytes) -> None:
