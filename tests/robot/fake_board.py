@@ -32,6 +32,7 @@ class FakeBoard:
         mute: when true, nothing is answered.
         acknowledge: when false, commands are obeyed and nothing is said.
         unheard: so many of the next commands get lost on their way.
+        unheard_drives: the same, of those that are no stops.
         latched: refuses to drive until ARM has come, as our firmware does after a reset.
         behind_a_reply: what it says in one piece with its next acknowledgement.
         version: what it calls itself.
@@ -52,7 +53,7 @@ class FakeBoard:
         self.version = version
         self.mute = False
         self.acknowledge = True
-        self.unheard = 0
+        self.unheard = self.unheard_drives = 0
         self.latched = wants_arming(version)
         self.behind_a_reply = b""
         self.commands: list[tuple[float, int, int]] = []
@@ -155,6 +156,9 @@ class FakeBoard:
             return b""
         m1 = int.from_bytes(frame[6:8], "little", signed=True)
         m2 = int.from_bytes(frame[8:10], "little", signed=True)
+        if self.unheard_drives and (m1 or m2):
+            self.unheard_drives -= 1
+            return b""
         if self.latched and (m1 or m2):
             return b""
         if not self.mute:

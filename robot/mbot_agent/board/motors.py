@@ -12,6 +12,7 @@ import time
 from typing import Self
 
 from mbot_agent.board.board_session import (
+    BoardLostError,
     BoardResetError,
     BoardSession,
     UnacknowledgedError,
@@ -35,6 +36,9 @@ board before it is needed."""
 
 LATCHED_AFTER_REFUSALS = 2
 """Drive commands that were not acknowledged, though the stops between them were."""
+
+LOST_AFTER_FAILURES = 2
+"""The same in a row, of firmware that never latches: its port is closed and opened anew."""
 
 
 class Motors:
@@ -240,7 +244,7 @@ class Motors:
         """Keep the board doing what is in force until the daemon closes or the board is lost."""
         driving = False
         next_write = 0.0
-        refused = 0
+        failures = refused = 0
         while not self._closing:
             self.progress_ns = time.monotonic_ns()
             command, ticket, fresh = self._in_force()
@@ -264,8 +268,12 @@ class Motors:
                     next_write = now + REFRESH_S
                     if fresh:
                         self._delivered(ticket, Delivery(written_ns, acknowledged_ns))
-            except UnacknowledgedError:
+                failures = 0
+            except UnacknowledgedError as error:
+                failures += 1
                 refused += command is not None
+                if failures >= LOST_AFTER_FAILURES and not session.may_latch:
+                    raise BoardLostError(str(error)) from None
                 self._drop(ticket)
                 # It may or may not have obeyed. Stop it for certain before anything newer is sent;
                 # a board that does not acknowledge that is lost.
