@@ -656,3 +656,42 @@ def test_only_the_last_delivery_is_kept(motors: Motors, board: FakeBoard) -> Non
     assert kept is not None
     assert kept[0] == ticket
     assert motors.delivery(ticket - 1, 0.01) is None
+
+
+@pytest.mark.parametrize("version", ["09.01.001", "0e.01.018"])
+def test_another_board_of_the_same_maker_is_never_driven(version: str) -> None:
+    """It speaks the mCore's protocol, and its motors turn otherwise than told. Not even where no
+    dead man's switch is asked for."""
+    with (
+        FakeBoard(version) as board,
+        Motors(Board(port=board.path, accept_no_deadman=True)) as motors,
+    ):
+        assert until(lambda: motors.version == version)
+        assert motors.fault is not None
+        assert motors.fault.kind == "board-other"
+        motors.drive(DriveCommand(FORWARD, for_ms(1000)))
+        assert motors.stands(1.0), "but it is stopped as any other"
+        assert not board.moved
+
+
+def test_closing_does_not_wait_for_the_next_word_to_the_board(
+    board: FakeBoard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(motors_module, "IDLE_HEARTBEAT_S", 10.0)
+    motors = Motors(Board(port=board.path, accept_no_deadman=True))
+    assert motors.fault is not None
+    assert motors.fault.kind == "board-starting"
+    with motors:
+        assert until(lambda: motors.fault is None)
+        assert motors.stands(5.0)
+        began_s = time.monotonic()
+    assert time.monotonic() - began_s < 1.5
+    assert not any(thread.name == "motors" for thread in threading.enumerate())
+
+
+def test_a_board_that_is_not_there_costs_no_processor() -> None:
+    with Motors(Board(port="/dev/there-is-none")) as motors:
+        assert until(lambda: motors.fault is not None and motors.fault.kind == "board-lost")
+        busy_s = time.process_time()
+        time.sleep(0.4)
+        assert time.process_time() - busy_s < 0.2

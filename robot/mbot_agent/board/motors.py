@@ -130,9 +130,7 @@ class Motors:
         """
         with self._news:
             self._ticket += 1
-            if self._halted or self.fault is not None:
-                self._command = None
-            else:
+            if not self._halted and self.fault is None:  # else there is no other one either
                 self._command, self._fresh = command, True
             ticket = self._ticket
         self._wake()
