@@ -45,7 +45,7 @@ WORKERS = 6
 """Most of a mutant's time is waiting for what does not come."""
 CACHE = ROOT / "out/mutants"
 EQUIVALENT = ROOT / "benchmarks/equivalent_mutants.toml"
-TESTS_S = 12.0
+TESTS_S = 30.0
 """A mutant is tried with all tests that are named for its module, and then with others: those that
 have killed most, then the quickest, as long as all take this together without a mutant."""
 SPARE_S = 10.0
@@ -105,10 +105,20 @@ class Runner:
         self._reach = self._reached()
         gc.collect()
         gc.freeze()  # or each child would copy what its collector looks at
-        waiting = list(self.mutants)
+        self._try(self.mutants, WORKERS)
+        # Of those some live only since the others have taken the time that a test measures.
+        doubtful, self.alive = [mutant for mutant, _ in self.alive], []
+        self._try(doubtful, 1)
+        for mutant, why in self.alive:
+            print(f"SURVIVES {mutant.name} (line {mutant.line}): {why}", flush=True)
+        shutil.rmtree(self._scratch, ignore_errors=True)
+        return True
+
+    def _try(self, mutants: Iterable[Mutant], workers: int) -> None:
+        waiting = list(mutants)
         running: dict[int, tuple[Mutant, float, int]] = {}
         while waiting or running:
-            while waiting and len(running) < WORKERS:
+            while waiting and len(running) < workers:
                 mutant = waiting.pop(0)
                 tests = self._tests_for(mutant)
                 if not tests:
@@ -119,8 +129,6 @@ class Runner:
                 limit_s = SPARE_S + 3 * sum(self._reach.seconds[test] for test in tests)
                 running[child] = mutant, time.monotonic() + limit_s, reader
             self._collect(running)
-        shutil.rmtree(self._scratch, ignore_errors=True)
-        return True
 
     def _collect(self, running: dict[int, tuple[Mutant, float, int]]) -> None:
         """Wait for one child to end, or to take too long."""
@@ -150,7 +158,6 @@ class Runner:
     def _judged(self, mutant: Mutant, why: str, by: str = "") -> None:
         if why:
             self.alive.append((mutant, why))
-            print(f"SURVIVES {mutant.name} (line {mutant.line}): {why}", flush=True)
         else:
             self.killed += 1
             if os.environ.get("MUTANTS_VERBOSE"):

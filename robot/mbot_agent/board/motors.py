@@ -224,7 +224,6 @@ class Motors:
     def _connected(self, session: BoardSession) -> None:
         with self._news:
             self._version, self._command, self._fault = session.version, None, None
-        self._stopped.set()
         log.info("board ready on %s, firmware %s", session.path, session.version)
         if (fault := self.fault) is not None:
             log.warning("%s", fault.detail)
