@@ -11,7 +11,7 @@ import pytest
 
 from mbot_protocol.errors import MbotError
 from mbot_protocol.keys import CHUNK_BYTES, Right
-from mbot_workstation.link.remote_control import STOP_TIMEOUT_S, RemoteControl
+from mbot_workstation.link.remote_control import RemoteControl
 from mbot_workstation.models.push import push as push_model
 
 from ..reliability.effort import second_worst
@@ -89,7 +89,7 @@ def test_no_viewer_keeps_anybody_elses_stop_from_being_confirmed(
     record_property("drive frames after STOP", sum(found.driven_after))
     record_property("watchdog unfed s", round(found.unfed_s, 1))
     assert second_worst(found.confirmed_ms) <= 100
-    assert max(found.confirmed_ms) < STOP_TIMEOUT_S * 1000  # none had to be said twice
+    assert max(found.confirmed_ms) < 1000  # STOP_TIMEOUT_S: none had to be said twice
     assert sum(found.driven_after) == 0
     assert found.unfed_s < 3
 
