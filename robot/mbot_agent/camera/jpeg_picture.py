@@ -45,6 +45,7 @@ _RESTART_INTERVAL, _SCAN, _END = 0xDD, 0xDA, 0xD9
 _TABLES = {0xC4, 0xDB, _RESTART_INTERVAL, 0xEE}
 """What the decoder needs of the rest: Huffman's and quantisation tables, the interval of restarts,
 Adobe's word on colours."""
+_KEPT = _KNOWN_FRAMES | _TABLES | {_SCAN}
 
 _EXTRANEOUS = re.compile(r"Corrupt JPEG data: (\d+) extraneous bytes before marker 0xd([0-79])")
 _CUT_OFF = re.compile("premature end", re.IGNORECASE)
@@ -112,7 +113,7 @@ def read_jpeg(data: bytes) -> Jpeg:
             frame = segment
         elif marker == _RESTART_INTERVAL:
             interval = int.from_bytes(segment[2:4])
-        if marker in _KNOWN_FRAMES | _TABLES | {_SCAN}:
+        if marker in _KEPT:
             kept.append(bytes((0xFF, marker)) + segment)
         if marker == _SCAN:
             break
