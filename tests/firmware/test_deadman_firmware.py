@@ -103,7 +103,8 @@ def test_asking_for_the_cause_neither_arms_nor_stops(simulator: Simulator) -> No
 
 
 def test_every_speed_sets_its_direction_and_duty(simulator: Simulator) -> None:
-    speeds = [(v, -v) for v in range(-255, 256)] + [(255, 255), (-255, -255), (7, 0), (0, -7)]
+    speeds = [(v, -v) for v in range(-255, 256)] + [(255, 255), (-255, -255), (7, 0), (0, 7)]
+    speeds += [(-7, 0), (0, -7)]
     events = [rx(20 + 4 * i, joystick(*pair)) for i, pair in enumerate(speeds)]
     trace = simulator.run(ARMED, *events, end_ms=20 + 4 * len(speeds))
     for (ms, _, _), pair in zip(events, speeds, strict=True):
@@ -142,19 +143,24 @@ def test_a_command_for_one_motor_leaves_the_other_as_it_is(simulator: Simulator)
         rx(60, motor(9, 0)),
         rx(80, motor(11, 255)),  # no such port
         rx(100, STOP.to_bytes()),
-        rx(120, motor(10, 30)),
+        rx(120, motor(9, 30)),  # the other one is as the stop has left it
         end_ms=140,
     )
     at = [trace.speeds_at(ms) for ms in (35, 55, 75, 95, 115, 135)]
-    assert at == [(-80, 0), (-80, 90), (0, 90), (0, 90), OFF, (0, 30)]
+    assert at == [(-80, 0), (-80, 90), (0, 90), (0, 90), OFF, (30, 0)]
     assert trace.replies(UP_MS) == ACKNOWLEDGED * 6
 
 
 def test_reset_stops_at_once_and_is_acknowledged(simulator: Simulator) -> None:
     trace = simulator.run(ARMED, rx(20, DRIVE), rx(40, RESET_REQUEST), end_ms=60)
     assert trace.speeds_at(39) == DRIVING
-    assert trace.stopped_us() <= sent_us(40, RESET_REQUEST) + 3 * BYTE_US
+    assert trace.stopped_us() <= sent_us(40, RESET_REQUEST) + BYTE_US
     assert trace.replies(UP_MS) == ACKNOWLEDGED * 3
+
+
+def test_a_stop_waits_for_no_silence_behind_it(simulator: Simulator) -> None:
+    trace = simulator.run(ARMED, rx(20, DRIVE), rx(40, STOP.to_bytes()), end_ms=60)
+    assert trace.stopped_us() <= sent_us(40, STOP.to_bytes()) + BYTE_US
 
 
 def test_a_command_is_not_slower_than_on_stock_firmware(simulator: Simulator) -> None:
