@@ -63,6 +63,15 @@ def test_a_framing_error_voids_the_frame_it_is_in(simulator: Simulator, at: int)
     assert trace.speeds_at(80) == DRIVING
 
 
+@pytest.mark.parametrize("at", range(1, 10))
+def test_so_does_one_between_two_of_its_bytes(simulator: Simulator, at: int) -> None:
+    """Though all bytes of the frame have come."""
+    events: list[Event] = [ARMED, rx(20, DRIVE[:at]), (21.5, "broken", b"\0")]
+    trace = simulator.run(*events, rx(22, DRIVE[at:]), rx(60, DRIVE), end_ms=80)
+    assert trace.speeds_at(59) == OFF
+    assert trace.speeds_at(80) == DRIVING
+
+
 def test_a_drive_command_with_something_behind_it_is_not_obeyed(simulator: Simulator) -> None:
     for follower in (b"\x00", b"\x55", b"\xfe", b"\x0d\x0a"):
         trace = simulator.run(ARMED, rx(20, DRIVE + follower), end_ms=60)
