@@ -95,6 +95,12 @@ def test_it_tells_the_cause_of_its_last_reset(simulator: Simulator, event: str, 
     assert reset_cause(reply.data[0]) == cause
 
 
+def test_an_answer_names_its_question(simulator: Simulator) -> None:
+    for question in (VERSION_REQUEST, RESET_CAUSE_REQUEST):
+        named = question[:3] + b"\x2a" + question[4:]
+        assert simulator.run(rx(20, named), end_ms=40).replies(20)[2] == 0x2A
+
+
 def test_asking_for_the_cause_neither_arms_nor_stops(simulator: Simulator) -> None:
     trace = simulator.run(rx(20, RESET_CAUSE_REQUEST), rx(40, DRIVE), end_ms=60)
     assert trace.speeds_at(60) == OFF
