@@ -63,6 +63,13 @@ def test_a_framing_error_voids_the_frame_it_is_in(simulator: Simulator, at: int)
     assert trace.speeds_at(80) == DRIVING
 
 
+@pytest.mark.parametrize("head", [b"\x00\x55", b"\xfe\x55", b"\xff\x54", b"\x00\x00"])
+def test_a_frame_with_another_beginning_is_none(simulator: Simulator, head: bytes) -> None:
+    trace = simulator.run(ARMED, rx(20, head + DRIVE[2:]), end_ms=60)
+    assert trace.speeds_since() == {OFF}
+    assert trace.replies(20) == b""
+
+
 @pytest.mark.parametrize("at", range(1, 10))
 def test_so_does_one_between_two_of_its_bytes(simulator: Simulator, at: int) -> None:
     """Though all bytes of the frame have come."""
