@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mbot_protocol.connected_sockets import connected_sockets, with_socket
+from mbot_protocol.connected_sockets import let_none_linger, with_socket
 
 LINGERS = struct.pack("ii", 1, 10)
 
@@ -38,7 +38,7 @@ def test_connected_sockets_are_found_by_the_far_end_and_linger_no_more(
     near, _ = pair(stack, host)
     near.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, LINGERS)
     assert lingers(near)
-    found = connected_sockets()
+    found = let_none_linger()
     assert found[near.getpeername()[:2]] == near.fileno()
     assert not lingers(near)
 
@@ -46,9 +46,9 @@ def test_connected_sockets_are_found_by_the_far_end_and_linger_no_more(
 def test_other_descriptors_are_left_alone_and_none_is_lost(stack: ExitStack) -> None:
     for one in (*socket.socketpair(), socket.socket(), *map(os.fdopen, os.pipe())):
         stack.enter_context(one)
-    assert None not in connected_sockets()
+    assert None not in let_none_linger()
     before = list(Path("/proc/self/fd").iterdir())
-    connected_sockets()
+    let_none_linger()
     assert list(Path("/proc/self/fd").iterdir()) == before
 
 

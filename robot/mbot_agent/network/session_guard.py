@@ -22,7 +22,7 @@ from typing import Self
 from mbot_agent.configuration import Access
 from mbot_agent.network.doorkeeper import COME_AGAIN, LOOK_EVERY_S, Doorkeeper, Traffic, Visitor
 from mbot_agent.network.health import anonymous_bytes
-from mbot_protocol.connected_sockets import Address, connected_sockets, with_socket
+from mbot_protocol.connected_sockets import Address, let_none_linger, with_socket
 
 log = logging.getLogger(__name__)
 
@@ -108,7 +108,7 @@ class SessionGuard:
                 log.debug("nobody was shown out: %s", error)
 
     def _look(self) -> None:
-        sockets = connected_sockets()
+        sockets = let_none_linger()
         visitors = self._links() if self._shows_out else []
         if not visitors:
             return

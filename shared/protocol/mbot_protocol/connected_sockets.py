@@ -21,8 +21,8 @@ _DESCRIPTORS = "/proc/self/fd" if sys.platform == "linux" else "/dev/fd"
 _CLOSE_AT_ONCE = struct.pack("ii", 0, 0)
 
 
-def connected_sockets() -> dict[Address, int]:
-    """Their descriptors by the far end's address; from now on none of them lingers.
+def let_none_linger() -> dict[Address, int]:
+    """See to it that no close is waited for; the sockets' descriptors by the far end's address.
 
     What was sent still goes out after a close, and nobody waits for it.
     """

@@ -8,7 +8,7 @@ import json
 
 import zenoh
 
-from mbot_protocol.connected_sockets import connected_sockets
+from mbot_protocol.connected_sockets import let_none_linger
 from mbot_protocol.errors import ConfigurationError, MbotError, UnreachableError
 from mbot_protocol.keys import ALIVE, check_robot_id, robot_id_of
 from mbot_workstation.link.address import Endpoint
@@ -50,7 +50,7 @@ def open_session(
 
 
 def _on_link(_: zenoh.LinkEvent) -> None:
-    connected_sockets()  # and none of them lingers
+    let_none_linger()
 
 
 def alive_robots(session: zenoh.Session, timeout_s: float = CONNECT_TIMEOUT_S) -> list[str]:
