@@ -104,6 +104,24 @@ def test_as_soon_as_somebody_has_come_nobody_will_wait_when_they_are_gone(access
     hers.close()
 
 
+def test_one_that_is_just_gone_keeps_no_other_from_being_shown_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    ours, hers, gone = linked()
+    here, there, stays = linked()
+    with_socket = session_guard.with_socket
+
+    def fails_for_one(fd: int, address: tuple[str, int], act: Any) -> Any:
+        if address == gone.address:
+            raise ConnectionResetError
+        return with_socket(fd, address, act)
+
+    monkeypatch.setattr(session_guard, "with_socket", fails_for_one)
+    strangers = [replace(one, name="person:nick") for one in (gone, stays)]
+    with SessionGuard(ACCESS, lambda: strangers), ours, hers, here, there:
+        assert until(lambda: is_shut(there), 3)
+
+
 def test_who_floods_is_shown_out() -> None:
     ours, hers, visitor = linked()
     with SessionGuard(ACCESS, lambda: [visitor]):

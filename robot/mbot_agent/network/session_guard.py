@@ -117,14 +117,19 @@ class SessionGuard:
         if self._holds_too_much():
             unwelcome |= self._doorkeeper.hoarders(visitors)
         for visitor, why in unwelcome.items():
-            fd = sockets.get(visitor.address)
-            if fd is None:
-                log.error("%s %s, and its socket is not known", visitor.name, why)
-            elif why not in COME_AGAIN or not self._is_held(visitor, fd, len(visitors)):
-                log.warning("%s %s: shown out", visitor.name, why)
-                with_socket(fd, visitor.address, _shut)
+            try:
+                self._turn_away(visitor, why, sockets.get(visitor.address), len(visitors))
+            except OSError as error:  # gone meanwhile, and no excuse for the others
+                log.debug("%s was not shown out: %s", visitor.name, error)
         held = self._held_since_s
         self._held_since_s = {one: held[one] for one in held if one in unwelcome}
+
+    def _turn_away(self, visitor: Visitor, why: str, fd: int | None, visitors: int) -> None:
+        if fd is None:
+            log.error("%s %s, and its socket is not known", visitor.name, why)
+        elif why not in COME_AGAIN or not self._is_held(visitor, fd, visitors):
+            log.warning("%s %s: shown out", visitor.name, why)
+            with_socket(fd, visitor.address, _shut)
 
     def _is_held(self, visitor: Visitor, fd: int, visitors: int) -> bool:
         """Whether it may not be heard and not go yet: begins with the first look at it."""
