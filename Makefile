@@ -91,16 +91,16 @@ $(FIRMWARE)/mbot-deadman.hex: $(FIRMWARE)/mbot-deadman.elf
 	avr-objcopy -O ihex -R .eeprom $< $@
 
 dist: $(VENV)/.all $(FIRMWARE)/mbot-deadman.hex ## Make wheel, sdist and signed releases for robots in out/dist; DIST='--sign-with KEY'
-	$(BIN)/python -m mbot_workstation.releases.make_release $(DIST)
+	$(BIN)/python -m mbot_workstation.fleet.releases.make_release $(DIST)
 
 deb: $(VENV)/.all $(FIRMWARE)/mbot-deadman.hex ## As dist, and a Debian package of each release
-	$(BIN)/python -m mbot_workstation.releases.make_release --deb $(DIST)
+	$(BIN)/python -m mbot_workstation.fleet.releases.make_release --deb $(DIST)
 
 pins: $(VENV)/.all ## Resolve anew which wheels a release has; writes deploy/requirements
 	rm -rf deploy/requirements out/dist-cache
-	$(BIN)/python -m mbot_workstation.releases.make_release --version 0 --sequence 0 --without-firmware $(DIST)
+	$(BIN)/python -m mbot_workstation.fleet.releases.make_release --version 0 --sequence 0 --without-firmware $(DIST)
 	$(PIP) download --only-binary=:all: -c constraints.txt --dest out/dist-cache/build hatchling
-	$(BIN)/python -c 'from pathlib import Path; from mbot_workstation.releases.robot_wheels import requirement as pin; \
+	$(BIN)/python -c 'from pathlib import Path; from mbot_workstation.fleet.releases.robot_wheels import requirement as pin; \
 		print("# Wheels that build the daemon from a checkout. `make pins` writes it.", \
 		*map(pin, sorted(Path("out/dist-cache/build").iterdir())), sep="\n")' > deploy/requirements/build.txt
 

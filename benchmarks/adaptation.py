@@ -18,16 +18,16 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from mbot_workstation.learn.drivers.guide import Guide
+from mbot_workstation.learn.drivers.onnx_policy import Actions, OnnxPolicy
+from mbot_workstation.learn.evaluation.provenance import provenance
+from mbot_workstation.learn.learning.full_speed import within_full_speed
+from mbot_workstation.learn.learning.guidance import GUIDE_REMEMBERS
+from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.learn.worlds.lessons import Lesson
+from mbot_workstation.learn.worlds.rooms import evaluation_rooms
 from mbot_workstation.pictures.picture_file import save_figure
-from mbot_workstation.training.drivers.guide import Guide
-from mbot_workstation.training.drivers.onnx_policy import Actions, OnnxPolicy
-from mbot_workstation.training.evaluation.provenance import provenance
-from mbot_workstation.training.learning.full_speed import within_full_speed
-from mbot_workstation.training.learning.guidance import GUIDE_REMEMBERS
-from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
-from mbot_workstation.training.worlds.lessons import Lesson
-from mbot_workstation.training.worlds.rooms import evaluation_rooms
-from mbot_workstation.variation.presets import preset
+from mbot_workstation.sim.effects.presets import preset
 
 SWAP_AFTER = 60
 DECISIONS = 140

@@ -18,16 +18,16 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from mbot_protocol.policy_contract import PolicyMetadata
+from mbot_protocol.policy.policy_contract import PolicyMetadata
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.demo.child import Child
-from mbot_workstation.link.remote_control import NotStandingError, RemoteControl
-from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.models.push import push
-from mbot_workstation.models.servo_policy import ServoGains, servo_model
-from mbot_workstation.models.signing_key import SigningKey
-from mbot_workstation.recordings.stage_times import percentile
-from mbot_workstation.telemetry.stream import TelemetryStream
+from mbot_workstation.fleet.link.remote_control import NotStandingError, RemoteControl
+from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.fleet.models.push import push
+from mbot_workstation.fleet.models.servo_policy import ServoGains, servo_model
+from mbot_workstation.fleet.models.signing_key import SigningKey
+from mbot_workstation.fleet.recorded.stage_times import percentile
+from mbot_workstation.fleet.telemetry.stream import TelemetryStream
+from mbot_workstation.virtual.child import Child
 
 ADDRESS = "127.0.0.1:17447"
 PLAIN_SECONDS = 30.0

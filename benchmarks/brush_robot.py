@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from unseen_robot import Body, Drive, Pair, Plane, UnseenRobot, duty_of, torque_about, towards_zero
 
-from mbot_protocol.actions import WheelMaps
-from mbot_workstation.recordings.track import Array
+from mbot_protocol.drive.actions import WheelMaps
+from mbot_workstation.sim.track import Array
 
 
 @dataclass

@@ -19,12 +19,12 @@ import numpy as np
 from machine import machine
 from numpy.typing import NDArray
 
-from mbot_workstation.calibration.camera.board_detection import Sighting
-from mbot_workstation.calibration.camera.camera_fit import fit_camera
-from mbot_workstation.calibration.camera.camera_pictures import look_for_boards
-from mbot_workstation.calibration.camera.picture_sizes import View, error_px
-from mbot_workstation.targets.specifications import Board
-from mbot_workstation.training.evaluation.provenance import provenance
+from mbot_workstation.learn.evaluation.provenance import provenance
+from mbot_workstation.measure.calibration.camera.board_detection import Sighting
+from mbot_workstation.measure.calibration.camera.camera_fit import fit_camera
+from mbot_workstation.measure.calibration.camera.camera_pictures import look_for_boards
+from mbot_workstation.measure.calibration.camera.picture_sizes import View, error_px
+from mbot_workstation.measure.targets.specifications import Board
 
 Corners = NDArray[np.float32]
 

@@ -15,8 +15,8 @@ from unseen_robot import (
     towards_zero,
 )
 
-from mbot_protocol.actions import WheelMaps
-from mbot_workstation.recordings.track import Array
+from mbot_protocol.drive.actions import WheelMaps
+from mbot_workstation.sim.track import Array
 
 
 @dataclass

@@ -13,11 +13,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from mbot_workstation.training.drivers.contestants import Driver, driver
-from mbot_workstation.training.evaluation.episodes import Trial, evaluate_driver, robots_of
-from mbot_workstation.training.worlds.lessons import lesson
-from mbot_workstation.training.worlds.rooms import evaluation_rooms
-from mbot_workstation.variation.presets import preset
+from mbot_workstation.learn.drivers.contestants import Driver, driver
+from mbot_workstation.learn.evaluation.episodes import Trial, evaluate_driver, robots_of
+from mbot_workstation.learn.worlds.lessons import lesson
+from mbot_workstation.learn.worlds.rooms import evaluation_rooms
+from mbot_workstation.sim.effects.presets import preset
 
 COLUMNS, ROWS = 8, 4
 SIDE_PX = 160

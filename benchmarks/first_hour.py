@@ -3,7 +3,7 @@
 import runpy
 from pathlib import Path
 
-from mbot_workstation.training.evaluation.provenance import provenance
+from mbot_workstation.learn.evaluation.provenance import provenance
 
 CHECKOUT = Path(__file__).parents[1]
 PAGE = CHECKOUT / "docs" / "results" / "first-hour.md"

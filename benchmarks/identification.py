@@ -22,16 +22,16 @@ from identification_page import page
 from steady_rates import Rates, steady_rates
 from unseen_robots import UNSEEN
 
-from mbot_protocol.actions import WheelMaps
-from mbot_workstation.identification.fit import identify
-from mbot_workstation.identification.model import simulate_run
-from mbot_workstation.identification.result import Identification
-from mbot_workstation.recordings.maneuver import MANEUVERS
-from mbot_workstation.recordings.recording_folder import read_recording
-from mbot_workstation.recordings.run import CommandSeries, Recording, Run
-from mbot_workstation.recordings.track import Track
-from mbot_workstation.simulation.parameter_table import with_values
-from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_protocol.drive.actions import WheelMaps
+from mbot_workstation.measure.identification.fit import identify
+from mbot_workstation.measure.identification.model import simulate_run
+from mbot_workstation.measure.identification.result import Identification
+from mbot_workstation.measure.tracks.maneuver import MANEUVERS
+from mbot_workstation.measure.tracks.recording_folder import read_recording
+from mbot_workstation.measure.tracks.run import CommandSeries, Recording, Run
+from mbot_workstation.sim.body.parameter_table import with_values
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.track import Track
 from tests.workstation.mujoco_truth import record_simulated
 from tests.workstation.planar_robot import PlanarRobot, Session, record
 

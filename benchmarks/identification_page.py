@@ -6,7 +6,7 @@ from typing import Any
 
 from machine import machine
 
-from mbot_workstation.training.evaluation.provenance import provenance
+from mbot_workstation.learn.evaluation.provenance import provenance
 
 Results = dict[str, dict[str, Any]]
 

@@ -16,13 +16,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mbot_workstation.training.drivers.contestants import Driver
-from mbot_workstation.training.drivers.onnx_policy import OnnxPolicy
-from mbot_workstation.training.evaluation.episodes import Trial, evaluate_driver, robots_of, score
-from mbot_workstation.training.evaluation.provenance import provenance
-from mbot_workstation.training.worlds.lessons import lesson
-from mbot_workstation.training.worlds.rooms import evaluation_rooms
-from mbot_workstation.variation.presets import preset
+from mbot_workstation.learn.drivers.contestants import Driver
+from mbot_workstation.learn.drivers.onnx_policy import OnnxPolicy
+from mbot_workstation.learn.evaluation.episodes import Trial, evaluate_driver, robots_of, score
+from mbot_workstation.learn.evaluation.provenance import provenance
+from mbot_workstation.learn.worlds.lessons import lesson
+from mbot_workstation.learn.worlds.rooms import evaluation_rooms
+from mbot_workstation.sim.effects.presets import preset
 
 FROZEN_AFTER = 20
 """Decisions, 8 s: what the paper's policy takes for an object."""

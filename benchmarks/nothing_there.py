@@ -11,13 +11,13 @@ import argparse
 
 import numpy as np
 
-from mbot_workstation.simulation.pose import Pose
-from mbot_workstation.training.drivers.contestants import driver, title
-from mbot_workstation.training.evaluation.provenance import provenance
-from mbot_workstation.training.worlds.fetch_env import FetchEnv
-from mbot_workstation.training.worlds.lessons import lesson
-from mbot_workstation.training.worlds.rooms import evaluation_rooms
-from mbot_workstation.variation.presets import preset
+from mbot_workstation.learn.drivers.contestants import driver, title
+from mbot_workstation.learn.evaluation.provenance import provenance
+from mbot_workstation.learn.worlds.fetch_env import FetchEnv
+from mbot_workstation.learn.worlds.lessons import lesson
+from mbot_workstation.learn.worlds.rooms import evaluation_rooms
+from mbot_workstation.sim.effects.presets import preset
+from mbot_workstation.sim.pose import Pose
 
 PRESETS = ("nominal", "any-room")
 DECISIONS = 160

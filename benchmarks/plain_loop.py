@@ -13,8 +13,8 @@ import numpy as np
 import onnxruntime
 import serial
 
-from mbot_protocol.actions import WheelMaps, to_steps
-from mbot_protocol.mcore import STOP, Acknowledgement, ReplyParser
+from mbot_protocol.drive.actions import WheelMaps, to_steps
+from mbot_protocol.drive.mcore import STOP, Acknowledgement, ReplyParser
 
 FRAMES_A_DECISION = 12
 """2.5 decisions a second at 30 frames/s. Frames must be taken as they come: with a sleep of 0.4 s

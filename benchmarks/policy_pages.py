@@ -19,7 +19,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from PIL import Image
 
-from mbot_workstation.training.evaluation.provenance import digest, provenance
+from mbot_workstation.learn.evaluation.provenance import digest, provenance
 
 ROOT = Path(__file__).parents[1]
 POLICY = "models/red-cube.onnx"

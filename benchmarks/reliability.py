@@ -25,7 +25,7 @@ from xml.etree import ElementTree
 from fault_table import BESIDE, FAULTS, SOAK, Bar, Effort, Fault
 from machine import machine
 
-from mbot_workstation.training.evaluation.provenance import provenance
+from mbot_workstation.learn.evaluation.provenance import provenance
 
 ROOT = Path(__file__).parents[1]
 RESULT = ROOT / "docs" / "results" / "reliability.md"

@@ -18,21 +18,21 @@ from numpy.typing import NDArray
 from stable_baselines3.common.callbacks import BaseCallback
 from torch import nn
 
-from mbot_workstation.training.drivers.contestants import Driver
-from mbot_workstation.training.drivers.onnx_policy import Actions, Pictures
-from mbot_workstation.training.evaluation.episodes import Trial, evaluate_driver, robots_of, score
-from mbot_workstation.training.evaluation.provenance import provenance
-from mbot_workstation.training.learning.collection import Collection
-from mbot_workstation.training.learning.full_speed import within_full_speed
-from mbot_workstation.training.learning.learner import make_learner
-from mbot_workstation.training.learning.memory_policy import ACTIONS, Before, MemoryPolicy
-from mbot_workstation.training.learning.network import DENSE_UNITS
-from mbot_workstation.training.learning.processor import keep_freed_memory
-from mbot_workstation.training.learning.training_config import read_config
-from mbot_workstation.training.learning.training_run import environment_of, guides_of
-from mbot_workstation.training.worlds.lessons import lesson
-from mbot_workstation.training.worlds.rooms import evaluation_rooms
-from mbot_workstation.variation.presets import preset
+from mbot_workstation.learn.drivers.contestants import Driver
+from mbot_workstation.learn.drivers.onnx_policy import Actions, Pictures
+from mbot_workstation.learn.evaluation.episodes import Trial, evaluate_driver, robots_of, score
+from mbot_workstation.learn.evaluation.provenance import provenance
+from mbot_workstation.learn.learning.collection import Collection
+from mbot_workstation.learn.learning.full_speed import within_full_speed
+from mbot_workstation.learn.learning.learner import make_learner
+from mbot_workstation.learn.learning.memory_policy import ACTIONS, Before, MemoryPolicy
+from mbot_workstation.learn.learning.network import DENSE_UNITS
+from mbot_workstation.learn.learning.processor import keep_freed_memory
+from mbot_workstation.learn.learning.training_config import read_config
+from mbot_workstation.learn.learning.training_run import environment_of, guides_of
+from mbot_workstation.learn.worlds.lessons import lesson
+from mbot_workstation.learn.worlds.rooms import evaluation_rooms
+from mbot_workstation.sim.effects.presets import preset
 
 WINDOW = 4
 """Decisions, 1.6 s; four pictures are what is usual since the Atari games."""

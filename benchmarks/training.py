@@ -28,19 +28,19 @@ from torch import nn
 from torch.distributions import Normal
 from training_environment import PlainEnv, kernels
 
-from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.training.learning.collection import Collection
-from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
-from mbot_workstation.training.learning.memory_policy import (
+from mbot_workstation.learn.learning.collection import Collection
+from mbot_workstation.learn.learning.learner import LearnerSettings, make_learner
+from mbot_workstation.learn.learning.memory_policy import (
     TRUTH,
     Before,
     MemoryPolicy,
     memory_policy_arguments,
 )
-from mbot_workstation.training.learning.picture_ppo import PicturePPO
-from mbot_workstation.training.learning.processor import has_short_floats, keep_freed_memory
-from mbot_workstation.training.worlds.fetch_env import action_space, observation_space
-from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.learn.learning.picture_ppo import PicturePPO
+from mbot_workstation.learn.learning.processor import has_short_floats, keep_freed_memory
+from mbot_workstation.learn.worlds.fetch_env import action_space, observation_space
+from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.sim.scene.room_generator import generate_room
 
 ROBOTS = 16
 SETTINGS = LearnerSettings(memory_units=0)

@@ -23,19 +23,19 @@ import numpy as np
 from gymnasium.spaces import Box
 from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv
 
-from mbot_workstation.simulation.engine import mujoco
-from mbot_workstation.simulation.object_mjcf import object_name
-from mbot_workstation.simulation.robot_mjcf import ROBOT_CAMERA
-from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.simulation.scene_mjcf import build_model
-from mbot_workstation.simulation.scene_parameters import SceneParameters
-from mbot_workstation.training.worlds.fast_physics import TRAINING_TIMESTEP_S
-from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
-from mbot_workstation.training.worlds.fetch_world import FetchWorld
-from mbot_workstation.training.worlds.robot_camera import Glimpse
-from mbot_workstation.training.worlds.robot_eye import OBSERVATION, RobotEye
-from mbot_workstation.training.worlds.world_settings import world_settings
+from mbot_workstation.learn.worlds.fast_physics import TRAINING_TIMESTEP_S
+from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.learn.worlds.fetch_world import FetchWorld
+from mbot_workstation.learn.worlds.robot_camera import Glimpse
+from mbot_workstation.learn.worlds.robot_eye import OBSERVATION, RobotEye
+from mbot_workstation.learn.worlds.world_settings import world_settings
+from mbot_workstation.sim.body.robot_mjcf import ROBOT_CAMERA
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.engine import mujoco
+from mbot_workstation.sim.scene.object_mjcf import object_name
+from mbot_workstation.sim.scene.room_generator import generate_room
+from mbot_workstation.sim.scene.scene_mjcf import build_model
+from mbot_workstation.sim.scene.scene_parameters import SceneParameters
 
 PRESETS = ("ideal", "nominal", "randomised")
 PLAIN = "plain SubprocVecEnv"

@@ -18,11 +18,11 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # for the tracker in tests/
 
 from steady_rates import Rates, steady_rates
 
-from mbot_protocol.actions import WheelMaps, to_steps
-from mbot_workstation.recordings.maneuver import MANEUVERS
-from mbot_workstation.recordings.run import CommandSeries, Recording, Run
-from mbot_workstation.recordings.track import Array
-from mbot_workstation.simulation.motor import duties
+from mbot_protocol.drive.actions import WheelMaps, to_steps
+from mbot_workstation.measure.tracks.maneuver import MANEUVERS
+from mbot_workstation.measure.tracks.run import CommandSeries, Recording, Run
+from mbot_workstation.sim.body.motor import duties
+from mbot_workstation.sim.track import Array
 from tests.workstation.planar_robot import Session, Tracker, put_down
 
 Plane = Any  # an array of complex numbers; numpy's types lose their width on the way

@@ -19,11 +19,11 @@ import numpy as np
 import torch
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-from mbot_workstation.training.learning import picture_ppo
-from mbot_workstation.training.learning.learner import GUIDED, make_learner
-from mbot_workstation.training.learning.memory_policy import MEMORY_UNITS
-from mbot_workstation.training.learning.processor import has_short_floats, keep_freed_memory
-from mbot_workstation.training.learning.sequences import Sequences
+from mbot_workstation.learn.learning import picture_ppo
+from mbot_workstation.learn.learning.learner import GUIDED, make_learner
+from mbot_workstation.learn.learning.memory_policy import MEMORY_UNITS
+from mbot_workstation.learn.learning.processor import has_short_floats, keep_freed_memory
+from mbot_workstation.learn.learning.sequences import Sequences
 
 LENGTH, SIDE_BY_SIDE = 32, 16
 STEPS = 16

@@ -24,7 +24,7 @@ import cv2
 import numpy as np
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 
-from mbot_protocol.keys import CAMERA
+from mbot_protocol.wire.keys import CAMERA
 from tests.workstation.fake_robot import FakeRobot
 from tests.workstation.samples import START_UNIX_NS, decision, picture
 

@@ -238,8 +238,8 @@ install_updater() {
         done
         run mv "$updater.new/mbot_update/__main__.py" "$updater.new"
         while read -r name; do
-            run install -m 0644 "$checkout/shared/protocol/mbot_protocol/$name.py" \
-                "$updater.new/mbot_protocol"
+            run install -D -m 0644 "$checkout/shared/protocol/mbot_protocol/$name.py" \
+                "$updater.new/mbot_protocol/$name.py"
         done <"$checkout/deploy/updater-modules.txt"
     fi
     run rm -rf "$updater"

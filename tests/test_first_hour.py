@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from mbot_workstation.models.key_folder import KeyFolder
+from mbot_workstation.fleet.models.key_folder import KeyFolder
 
 from .mistake_table import MISTAKES, Mistake, page, prepare
 

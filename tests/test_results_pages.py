@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mbot_workstation.training.studies.tolerance_file import read_tolerances
+from mbot_workstation.learn.studies.tolerance_file import read_tolerances
 
 CHECKOUT = Path(__file__).parents[1]
 PAGES = sorted((CHECKOUT / "docs" / "results").glob("*.md"))

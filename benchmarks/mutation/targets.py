@@ -17,9 +17,9 @@ _FILES = (
     (_ROBOT, "mbot_agent/process", "last_end termination watchdog"),
     (_ROBOT, "mbot_agent/releases", "release_service"),
     (_ROBOT, "mbot_update", "health_gate release_folders short_lives taking_in update_steps"),
-    (_PROTOCOL, "mbot_protocol", "access_rules connected_sockets"),
-    (_WORKSTATION, "mbot_workstation/by_hand", "hand hand_drive"),
-    (_WORKSTATION, "mbot_workstation/link", "remote_control"),
+    (_PROTOCOL, "mbot_protocol/wire", "access_rules connected_sockets"),
+    (_WORKSTATION, "mbot_workstation/fleet/by_hand", "hand hand_drive"),
+    (_WORKSTATION, "mbot_workstation/fleet/link", "remote_control"),
 )
 """Side, folder, modules."""
 

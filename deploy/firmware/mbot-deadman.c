@@ -11,7 +11,7 @@
 //
 // A refused command is not acknowledged, so the host learns of it as of any lost command. STOP does
 // not unlatch: the host says it all the time, also when nobody wants to drive. Speeds are the board's own, -255..255, used as they come: the daemon maps
-// the policy's 501 steps onto them (mbot_protocol.actions).
+// the policy's 501 steps onto them (mbot_protocol.drive.actions).
 //
 // Everything runs in the loop of main, which never waits; two interrupts move bytes. Time is
 // Timer 1, free running in hardware, so that no lost interrupt can lengthen the time-out.

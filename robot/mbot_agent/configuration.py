@@ -12,21 +12,21 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from mbot_protocol.access_rules import check_name
-from mbot_protocol.actions import MotorMap, WheelMaps
-from mbot_protocol.calibration import check_lens
-from mbot_protocol.camera_model import (
+from mbot_protocol.drive.actions import MotorMap, WheelMaps
+from mbot_protocol.drive.calibration import check_lens
+from mbot_protocol.drive.camera_model import (
     PI_CAMERA_HORIZONTAL_FOV_DEG,
     PI_CAMERA_VERTICAL_FOV_DEG,
     CameraModel,
 )
+from mbot_protocol.drive.mcore import BAUD_RATE
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.keys import DEFAULT_ENDPOINT, Right, check_robot_id
-from mbot_protocol.mcore import BAUD_RATE
-from mbot_protocol.policy_contract import DECISION_RATE_HZ
-from mbot_protocol.public_key import PublicKey
-from mbot_protocol.text_file import text_if_any
-from mbot_protocol.toml_file import decode_toml
+from mbot_protocol.files.text_file import text_if_any
+from mbot_protocol.files.toml_file import decode_toml
+from mbot_protocol.policy.policy_contract import DECISION_RATE_HZ
+from mbot_protocol.signing.public_key import PublicKey
+from mbot_protocol.wire.access_rules import check_name
+from mbot_protocol.wire.keys import DEFAULT_ENDPOINT, Right, check_robot_id
 
 log = logging.getLogger(__name__)
 
@@ -110,7 +110,7 @@ class Board(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Motor(Struct, frozen=True, forbid_unknown_fields=True):
-    """One wheel's motor; see `mbot_protocol.actions.MotorMap`, whose defaults None stands for."""
+    """One wheel's motor; see `drive.actions.MotorMap`, whose defaults None stands for."""
 
     reversed: bool = False
     trim: Annotated[float, Meta(gt=0, le=1)] | None = None

@@ -12,7 +12,7 @@ import msgspec
 from msgspec import Struct
 
 from mbot_agent.configuration import Access, Configuration, Motor, Network, load
-from mbot_protocol.calibration import (
+from mbot_protocol.drive.calibration import (
     CAMERA_FILE,
     MOTION_FILE,
     CameraCalibration,
@@ -22,8 +22,8 @@ from mbot_protocol.calibration import (
     read_motor_mappings,
 )
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.public_key import PublicKey
-from mbot_protocol.toml_file import read_toml
+from mbot_protocol.files.toml_file import read_toml
+from mbot_protocol.signing.public_key import PublicKey
 
 ENROLMENT_FILE = "enrolment.toml"
 TRUSTED_KEYS_FILE = "trusted-keys.toml"

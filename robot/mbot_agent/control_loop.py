@@ -15,9 +15,9 @@ from mbot_agent.helm import Helm
 from mbot_agent.metronome import Metronome, shift_towards_frames_ns
 from mbot_agent.models.pilot import Pilot
 from mbot_agent.tick import Tick
-from mbot_protocol.actions import to_steps
-from mbot_protocol.picture import Observer, Picture
-from mbot_protocol.policy_contract import FieldOfView
+from mbot_protocol.drive.actions import to_steps
+from mbot_protocol.drive.picture import Observer, Picture
+from mbot_protocol.policy.policy_contract import FieldOfView
 
 log = logging.getLogger(__name__)
 

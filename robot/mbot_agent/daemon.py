@@ -21,7 +21,7 @@ from mbot_agent.process.last_end import LastEnd
 from mbot_agent.process.watchdog import Watchdog
 from mbot_agent.releases.own_release import own_release, update_goes_on
 from mbot_agent.tick import Tick
-from mbot_protocol.release_ledger import UNDER_FIRE
+from mbot_protocol.signing.release_ledger import UNDER_FIRE
 
 if TYPE_CHECKING:
     from mbot_agent.camera.capture import CaptureThread
@@ -86,7 +86,7 @@ def rehearse(configuration: Configuration) -> str:
     from mbot_agent.models.model_directory import ModelDirectory
     from mbot_agent.models.policy import Policy
     from mbot_agent.network import zenoh_link
-    from mbot_protocol.golden_frames import check_deviation
+    from mbot_protocol.policy.golden_frames import check_deviation
 
     parts = (command_service, stop_service, control_loop, model_service, zenoh_link)
     words = f"{len(parts)} parts are there"

@@ -12,9 +12,9 @@ from mbot_agent.camera.frame_sources import frame_source
 from mbot_agent.camera.picture_check import PictureCheck
 from mbot_agent.camera.source_contract import CameraError, JpegError
 from mbot_agent.configuration import Configuration, address_advice, shown_source
+from mbot_protocol.drive.mcore import has_deadman, is_of_another_board
 from mbot_protocol.errors import MbotError
-from mbot_protocol.mcore import has_deadman, is_of_another_board
-from mbot_protocol.public_key import PublicKey
+from mbot_protocol.signing.public_key import PublicKey
 
 FRAMES = 10
 FULL_DISK_BYTES = 64 << 20

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from mbot_agent.faults import Fault
-from mbot_protocol.mcore import Joystick
-from mbot_protocol.picture import Picture
+from mbot_protocol.drive.mcore import Joystick
+from mbot_protocol.drive.picture import Picture
 
 
 @dataclass(frozen=True, slots=True)

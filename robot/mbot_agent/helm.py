@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 from mbot_agent.arming import Mode, Orders
 from mbot_agent.hardware import Board, DriveCommand
+from mbot_protocol.drive.mcore import STOP, Joystick
 from mbot_protocol.errors import RefusedError
-from mbot_protocol.mcore import STOP, Joystick
 
 MOST_SENDERS = 64
 """Whose last press is remembered. The one that is forgotten had its last command long ago: none is

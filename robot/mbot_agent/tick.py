@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from mbot_agent.arming import Orders, State, state_of
 from mbot_agent.faults import Fault
 from mbot_agent.hardware import Delivery
-from mbot_protocol.actions import Steps
-from mbot_protocol.mcore import STOP, Joystick
-from mbot_protocol.picture import Picture
-from mbot_protocol.policy_contract import FieldOfView
+from mbot_protocol.drive.actions import Steps
+from mbot_protocol.drive.mcore import STOP, Joystick
+from mbot_protocol.drive.picture import Picture
+from mbot_protocol.policy.policy_contract import FieldOfView
 
 
 @dataclass(frozen=True, slots=True)

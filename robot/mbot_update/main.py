@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from mbot_protocol.errors import MbotError, RefusedError
-from mbot_protocol.release_ledger import Outcome
+from mbot_protocol.signing.release_ledger import Outcome
 from mbot_update import before_releases, python_packages, short_lives, update_steps
 from mbot_update.release_folders import ReleaseFolders
 from mbot_update.system import GoingDownError

@@ -9,7 +9,7 @@ import zipfile
 from pathlib import Path, PurePosixPath
 
 from mbot_protocol.errors import RefusedError
-from mbot_protocol.release_contents import is_needed
+from mbot_protocol.signing.release_contents import is_needed
 
 COMMAND = "mbot-agent"
 

@@ -9,9 +9,9 @@ import os
 import shutil
 from pathlib import Path
 
-from mbot_protocol import atomic_file
 from mbot_protocol.errors import RefusedError
-from mbot_protocol.release_ledger import UNDER_FIRE, Ledger, read_ledger
+from mbot_protocol.files import atomic_file
+from mbot_protocol.signing.release_ledger import UNDER_FIRE, Ledger, read_ledger
 
 WHOLE = "whole"
 BEFORE_RELEASES = "0-before-releases"

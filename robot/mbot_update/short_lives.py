@@ -10,7 +10,7 @@ counts is held against a release: it was not the release that changed.
 import os
 import time
 
-from mbot_protocol import atomic_file
+from mbot_protocol.files import atomic_file
 from mbot_update import system
 from mbot_update.release_folders import ReleaseFolders
 

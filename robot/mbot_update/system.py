@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mbot_protocol.errors import ConfigurationError, RefusedError
-from mbot_protocol.public_key import PublicKey
-from mbot_protocol.release_ledger import Computer
+from mbot_protocol.signing.public_key import PublicKey
+from mbot_protocol.signing.release_ledger import Computer
 from mbot_update.ed25519_check import is_signed
 
 SERVICE = "mbot-agent.service"

@@ -10,11 +10,11 @@ from functools import partial
 from pathlib import Path
 from typing import IO
 
-from mbot_protocol import release_archive, release_manifest
 from mbot_protocol.errors import RefusedError
-from mbot_protocol.public_key import PublicKey
-from mbot_protocol.release_ledger import check_release
-from mbot_protocol.release_manifest import ReleaseFile, ReleaseManifest
+from mbot_protocol.signing import release_archive, release_manifest
+from mbot_protocol.signing.public_key import PublicKey
+from mbot_protocol.signing.release_ledger import check_release
+from mbot_protocol.signing.release_manifest import ReleaseFile, ReleaseManifest
 from mbot_update import python_packages, system
 from mbot_update.release_folders import ReleaseFolders
 

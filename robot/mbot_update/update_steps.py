@@ -11,8 +11,8 @@ from dataclasses import replace
 from typing import IO
 
 from mbot_protocol.errors import MbotError, RefusedError
-from mbot_protocol.public_key import PublicKey
-from mbot_protocol.release_ledger import BUSY, Ledger, Outcome
+from mbot_protocol.signing.public_key import PublicKey
+from mbot_protocol.signing.release_ledger import BUSY, Ledger, Outcome
 from mbot_update import health_gate, short_lives, system, taking_in
 from mbot_update.release_folders import BEFORE_RELEASES, ReleaseFolders
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from playwright.sync_api import expect
 
-from mbot_workstation.models.push import push
+from mbot_workstation.fleet.models.push import push
 
 from .browser import browser, console
 from .processes import Daemon, until, workstation

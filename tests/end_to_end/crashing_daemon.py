@@ -8,7 +8,7 @@ import os
 
 from mbot_agent import main
 from mbot_agent.models import policy
-from mbot_protocol.picture import Picture
+from mbot_protocol.drive.picture import Picture
 
 _decide = policy.Policy.decide
 

@@ -8,10 +8,10 @@ from typing import Self
 
 import zenoh
 
-from mbot_protocol.keys import STATUS
 from mbot_protocol.v1.messages_pb2 import Status
-from mbot_workstation.link.address import parse_address
-from mbot_workstation.link.robot_session import open_session
+from mbot_protocol.wire.keys import STATUS
+from mbot_workstation.fleet.link.address import parse_address
+from mbot_workstation.fleet.link.robot_session import open_session
 
 from .processes import ROBOT_ID
 

@@ -16,8 +16,8 @@ import time
 
 import zenoh
 
-from mbot_protocol.keys import CHUNK_BYTES, RECORDING_READ, STATUS, STOP
 from mbot_protocol.v1.recordings_pb2 import RecordingRead
+from mbot_protocol.wire.keys import CHUNK_BYTES, RECORDING_READ, STATUS, STOP
 
 KEEP_ALIVE = b"\x01\x00\x04"
 """A batch of one byte: Zenoh's KeepAlive."""

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.models.push import push
-from mbot_workstation.models.signing_key import SigningKey
+from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.fleet.models.push import push
+from mbot_workstation.fleet.models.signing_key import SigningKey
 
 
 def _die(_sent: int, _all: int) -> None:

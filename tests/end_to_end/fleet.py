@@ -11,14 +11,14 @@ import msgspec
 
 from mbot_agent.configuration import Access, Configuration, Network
 from mbot_agent.network.zenoh_link import Link
-from mbot_protocol.access_rules import Kind
-from mbot_protocol.keys import DECISION, TOPICS, Flow, Right
-from mbot_workstation.enrolment.bundles import enrolment_toml, zenohd_json5
-from mbot_workstation.enrolment.certificates import issue
-from mbot_workstation.enrolment.fleet_folder import FleetFolder
-from mbot_workstation.enrolment.membership import Enrolment
-from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.link.security import LinkSecurity
+from mbot_protocol.wire.access_rules import Kind
+from mbot_protocol.wire.keys import DECISION, TOPICS, Flow, Right
+from mbot_workstation.fleet.enrolment.bundles import enrolment_toml, zenohd_json5
+from mbot_workstation.fleet.enrolment.certificates import issue
+from mbot_workstation.fleet.enrolment.fleet_folder import FleetFolder
+from mbot_workstation.fleet.enrolment.membership import Enrolment
+from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.fleet.link.security import LinkSecurity
 
 from ..free_port import free_port
 

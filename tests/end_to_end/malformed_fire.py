@@ -10,10 +10,10 @@ import sys
 
 import zenoh
 
-from mbot_protocol.keys import TOPICS, Flow
 from mbot_protocol.v1.messages_pb2 import Command, PushBegin, PushChunk
-from mbot_workstation.link.address import parse_address
-from mbot_workstation.link.robot_session import open_session
+from mbot_protocol.wire.keys import TOPICS, Flow
+from mbot_workstation.fleet.link.address import parse_address
+from mbot_workstation.fleet.link.robot_session import open_session
 
 AT_A_TIME = 12
 """Fewer than the daemon keeps waiting for one service, so that each one is really parsed."""

@@ -11,9 +11,9 @@ from typing import Self
 
 from mbot_protocol.errors import MbotError
 from mbot_protocol.v1.messages_pb2 import Status
-from mbot_workstation.link.remote_control import RemoteControl
-from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.models.signing_key import SigningKey
+from mbot_workstation.fleet.link.remote_control import RemoteControl
+from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.fleet.models.signing_key import SigningKey
 
 from ..free_port import free_port
 from ..until import until
@@ -165,7 +165,7 @@ class Daemon:
             return False
 
     def push(self, model: bytes) -> None:
-        from mbot_workstation.models.push import push
+        from mbot_workstation.fleet.models.push import push
 
         path = self.directory / "model.onnx"
         path.write_bytes(model)

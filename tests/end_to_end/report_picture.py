@@ -7,14 +7,14 @@ import sys
 import time
 from pathlib import Path
 
-from mbot_workstation.drives.attention import attention
-from mbot_workstation.drives.drive_figures import figures
-from mbot_workstation.drives.drive_page import STRIP_TILES, drive_page
-from mbot_workstation.drives.driven_path import read_path
-from mbot_workstation.drives.recording_fetch import fetch, list_recordings
-from mbot_workstation.drives.replayed_drive import models_near
-from mbot_workstation.link.remote_control import RemoteControl
-from mbot_workstation.recordings.recorded_drive import read_drive
+from mbot_workstation.fleet.link.remote_control import RemoteControl
+from mbot_workstation.fleet.recorded.recorded_drive import read_drive
+from mbot_workstation.fleet.recorded.recording_fetch import fetch, list_recordings
+from mbot_workstation.look.drives.attention import attention
+from mbot_workstation.look.drives.drive_figures import figures
+from mbot_workstation.look.drives.drive_page import STRIP_TILES, drive_page
+from mbot_workstation.look.drives.driven_path import read_path
+from mbot_workstation.look.drives.replayed_drive import models_near
 
 from .browser import browser
 from .console_pictures import PATH_NAME, driven_robot

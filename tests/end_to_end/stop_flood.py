@@ -13,10 +13,10 @@ from pathlib import Path
 
 import zenoh
 
-from mbot_protocol.keys import STOP
-from mbot_workstation.link.address import Endpoint
-from mbot_workstation.link.robot_session import open_session
-from mbot_workstation.link.security import LinkSecurity
+from mbot_protocol.wire.keys import STOP
+from mbot_workstation.fleet.link.address import Endpoint
+from mbot_workstation.fleet.link.robot_session import open_session
+from mbot_workstation.fleet.link.security import LinkSecurity
 
 SESSIONS = 4
 A_SECOND = 500

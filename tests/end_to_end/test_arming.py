@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from mbot_protocol.keys import COMMAND, STOP
-from mbot_protocol.schema import SCHEMA_VERSION
 from mbot_protocol.v1.messages_pb2 import Command, CommandReply, Run, Stop
+from mbot_protocol.wire.keys import COMMAND, STOP
+from mbot_protocol.wire.schema import SCHEMA_VERSION
 
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mbot_workstation.rehearsal.afternoon import LEAVES, TRUTH_FOLDER
+from mbot_workstation.measure.rehearsal.afternoon import LEAVES, TRUTH_FOLDER
 
 from .processes import PROGRAMS
 

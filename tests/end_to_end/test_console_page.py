@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from mbot_workstation.link.remote_control import RemoteControl
-from mbot_workstation.models.key_folder import KeyFolder
+from mbot_workstation.fleet.link.remote_control import RemoteControl
+from mbot_workstation.fleet.models.key_folder import KeyFolder
 
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model

@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol.errors import RefusedError
-from mbot_protocol.keys import COMMAND, STATUS
-from mbot_protocol.schema import SCHEMA_VERSION
 from mbot_protocol.v1.messages_pb2 import Command, CommandReply, MotorMap, Run, Stop
-from mbot_workstation.link.remote_control import RemoteControl
-from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.models.stored_models import activate
-from mbot_workstation.telemetry.stream import TelemetryStream
+from mbot_protocol.wire.keys import COMMAND, STATUS
+from mbot_protocol.wire.schema import SCHEMA_VERSION
+from mbot_workstation.fleet.link.remote_control import RemoteControl
+from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.fleet.models.stored_models import activate
+from mbot_workstation.fleet.telemetry.stream import TelemetryStream
 
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model

@@ -13,15 +13,15 @@ import pytest
 import zenoh
 
 from mbot_agent.configuration import Access
-from mbot_protocol.access_rules import robot_access
 from mbot_protocol.errors import UnreachableError
-from mbot_protocol.keys import STATUS, STOP, TOPICS, Flow, Right
-from mbot_protocol.schema import SCHEMA_VERSION
 from mbot_protocol.v1.messages_pb2 import Status
-from mbot_workstation.enrolment.bundles import MOST_STOPS_HZ
-from mbot_workstation.link.remote_control import STOP_TIMEOUT_S, RemoteControl
-from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.models.push import push
+from mbot_protocol.wire.access_rules import robot_access
+from mbot_protocol.wire.keys import STATUS, STOP, TOPICS, Flow, Right
+from mbot_protocol.wire.schema import SCHEMA_VERSION
+from mbot_workstation.fleet.enrolment.bundles import MOST_STOPS_HZ
+from mbot_workstation.fleet.link.remote_control import STOP_TIMEOUT_S, RemoteControl
+from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.fleet.models.push import push
 
 from ..free_port import free_port
 from ..reliability.effort import second_worst

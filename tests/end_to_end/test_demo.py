@@ -6,8 +6,8 @@ from pathlib import Path
 
 import cv2
 
-from mbot_workstation.demo.demo_run import LEAVES, ROBOT_LOG
-from mbot_workstation.recordings.drive_mcap import read_recording
+from mbot_workstation.fleet.recorded.drive_mcap import read_recording
+from mbot_workstation.look.demo.demo_run import LEAVES, ROBOT_LOG
 
 from .processes import PROGRAMS
 

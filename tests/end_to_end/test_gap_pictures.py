@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
-from mbot_workstation.gap_report.page import page
-from mbot_workstation.gap_report.simulated_view import FramePair
+from mbot_workstation.measure.gap_report.page import page
+from mbot_workstation.measure.gap_report.simulated_view import FramePair
 from mbot_workstation.pictures.picture_file import read_picture
+from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
 
 from ..workstation.calibrations import BODY, CAMERA, LIGHT, MOTION
 from ..workstation.gap_samples import compared_runs, report, tolerances

@@ -10,9 +10,9 @@ import pytest
 import zenoh
 
 from mbot_protocol.errors import MbotError
-from mbot_protocol.keys import Right, presence_key
-from mbot_workstation.link.remote_control import RemoteControl
-from mbot_workstation.link.robot_session import open_session
+from mbot_protocol.wire.keys import Right, presence_key
+from mbot_workstation.fleet.link.remote_control import RemoteControl
+from mbot_workstation.fleet.link.robot_session import open_session
 
 from ..reliability.effort import second_worst, within
 from ..robot.fake_board import FakeBoard

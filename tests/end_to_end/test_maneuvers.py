@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.recordings.drive_mcap import read_recording as read_telemetry
-from mbot_workstation.recordings.driven_run import DrivenRun
-from mbot_workstation.recordings.recording_folder import read_recording
-from mbot_workstation.recordings.track_files import read_track
+from mbot_workstation.fleet.recorded.drive_mcap import read_recording as read_telemetry
+from mbot_workstation.measure.tracks.driven_run import DrivenRun
+from mbot_workstation.measure.tracks.recording_folder import read_recording
+from mbot_workstation.measure.tracks.track_files import read_track
 
 from .processes import Daemon, until, workstation
 
@@ -83,7 +83,7 @@ def test_a_truth_track_lies_where_the_virtual_robot_stands(tmp_path: Path, endin
     with workstation("virtual-robot", *options, log=tmp_path / "robot.log") as robot:
         assert robot.wait(60) == 0, robot.output
     (tmp_path / "track.toml").write_text('preset = "triad-openvr"\n')
-    from mbot_workstation.recordings.track_format import read_track_format
+    from mbot_workstation.measure.tracks.track_format import read_track_format
 
     form = read_track_format(tmp_path) if ending == "csv" else None
     track = read_track(truth, form)

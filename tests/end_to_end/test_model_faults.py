@@ -14,11 +14,11 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from mbot_protocol.errors import MbotError, RefusedError, UnreachableError
 from mbot_protocol.v1.messages_pb2 import Decision, Status
-from mbot_workstation.models.check import CheckedModel, check_model
-from mbot_workstation.models.push import push, push_checked
-from mbot_workstation.models.signing_key import SigningKey
-from mbot_workstation.models.stored_models import list_models
-from mbot_workstation.telemetry.stream import TelemetryStream
+from mbot_workstation.fleet.models.check import CheckedModel, check_model
+from mbot_workstation.fleet.models.push import push, push_checked
+from mbot_workstation.fleet.models.signing_key import SigningKey
+from mbot_workstation.fleet.models.stored_models import list_models
+from mbot_workstation.fleet.telemetry.stream import TelemetryStream
 
 from ..reliability.motion import drives_again
 from ..robot.fake_board import FakeBoard

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol.errors import MbotError
-from mbot_protocol.keys import STOP
-from mbot_workstation.link.address import parse_address
-from mbot_workstation.link.remote_control import RemoteControl
-from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.link.robot_session import open_session
-from mbot_workstation.telemetry.stream import TelemetryStream
+from mbot_protocol.wire.keys import STOP
+from mbot_workstation.fleet.link.address import parse_address
+from mbot_workstation.fleet.link.remote_control import RemoteControl
+from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.fleet.link.robot_session import open_session
+from mbot_workstation.fleet.telemetry.stream import TelemetryStream
 
 from ..reliability.effort import within
 from ..robot.fake_board import FakeBoard

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from mbot_workstation.simulation.room_generator import generate_room
+from mbot_workstation.sim.scene.room_generator import generate_room
 
 from ..printed_commands import CHECKOUT, PAGES, Block, blocks
 from ..workstation.fake_robot import FakeRobot

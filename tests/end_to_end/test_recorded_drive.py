@@ -9,12 +9,12 @@ import pytest
 
 from mbot_agent.configuration import decode
 from mbot_protocol.v1.messages_pb2 import Decision, State
-from mbot_workstation.drives.drive_figures import figures
-from mbot_workstation.drives.recording_fetch import fetch, keep, list_recordings, remove
-from mbot_workstation.drives.replayed_drive import TOLERANCE, replay
-from mbot_workstation.link.remote_control import RemoteControl
-from mbot_workstation.recordings.recorded_drive import read_drive
-from mbot_workstation.telemetry.stream import TelemetryStream
+from mbot_workstation.fleet.link.remote_control import RemoteControl
+from mbot_workstation.fleet.recorded.recorded_drive import read_drive
+from mbot_workstation.fleet.recorded.recording_fetch import fetch, keep, list_recordings, remove
+from mbot_workstation.fleet.telemetry.stream import TelemetryStream
+from mbot_workstation.look.drives.drive_figures import figures
+from mbot_workstation.look.drives.replayed_drive import TOLERANCE, replay
 
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import seeing_model

@@ -12,7 +12,8 @@ import pytest
 import zenoh
 
 from mbot_protocol.errors import RefusedError
-from mbot_protocol.keys import (
+from mbot_protocol.v1.messages_pb2 import Command, CommandReply
+from mbot_protocol.wire.keys import (
     ALIVE,
     COMMAND,
     DECISION,
@@ -24,10 +25,9 @@ from mbot_protocol.keys import (
     Right,
     Topic,
 )
-from mbot_protocol.v1.messages_pb2 import Command, CommandReply
-from mbot_workstation.link.address import Endpoint
-from mbot_workstation.link.rights import rights_at
-from mbot_workstation.link.robot_session import alive_robots, open_session
+from mbot_workstation.fleet.link.address import Endpoint
+from mbot_workstation.fleet.link.rights import rights_at
+from mbot_workstation.fleet.link.robot_session import alive_robots, open_session
 
 from ..free_port import free_port
 from .fleet import LOCALHOST, Fleet, TalkingRobot

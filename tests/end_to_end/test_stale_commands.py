@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from mbot_protocol.keys import COMMAND
-from mbot_protocol.schema import SCHEMA_VERSION
 from mbot_protocol.v1.messages_pb2 import Command, CommandReply, Drive, Run, Wheels
-from mbot_workstation.link.remote_control import RemoteControl
+from mbot_protocol.wire.keys import COMMAND
+from mbot_protocol.wire.schema import SCHEMA_VERSION
+from mbot_workstation.fleet.link.remote_control import RemoteControl
 
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model

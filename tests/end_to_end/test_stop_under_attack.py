@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol.errors import MbotError
-from mbot_protocol.keys import CHUNK_BYTES, Right
-from mbot_workstation.link.remote_control import RemoteControl
-from mbot_workstation.models.push import push as push_model
+from mbot_protocol.wire.keys import CHUNK_BYTES, Right
+from mbot_workstation.fleet.link.remote_control import RemoteControl
+from mbot_workstation.fleet.models.push import push as push_model
 
 from ..reliability.effort import second_worst
 from ..reliability.motion import driven_since

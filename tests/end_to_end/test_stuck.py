@@ -5,13 +5,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from mbot_protocol.mcore import STOP
+from mbot_protocol.drive.mcore import STOP
 from mbot_protocol.v1.messages_pb2 import State
-from mbot_workstation.simulation.fetch_rules import FetchRules
-from mbot_workstation.simulation.isp import IspSettings
-from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.simulation.scene_parameters import Arena, SceneParameters
-from mbot_workstation.simulation.scene_renderer import TRAINING
+from mbot_workstation.sim.camera.isp import IspSettings
+from mbot_workstation.sim.camera.scene_renderer import TRAINING
+from mbot_workstation.sim.scene.room_generator import generate_room
+from mbot_workstation.sim.scene.scene_parameters import Arena, SceneParameters
+from mbot_workstation.tasks.fetch.rules import FetchRules
 from mbot_workstation.virtual.camera_stream import NOISY, CameraSettings
 from mbot_workstation.virtual.stand_in import VirtualRobot, VirtualRobotSettings
 

@@ -17,10 +17,10 @@ from mbot_agent.configuration import Configuration, Network
 from mbot_agent.network.zenoh_link import Link
 from mbot_agent.network.zenoh_settings import MOST_PENDING, MOST_SESSIONS
 from mbot_protocol.errors import UnreachableError
-from mbot_protocol.keys import COMMAND, OBSERVATION, PUSH_CHUNK, TOPICS, Flow, Topic
-from mbot_workstation.link.address import parse_address
-from mbot_workstation.link.remote_control import RemoteControl
-from mbot_workstation.link.robot_session import open_session
+from mbot_protocol.wire.keys import COMMAND, OBSERVATION, PUSH_CHUNK, TOPICS, Flow, Topic
+from mbot_workstation.fleet.link.address import parse_address
+from mbot_workstation.fleet.link.remote_control import RemoteControl
+from mbot_workstation.fleet.link.robot_session import open_session
 
 from ..free_port import free_port
 from ..reliability.effort import within

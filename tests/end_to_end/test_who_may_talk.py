@@ -9,9 +9,10 @@ import pytest
 import zenoh
 
 from mbot_agent.network.zenoh_settings import zenoh_configuration
-from mbot_protocol.access_rules import Kind
 from mbot_protocol.errors import MbotError, RefusedError, UnreachableError
-from mbot_protocol.keys import (
+from mbot_protocol.v1.messages_pb2 import Command, CommandReply
+from mbot_protocol.wire.access_rules import Kind
+from mbot_protocol.wire.keys import (
     ACTIVATE,
     ALIVE,
     COMMAND,
@@ -24,14 +25,13 @@ from mbot_protocol.keys import (
     Right,
     Topic,
 )
-from mbot_protocol.v1.messages_pb2 import Command, CommandReply
-from mbot_workstation.enrolment.certificates import issue, make_authority
-from mbot_workstation.link.address import Endpoint
-from mbot_workstation.link.diagnosis import why_no_session
-from mbot_workstation.link.rights import person, rights_at
-from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.link.robot_session import alive_robots, open_session
-from mbot_workstation.link.security import LinkSecurity
+from mbot_workstation.fleet.enrolment.certificates import issue, make_authority
+from mbot_workstation.fleet.link.address import Endpoint
+from mbot_workstation.fleet.link.diagnosis import why_no_session
+from mbot_workstation.fleet.link.rights import person, rights_at
+from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.fleet.link.robot_session import alive_robots, open_session
+from mbot_workstation.fleet.link.security import LinkSecurity
 
 from .fleet import LOCALHOST, Fleet, TalkingRobot
 from .processes import until

@@ -15,10 +15,10 @@ import threading
 import time
 from pathlib import Path
 
-from mbot_protocol.keys import DECISION
-from mbot_workstation.link.address import Endpoint
-from mbot_workstation.link.robot_session import open_session
-from mbot_workstation.link.security import LinkSecurity
+from mbot_protocol.wire.keys import DECISION
+from mbot_workstation.fleet.link.address import Endpoint
+from mbot_workstation.fleet.link.robot_session import open_session
+from mbot_workstation.fleet.link.security import LinkSecurity
 
 SESSIONS = 4
 LOOKS_S = 0.3

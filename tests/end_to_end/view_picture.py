@@ -8,9 +8,9 @@ from pathlib import Path
 
 from playwright.sync_api import sync_playwright
 
-from mbot_workstation.drives.live_view import follow
-from mbot_workstation.drives.rerun_view import RerunView
-from mbot_workstation.link.remote_control import RemoteControl
+from mbot_workstation.fleet.link.remote_control import RemoteControl
+from mbot_workstation.look.drives.live_view import follow
+from mbot_workstation.look.drives.rerun_view import RerunView
 
 from ..free_port import free_port
 from .browser import CHROMIUM

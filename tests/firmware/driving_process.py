@@ -9,7 +9,7 @@ import time
 from mbot_agent.board.motors import Motors
 from mbot_agent.configuration import Board
 from mbot_agent.hardware import DriveCommand
-from mbot_protocol.mcore import Joystick
+from mbot_protocol.drive.mcore import Joystick
 
 
 def main() -> None:

@@ -1,6 +1,6 @@
 """What the firmware's tests put on the line, and what the firmware answers."""
 
-from mbot_protocol.mcore import ARM_REQUEST, Joystick
+from mbot_protocol.drive.mcore import ARM_REQUEST, Joystick
 
 from .simulated_board import BYTE_US
 

@@ -14,7 +14,7 @@ from mbot_agent.board.motor_stop import stop_motors
 from mbot_agent.board.motors import Motors
 from mbot_agent.configuration import Board
 from mbot_agent.hardware import DriveCommand
-from mbot_protocol.mcore import ARM_REQUEST, Joystick, stop_burst
+from mbot_protocol.drive.mcore import ARM_REQUEST, Joystick, stop_burst
 
 from ..until import until
 from .frames import DRIVE, DRIVING, OFF

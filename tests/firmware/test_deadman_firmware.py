@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from mbot_protocol.actions import MotorMap, Steps, WheelMaps
-from mbot_protocol.mcore import (
+from mbot_protocol.drive.actions import MotorMap, Steps, WheelMaps
+from mbot_protocol.drive.mcore import (
     ARM_REQUEST,
     RESET_CAUSE_REQUEST,
     RESET_REQUEST,
@@ -19,7 +19,7 @@ from mbot_protocol.mcore import (
     stop_burst,
     wants_arming,
 )
-from mbot_workstation.firmware.flashing import read_image
+from mbot_workstation.fleet.firmware.flashing import read_image
 
 from .frames import (
     ACKNOWLEDGED,

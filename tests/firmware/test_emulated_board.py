@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 import serial
 
+from mbot_protocol.drive.mcore import ARM_REQUEST, BAUD_RATE, STOP, VERSION_REQUEST, Joystick
 from mbot_protocol.errors import ConfigurationError, MbotError
-from mbot_protocol.mcore import ARM_REQUEST, BAUD_RATE, STOP, VERSION_REQUEST, Joystick
 from mbot_workstation.virtual.emulated.emulated_board import EmulatedBoard
 
 from ..until import until

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.firmware.firmware_file import find_firmware
+from mbot_workstation.fleet.firmware.firmware_file import find_firmware
 from mbot_workstation.virtual.emulated.board_simulator import cache_folder, simulator_program
 
 

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mbot_protocol.drive.mcore import Joystick
 from mbot_protocol.errors import MbotError
-from mbot_protocol.mcore import Joystick
 from mbot_workstation.virtual.emulated.motor_pins import MotorPins
 
 OUTPUTS = 0xF0

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mbot_protocol.mcore import RESET_REQUEST, STOP, VERSION_REQUEST, stop_burst
+from mbot_protocol.drive.mcore import RESET_REQUEST, STOP, VERSION_REQUEST, stop_burst
 
 from .frames import ACKNOWLEDGED, ARMED, DRIVE, DRIVING, OFF, Event, joystick, motor, rx
 from .simulated_board import Simulator

@@ -7,11 +7,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from signal import SIGKILL
 
-from mbot_protocol.mcore import STOP
-from mbot_workstation.simulation.pose import Pose
-from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.simulation.scene_renderer import TRAINING
+from mbot_protocol.drive.mcore import STOP
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.camera.scene_renderer import TRAINING
+from mbot_workstation.sim.pose import Pose
+from mbot_workstation.sim.scene.room_generator import generate_room
 from mbot_workstation.virtual.camera_stream import CameraSettings
 from mbot_workstation.virtual.emulated.emulated_board import EmulatedBoard
 from mbot_workstation.virtual.stand_in import VirtualRobot, VirtualRobotSettings

@@ -20,7 +20,7 @@ def main() -> None:
     import mbot_agent
     from mbot_agent.models import model_engine
     from mbot_agent.models.policy import Memory, Policy
-    from mbot_protocol.actions import to_steps
+    from mbot_protocol.drive.actions import to_steps
 
     modules = [
         importlib.import_module(found.name).__name__

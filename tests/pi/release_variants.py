@@ -5,9 +5,9 @@ import hashlib
 import zipfile
 from pathlib import Path
 
-from mbot_workstation.models.signing_key import SigningKey
-from mbot_workstation.releases.make_release import build_wheel, make_release
-from mbot_workstation.releases.robot_wheels import TARGETS
+from mbot_workstation.fleet.models.signing_key import SigningKey
+from mbot_workstation.fleet.releases.make_release import build_wheel, make_release
+from mbot_workstation.fleet.releases.robot_wheels import TARGETS
 
 from .booted import CHECKOUT
 

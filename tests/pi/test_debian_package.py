@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from mbot_workstation.models.signing_key import SigningKey
-from mbot_workstation.releases.debian_package import make_package
+from mbot_workstation.fleet.models.signing_key import SigningKey
+from mbot_workstation.fleet.releases.debian_package import make_package
 
 from ..end_to_end.processes import until
 from ..reliability.motion import FORWARD

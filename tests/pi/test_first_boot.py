@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol.errors import MbotError
-from mbot_workstation.models.signing_key import SigningKey
-from mbot_workstation.releases.boot_card import CardContent, prepare
+from mbot_workstation.fleet.models.signing_key import SigningKey
+from mbot_workstation.fleet.releases.boot_card import CardContent, prepare
 
 from ..end_to_end.processes import until
 from ..reliability.motion import FORWARD, FORWARD_BOARD

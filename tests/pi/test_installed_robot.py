@@ -12,8 +12,8 @@ import pytest
 
 from mbot_agent.configuration_files import ENROLMENT_FILE, TRUSTED_KEYS_FILE
 from mbot_protocol.errors import MbotError
-from mbot_workstation.link.remote_control import RemoteControl
-from mbot_workstation.models.key_folder import KeyFolder
+from mbot_workstation.fleet.link.remote_control import RemoteControl
+from mbot_workstation.fleet.models.key_folder import KeyFolder
 
 from ..end_to_end.processes import ROBOT_ID, Process, beats_on, until
 from ..reliability.motion import FORWARD, FORWARD_BOARD, driven_since, stopped_s

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from mbot_workstation.models.signing_key import SigningKey
+from mbot_workstation.fleet.models.signing_key import SigningKey
 
 from ..end_to_end.processes import until
 from ..reliability.motion import FORWARD

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from mbot_update.python_packages import packages_of, unpack_wheels
-from mbot_workstation.releases.make_release import build_wheel
-from mbot_workstation.releases.robot_wheels import TARGETS, Target, fetch_wheels
+from mbot_workstation.fleet.releases.make_release import build_wheel
+from mbot_workstation.fleet.releases.robot_wheels import TARGETS, Target, fetch_wheels
 
 from .booted import CHECKOUT
 from .release_variants import CACHE

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from mbot_protocol.errors import MbotError, RefusedError
-from mbot_workstation.models.signing_key import SigningKey
-from mbot_workstation.releases.send_release import (
+from mbot_workstation.fleet.models.signing_key import SigningKey
+from mbot_workstation.fleet.releases.send_release import (
     check_release_file,
     send,
     wait_for_outcome,
@@ -168,7 +168,7 @@ def test_refusals_are_one_line(started: Robot, releases: Releases) -> None:
     with pytest.raises(RefusedError, match="armed"):
         sent(started, releases.make("0.1.0+armed", 9, KEY))
     with started.daemon.link() as link:
-        from mbot_workstation.link.remote_control import RemoteControl
+        from mbot_workstation.fleet.link.remote_control import RemoteControl
 
         RemoteControl(link).stop()
 

@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_protocol.access_rules import (
+from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.wire.access_rules import (
     Json,
     Kind,
     check_name,
@@ -15,8 +16,7 @@ from mbot_protocol.access_rules import (
     split_common_name,
     with_view,
 )
-from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.keys import (
+from mbot_protocol.wire.keys import (
     ALIVE,
     CHUNK_BYTES,
     COMMAND,

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_protocol.actions import STEP_LIMIT, MotorMap, Steps, WheelMaps, to_steps
-from mbot_protocol.mcore import Joystick
+from mbot_protocol.drive.actions import STEP_LIMIT, MotorMap, Steps, WheelMaps, to_steps
+from mbot_protocol.drive.mcore import Joystick
 
 steps = st.integers(-STEP_LIMIT, STEP_LIMIT)
 maps = st.builds(

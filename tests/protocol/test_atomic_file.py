@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from mbot_protocol import atomic_file
 from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.files import atomic_file
 
 from ..robot.faulty_disk import EIO, ENOSPC, FaultyDisk, State, fails_at
 

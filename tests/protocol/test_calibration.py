@@ -6,19 +6,19 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from mbot_protocol.actions import MotorMap, Steps, WheelMaps
-from mbot_protocol.calibration import (
+from mbot_protocol.drive.actions import MotorMap, Steps, WheelMaps
+from mbot_protocol.drive.calibration import (
     CAMERA_FILE,
     MOTION_FILE,
     MotorMappings,
     read_camera,
     read_motor_mappings,
 )
-from mbot_protocol.camera_model import CameraModel, nominal_pi_camera
+from mbot_protocol.drive.camera_model import CameraModel, nominal_pi_camera
+from mbot_protocol.drive.lens import folds_within
+from mbot_protocol.drive.mcore import Joystick
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.lens import folds_within
-from mbot_protocol.mcore import Joystick
-from mbot_protocol.toml_file import read_toml
+from mbot_protocol.files.toml_file import read_toml
 
 CAMERA_TEXT = """
 width_px = 2028

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mbot_protocol.connected_sockets import let_none_linger, with_socket
+from mbot_protocol.wire.connected_sockets import let_none_linger, with_socket
 
 LINGERS = struct.pack("ii", 1, 10)
 

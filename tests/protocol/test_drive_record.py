@@ -4,7 +4,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from mbot_protocol.drive_record import (
+from mbot_protocol.beat.drive_record import (
     DriveRecord,
     RobotFacts,
     drive_record,

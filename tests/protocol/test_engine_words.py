@@ -2,7 +2,7 @@
 
 import pytest
 
-from mbot_protocol.engine_words import LONGEST_REASON, engine_words
+from mbot_protocol.policy.engine_words import LONGEST_REASON, engine_words
 
 PLACE = (
     "/onnxruntime_src/onnxruntime/core/graph/model.cc:256 onnxruntime::Model::Model("

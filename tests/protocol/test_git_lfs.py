@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.git_lfs import POINTER, refuse_pointer
+from mbot_protocol.files.git_lfs import POINTER, refuse_pointer
 
 NOTE = (
     POINTER + b"v1\noid sha256:" + b"0123456789abcdef" * 4 + b"\nsize 1234567\n"

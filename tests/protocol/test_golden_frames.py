@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mbot_protocol.errors import ContractError
-from mbot_protocol.golden_frames import (
+from mbot_protocol.policy.golden_frames import (
     MOST_FRAMES,
     PROPERTY,
     TOLERANCE,

@@ -1,9 +1,9 @@
 import pytest
 
-from mbot_protocol import keys
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.keys import FOXGLOVE_PICTURE, TOPICS, Flow, Right
 from mbot_protocol.v1 import messages_pb2, recordings_pb2
+from mbot_protocol.wire import keys
+from mbot_protocol.wire.keys import FOXGLOVE_PICTURE, TOPICS, Flow, Right
 
 MESSAGES = {
     **messages_pb2.DESCRIPTOR.message_types_by_name,

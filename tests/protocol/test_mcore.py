@@ -2,8 +2,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mbot_protocol import mcore
-from mbot_protocol.mcore import (
+from mbot_protocol.drive import mcore
+from mbot_protocol.drive.mcore import (
     Acknowledgement,
     Banner,
     Joystick,

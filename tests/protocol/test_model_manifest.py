@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mbot_protocol.errors import MbotError, NewerSchemaError, RefusedError
-from mbot_protocol.model_manifest import (
+from mbot_protocol.signing.model_manifest import (
     LARGEST_MANIFEST_BYTES,
     ModelManifest,
     SignedManifest,
@@ -18,7 +18,7 @@ from mbot_protocol.model_manifest import (
     sign,
     verify,
 )
-from mbot_protocol.public_key import PublicKey
+from mbot_protocol.signing.public_key import PublicKey
 
 # RFC 8032, section 7.1, test 1: the secret key, and the public key that belongs to it.
 SECRET = bytes.fromhex("9d61b19deffd5a60ba844af492ec2cc44449c5697b326919703bac031cae7f60")

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from onnx import TensorProto, defs, helper, numpy_helper
 
 from mbot_protocol.errors import ContractError
-from mbot_protocol.model_structure import MOST_FIELDS, OPERATORS, check_structure
-from mbot_protocol.policy_contract import LARGEST_MODEL_BYTES, PolicyMetadata
-from mbot_protocol.wire_fields import fields, varints
-from mbot_workstation.models.servo_policy import ServoGains, servo_model
+from mbot_protocol.policy.model_structure import MOST_FIELDS, OPERATORS, check_structure
+from mbot_protocol.policy.policy_contract import LARGEST_MODEL_BYTES, PolicyMetadata
+from mbot_protocol.wire.wire_fields import fields, varints
+from mbot_workstation.fleet.models.servo_policy import ServoGains, servo_model
 
 from ..robot.tiny_models import constant_model
 

@@ -3,10 +3,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mbot_protocol.camera_model import CameraModel, nominal_pi_camera
+from mbot_protocol.drive.camera_model import CameraModel, nominal_pi_camera
+from mbot_protocol.drive.picture import Observer
 from mbot_protocol.errors import ContractError
-from mbot_protocol.picture import Observer
-from mbot_protocol.policy_contract import FULL_VIEW, FieldOfView
+from mbot_protocol.policy.policy_contract import FULL_VIEW, FieldOfView
 
 
 def gradient(width_px: int, height_px: int) -> np.ndarray:

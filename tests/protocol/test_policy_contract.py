@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mbot_protocol.errors import ContractError, NewerSchemaError
-from mbot_protocol.policy_contract import (
+from mbot_protocol.policy.policy_contract import (
     CONTRACT_VERSION,
     LARGEST_STATE,
     FieldOfView,

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.public_key import PublicKey
+from mbot_protocol.signing.public_key import PublicKey
 
 RAW = bytes(range(32))
 LINE = "ed25519:AAECAwQFBgcICQoLDA0ODxAREhMUFRYXGBkaGxwdHh8= anna"
@@ -127,7 +127,7 @@ def test_the_robot_checks_without_the_larger_library() -> None:
     """It would take 7 MB more of a Pi's memory."""
     code = (
         "import sys, mbot_agent.daemon, mbot_agent.models.model_service\n"
-        "from mbot_protocol.public_key import PublicKey\n"
+        "from mbot_protocol.signing.public_key import PublicKey\n"
         "PublicKey(bytes(32), 'anna').has_signed(b'', bytes(64))\n"
         "sys.exit('cryptography' in sys.modules)"
     )

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mbot_protocol import release_archive, release_manifest
 from mbot_protocol.errors import MbotError, RefusedError
-from mbot_protocol.release_manifest import ReleaseFile, ReleaseManifest
+from mbot_protocol.signing import release_archive, release_manifest
+from mbot_protocol.signing.release_manifest import ReleaseFile, ReleaseManifest
 
 CONTENT = {"a.txt": b"hello", "deploy/install.sh": b"#!/bin/sh\n", "wheels/" + "w" * 95: b"x" * 600}
 

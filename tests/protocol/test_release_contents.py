@@ -2,7 +2,7 @@
 
 import pytest
 
-from mbot_protocol.release_contents import is_needed, size_on_disk
+from mbot_protocol.signing.release_contents import is_needed, size_on_disk
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol.errors import RefusedError
-from mbot_protocol.release_ledger import (
+from mbot_protocol.signing.release_ledger import (
     REMEMBERED,
     RESERVE_BYTES,
     Computer,
@@ -15,7 +15,7 @@ from mbot_protocol.release_ledger import (
     check_release,
     read_ledger,
 )
-from mbot_protocol.release_manifest import ReleaseFile, ReleaseManifest
+from mbot_protocol.signing.release_manifest import ReleaseFile, ReleaseManifest
 
 FILE = ReleaseFile("a", 3, "0" * 64)
 GOOD = ReleaseManifest("0.2", 7, 5, "bookworm", "arm64", "3.11", 1000, (FILE,))

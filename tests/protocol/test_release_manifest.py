@@ -5,10 +5,10 @@ from dataclasses import asdict, replace
 
 import pytest
 
-from mbot_protocol import release_manifest
 from mbot_protocol.errors import MbotError, NewerSchemaError, RefusedError
-from mbot_protocol.release_manifest import ReleaseFile, ReleaseManifest, decode, encode
-from mbot_workstation.models.signing_key import SigningKey
+from mbot_protocol.signing import release_manifest
+from mbot_protocol.signing.release_manifest import ReleaseFile, ReleaseManifest, decode, encode
+from mbot_workstation.fleet.models.signing_key import SigningKey
 
 FILE = ReleaseFile("wheels/a-1-py3-none-any.whl", 3, "0" * 64)
 GOOD = ReleaseManifest("0.2+abc", 7, 5, "trixie", "arm64", "3.13", 1000, (FILE,))
@@ -88,7 +88,7 @@ def test_other_keys_changed_bytes_and_damaged_signatures_are_refused() -> None:
 
 
 def test_a_models_signature_is_none_under_a_release() -> None:
-    from mbot_protocol import model_manifest
+    from mbot_protocol.signing import model_manifest
 
     domain = model_manifest._DOMAIN  # pyright: ignore[reportPrivateUsage]
     assert domain != release_manifest._DOMAIN  # pyright: ignore[reportPrivateUsage]

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mbot_protocol.errors import MbotError, NewerSchemaError
-from mbot_protocol.schema import SCHEMA_VERSION, MalformedMessageError, decode
 from mbot_protocol.v1.messages_pb2 import Command, Status
+from mbot_protocol.wire.schema import SCHEMA_VERSION, MalformedMessageError, decode
 
 PROTOCOL = Path(__file__).parents[2] / "shared" / "protocol"
 

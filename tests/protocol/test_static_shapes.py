@@ -9,10 +9,10 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from mbot_protocol.errors import ContractError
-from mbot_protocol.model_structure import OPERATORS
-from mbot_protocol.policy_contract import PolicyMetadata
-from mbot_protocol.static_shapes import SHAPING, check_static_shapes
-from mbot_workstation.models.servo_policy import ServoGains, servo_model
+from mbot_protocol.policy.model_structure import OPERATORS
+from mbot_protocol.policy.policy_contract import PolicyMetadata
+from mbot_protocol.policy.static_shapes import SHAPING, check_static_shapes
+from mbot_workstation.fleet.models.servo_policy import ServoGains, servo_model
 
 from ..robot.tiny_models import constant_model
 

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.text_file import read_text, text_if_any
+from mbot_protocol.files.text_file import read_text, text_if_any
 
 
 def test_a_text_is_read_without_an_editors_mark(tmp_path: Path) -> None:

@@ -6,8 +6,8 @@ import msgspec
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.toml_file import decode_toml
-from mbot_protocol.toml_mistakes import line_number
+from mbot_protocol.files.toml_file import decode_toml
+from mbot_protocol.files.toml_mistakes import line_number
 
 
 class Wheel(msgspec.Struct, forbid_unknown_fields=True):

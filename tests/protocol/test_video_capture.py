@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from mbot_protocol.video_capture import device_index, open_capture
+from mbot_protocol.drive.video_capture import device_index, open_capture
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from mbot_agent import main
 from mbot_agent.models import policy
-from mbot_protocol.picture import Picture
+from mbot_protocol.drive.picture import Picture
 
 SLOW_S = 2.0
 

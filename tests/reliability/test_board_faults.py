@@ -17,7 +17,7 @@ from mbot_agent.board import board_session
 from mbot_agent.board.motors import Motors
 from mbot_agent.configuration import Board
 from mbot_agent.hardware import DriveCommand
-from mbot_protocol.mcore import STOP, VERSION_REQUEST, Joystick
+from mbot_protocol.drive.mcore import STOP, VERSION_REQUEST, Joystick
 
 from ..end_to_end.processes import Daemon, beats_on, until
 from ..robot.fake_board import FakeBoard

@@ -22,22 +22,22 @@ from mbot_agent.camera.multipart import MultipartError, MultipartParser
 from mbot_agent.camera.source_contract import JpegError
 from mbot_agent.configuration_files import Enrolment, TrustedKeys
 from mbot_agent.models.activation import Activation
-from mbot_protocol.access_rules import split_common_name
-from mbot_protocol.actions import to_steps
-from mbot_protocol.calibration import CameraCalibration, MotorMappings
+from mbot_protocol.drive.actions import to_steps
+from mbot_protocol.drive.calibration import CameraCalibration, MotorMappings
+from mbot_protocol.drive.mcore import Acknowledgement, ReplyParser
 from mbot_protocol.errors import MbotError
-from mbot_protocol.golden_frames import PROPERTY, read_golden_frames
-from mbot_protocol.mcore import Acknowledgement, ReplyParser
-from mbot_protocol.model_manifest import SignedManifest, decode, encode
-from mbot_protocol.model_structure import check_structure
-from mbot_protocol.policy_contract import PolicyMetadata
-from mbot_protocol.public_key import PublicKey
-from mbot_protocol.schema import decode as decode_message
-from mbot_protocol.toml_file import read_toml
+from mbot_protocol.files.toml_file import read_toml
+from mbot_protocol.policy.golden_frames import PROPERTY, read_golden_frames
+from mbot_protocol.policy.model_structure import check_structure
+from mbot_protocol.policy.policy_contract import PolicyMetadata
+from mbot_protocol.signing.model_manifest import SignedManifest, decode, encode
+from mbot_protocol.signing.public_key import PublicKey
 from mbot_protocol.v1 import messages_pb2 as messages
-from mbot_workstation.link.address import parse_address
-from mbot_workstation.recordings.drive_mcap import Recording, read_recording
-from mbot_workstation.simulation.motion_calibration import MotionCalibration
+from mbot_protocol.wire.access_rules import split_common_name
+from mbot_protocol.wire.schema import decode as decode_message
+from mbot_workstation.fleet.link.address import parse_address
+from mbot_workstation.fleet.recorded.drive_mcap import Recording, read_recording
+from mbot_workstation.sim.calibrated.motion_calibration import MotionCalibration
 
 from ..protocol.test_model_manifest import MANIFEST, SIGNED
 from ..robot.test_jpeg_picture import PICTURE, jpeg

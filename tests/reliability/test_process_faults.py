@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.link.remote_control import RemoteControl
-from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.telemetry.stream import TelemetryStream
+from mbot_workstation.fleet.link.remote_control import RemoteControl
+from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.fleet.telemetry.stream import TelemetryStream
 
 from ..end_to_end.processes import Daemon, Process, beats_on, until
 from ..robot.fake_board import FakeBoard

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.recordings.drive_mcap import read_recording
+from mbot_workstation.fleet.recorded.drive_mcap import read_recording
 
 from ..end_to_end.processes import Daemon, until, workstation
 from ..robot.fake_board import FakeBoard

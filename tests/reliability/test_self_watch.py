@@ -14,10 +14,10 @@ import pytest
 
 from mbot_agent.process.termination import THREAD_DIED
 from mbot_protocol.errors import MbotError
-from mbot_protocol.keys import COMMAND, STOP
 from mbot_protocol.v1.messages_pb2 import Command, CommandReply
-from mbot_workstation.link.remote_control import NotStandingError, RemoteControl
-from mbot_workstation.link.robot_link import RobotLink
+from mbot_protocol.wire.keys import COMMAND, STOP
+from mbot_workstation.fleet.link.remote_control import NotStandingError, RemoteControl
+from mbot_workstation.fleet.link.robot_link import RobotLink
 
 from ..end_to_end.processes import PROGRAMS, ROBOT_ID, Daemon, Process, until
 from ..robot.fake_board import FakeBoard

@@ -14,7 +14,7 @@ import pytest
 from mbot_agent.board.motors import Motors
 from mbot_agent.configuration import Board
 from mbot_agent.hardware import DriveCommand
-from mbot_protocol.mcore import Joystick
+from mbot_protocol.drive.mcore import Joystick
 
 from ..end_to_end.processes import until
 from ..robot.fake_board import FakeBoard

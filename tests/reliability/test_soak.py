@@ -17,9 +17,9 @@ from signal import SIGTERM
 import pytest
 
 from mbot_protocol.errors import MbotError
-from mbot_protocol.keys import TOPICS, Flow
-from mbot_workstation.link.remote_control import RemoteControl
-from mbot_workstation.telemetry.stream import TelemetryStream
+from mbot_protocol.wire.keys import TOPICS, Flow
+from mbot_workstation.fleet.link.remote_control import RemoteControl
+from mbot_workstation.fleet.telemetry.stream import TelemetryStream
 
 from ..end_to_end.daemon_watch import Observer, open_files, resident_mb
 from ..end_to_end.processes import ROBOT_ID, Daemon, Process, until

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from mbot_protocol.mcore import END, HEADER, wants_arming
+from mbot_protocol.drive.mcore import END, HEADER, wants_arming
 
 _UNLOCK, _NUMBER = 0x40045431, 0x80045430
 """TIOCSPTLCK and TIOCGPTN, which Python's termios does not have."""

@@ -1,9 +1,9 @@
 """A disk that can fail or lose power at any system call of the model store.
 
-It stands in for `os` in `mbot_protocol.atomic_file`, through which every change goes. The files are
-real; beside them it keeps account of what is durable: the bytes of a file as of its last fsync, the
-names in the directory as of that directory's last fsync. Everything else a power cut may lose or
-keep, in any combination, a file's unsynced bytes also in part.
+It stands in for `os` in `mbot_protocol.files.atomic_file`, through which every change goes. The
+files are real; beside them it keeps account of what is durable: the bytes of a file as of its last
+fsync, the names in the directory as of that directory's last fsync. Everything else a power cut may
+lose or keep, in any combination, a file's unsynced bytes also in part.
 """
 
 import errno

@@ -12,8 +12,8 @@ from mbot_agent.hardware import Delivery, DriveCommand, Frame
 from mbot_agent.helm import Helm, Press
 from mbot_agent.models.pilot import Pilot
 from mbot_agent.tick import Tick
-from mbot_protocol.mcore import Joystick
-from mbot_protocol.picture import Picture
+from mbot_protocol.drive.mcore import Joystick
+from mbot_protocol.drive.picture import Picture
 
 HAND = Press(sender=7, number=1)
 """Somebody who has taken hold for the first time."""

@@ -15,9 +15,7 @@ from mbot_agent.models.policy import Policy
 from mbot_agent.models.sequence_floors import SequenceFloors
 from mbot_agent.models.trial import Trial
 from mbot_agent.models.trust import Trust as TrustChecks
-from mbot_protocol.keys import CHUNK_BYTES
-from mbot_protocol.model_manifest import ModelManifest, SignedManifest
-from mbot_protocol.schema import SCHEMA_VERSION
+from mbot_protocol.signing.model_manifest import ModelManifest, SignedManifest
 from mbot_protocol.v1.messages_pb2 import (
     Activate,
     ModelList,
@@ -28,7 +26,9 @@ from mbot_protocol.v1.messages_pb2 import (
     PushNonceReply,
     PushReply,
 )
-from mbot_workstation.models.signing_key import SigningKey
+from mbot_protocol.wire.keys import CHUNK_BYTES
+from mbot_protocol.wire.schema import SCHEMA_VERSION
+from mbot_workstation.fleet.models.signing_key import SigningKey
 
 ROBOT_ID = "mbot-1"
 CLEAN_DECISIONS = 5

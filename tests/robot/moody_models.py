@@ -3,7 +3,7 @@
 import numpy as np
 from onnx import TensorProto, helper, numpy_helper
 
-from mbot_protocol.policy_contract import PolicyMetadata
+from mbot_protocol.policy.policy_contract import PolicyMetadata
 
 LOW, HIGH = 5.0**2, 70.0**2
 """Variances: flat pictures have 0 and independent noise, as in the dry run, 74 squared; what a

@@ -15,7 +15,7 @@ from mbot_agent.recording.recording_directory import RecordingDirectory
 from mbot_agent.recording.robot_facts import robot_facts
 from mbot_agent.tick import Tick
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.recordings.whole_chunks import WholeChunks
+from mbot_workstation.fleet.recorded.whole_chunks import WholeChunks
 
 from .loop_bench import Bench
 from .tiny_models import counting_model

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from mbot_protocol import release_archive, release_manifest
-from mbot_protocol.release_ledger import Computer
-from mbot_protocol.release_manifest import ReleaseManifest
+from mbot_protocol.signing import release_archive, release_manifest
+from mbot_protocol.signing.release_ledger import Computer
+from mbot_protocol.signing.release_manifest import ReleaseManifest
 from mbot_update import health_gate, system
 from mbot_update.release_folders import ReleaseFolders
 from mbot_update.system import Service
-from mbot_workstation.models.signing_key import SigningKey
+from mbot_workstation.fleet.models.signing_key import SigningKey
 
 KEY = SigningKey.ephemeral("releases")
 SPARE = SigningKey.ephemeral("spare")

@@ -17,7 +17,7 @@ from mbot_agent.board.board_session import (
     BoardSession,
     UnacknowledgedError,
 )
-from mbot_protocol.mcore import (
+from mbot_protocol.drive.mcore import (
     ARM_REQUEST,
     BAUD_RATE,
     END,

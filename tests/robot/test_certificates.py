@@ -7,10 +7,10 @@ import pytest
 from mbot_agent.configuration import Access, Configuration, Network, Tls
 from mbot_agent.doctor import _network as network_finding  # pyright: ignore[reportPrivateUsage]
 from mbot_agent.network.tls_files import check_certificates
-from mbot_protocol.access_rules import Kind
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.keys import Right
-from mbot_workstation.enrolment.certificates import Identity, issue, make_authority
+from mbot_protocol.wire.access_rules import Kind
+from mbot_protocol.wire.keys import Right
+from mbot_workstation.fleet.enrolment.certificates import Identity, issue, make_authority
 
 AUTHORITY = make_authority()
 

@@ -15,9 +15,9 @@ from mbot_agent.helm import Press
 from mbot_agent.models.policy import Policy
 from mbot_agent.network.requests import Request
 from mbot_agent.network.wire_messages import wire_decision
-from mbot_protocol.mcore import STOP, Joystick
-from mbot_protocol.schema import SCHEMA_VERSION
+from mbot_protocol.drive.mcore import STOP, Joystick
 from mbot_protocol.v1 import messages_pb2 as messages
+from mbot_protocol.wire.schema import SCHEMA_VERSION
 
 from .loop_bench import Bench
 from .tiny_models import constant_model

@@ -9,8 +9,8 @@ from mbot_agent.camera.picture_check import PictureCheck
 from mbot_agent.configuration import Camera, Configuration, decode, load, load_board
 from mbot_agent.configuration_files import calibrated
 from mbot_agent.doctor import examine_lens
-from mbot_protocol.actions import MotorMap, Steps
-from mbot_protocol.camera_model import CameraModel
+from mbot_protocol.drive.actions import MotorMap, Steps
+from mbot_protocol.drive.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError
 
 EXAMPLE = Path(__file__).parents[2] / "deploy" / "config.toml"

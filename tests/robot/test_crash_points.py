@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from mbot_protocol import atomic_file
+from mbot_protocol.files import atomic_file
 from mbot_protocol.v1.messages_pb2 import PushReply
 
 from .faulty_disk import EIO, ENOSPC, FaultyDisk, State, fails_at, put

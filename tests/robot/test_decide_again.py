@@ -7,7 +7,7 @@ import pytest
 from mbot_agent.models.decide_again import decide_again
 from mbot_agent.models.policy import Policy
 from mbot_protocol.errors import MbotError
-from mbot_protocol.replay_step import ReplayAnswer, ReplayGreeting, ReplayStep, receive, send
+from mbot_protocol.policy.replay_step import ReplayAnswer, ReplayGreeting, ReplayStep, receive, send
 
 from .tiny_models import constant_model, counting_model
 

@@ -12,7 +12,7 @@ from mbot_agent.network.doorkeeper import (
     Traffic,
     Visitor,
 )
-from mbot_protocol.keys import Right
+from mbot_protocol.wire.keys import Right
 
 ACCESS = Access(
     people={"vera": (Right.VIEW,), "paul": (Right.PUSH,), "dora": (Right.DRIVE,)},

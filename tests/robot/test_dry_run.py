@@ -19,8 +19,8 @@ from onnx import TensorProto, helper, numpy_helper
 from mbot_agent.models import dry_run as module
 from mbot_agent.models.dry_run import dry_run
 from mbot_protocol.errors import ContractError, NewerSchemaError, RefusedError
-from mbot_protocol.golden_frames import PROPERTY
-from mbot_protocol.policy_contract import PolicyMetadata
+from mbot_protocol.policy.golden_frames import PROPERTY
+from mbot_protocol.policy.policy_contract import PolicyMetadata
 
 from .tiny_models import constant_model, counting_model
 

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from nacl.signing import SigningKey
 
-from mbot_protocol.public_key import PublicKey
+from mbot_protocol.signing.public_key import PublicKey
 from mbot_update.ed25519_check import _ORDER, is_signed  # pyright: ignore[reportPrivateUsage]
 
 # RFC 8032, 7.1, test 2.

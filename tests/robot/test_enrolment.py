@@ -13,8 +13,8 @@ from mbot_agent.configuration_files import (
 )
 from mbot_agent.doctor import examine_trust
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.keys import Right
-from mbot_protocol.public_key import PublicKey
+from mbot_protocol.signing.public_key import PublicKey
+from mbot_protocol.wire.keys import Right
 
 ENROLMENT = """
 robot_id = "mbot-1"

@@ -5,8 +5,8 @@ import pytest
 from mbot_agent.arming import Mode, Orders
 from mbot_agent.hardware import DriveCommand
 from mbot_agent.helm import MOST_SENDERS, Helm, Press
+from mbot_protocol.drive.mcore import Joystick
 from mbot_protocol.errors import RefusedError
-from mbot_protocol.mcore import Joystick
 
 from .loop_bench import HAND, ObedientBoard
 

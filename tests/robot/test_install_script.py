@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 from mbot_agent import configuration
-from mbot_protocol.keys import check_robot_id
+from mbot_protocol.wire.keys import check_robot_id
 
 CHECKOUT = Path(__file__).parents[2]
 SCRIPT = CHECKOUT / "deploy" / "install.sh"
@@ -612,7 +612,7 @@ def test_old_brltty_is_pointed_out(machine: Machine, version: str, warned: bool)
 def test_the_updater_has_all_it_needs_and_nothing_else(machine: Machine) -> None:
     machine.installed()
     files = machine.root / "opt/mbot-agent/updater"
-    from mbot_workstation.releases.make_release import put_updater
+    from mbot_workstation.fleet.releases.make_release import put_updater
 
     put_updater(machine.root / "compared")
     assert {str(path.relative_to(files)) for path in files.rglob("*.py")} == {

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mbot_agent.camera import jpeg_picture
 from mbot_agent.camera.jpeg_picture import MOST_SCANS, MOST_SEGMENTS, read_jpeg
 from mbot_agent.camera.source_contract import JpegError
-from mbot_protocol.picture import Picture
+from mbot_protocol.drive.picture import Picture
 
 PICTURE = np.random.default_rng(0).integers(0, 256, (48, 64, 3), np.uint8)
 PROGRESSIVE = (cv2.IMWRITE_JPEG_PROGRESSIVE, 1)

@@ -12,11 +12,11 @@ from mbot_agent.models import model_engine
 from mbot_agent.models.model_engine import Engine, OnnxRuntime, OpenCvDnn
 from mbot_agent.models.policy import Policy
 from mbot_protocol.errors import ContractError
-from mbot_protocol.model_declaration import read_declaration
-from mbot_protocol.policy_contract import PolicyMetadata
-from mbot_workstation.models.servo_policy import ServoGains, servo_model
-from mbot_workstation.training.learning.policy_export import export_policy
-from mbot_workstation.training.learning.trained_policy import trained_policy
+from mbot_protocol.policy.model_declaration import read_declaration
+from mbot_protocol.policy.policy_contract import PolicyMetadata
+from mbot_workstation.fleet.models.servo_policy import ServoGains, servo_model
+from mbot_workstation.learn.learning.policy_export import export_policy
+from mbot_workstation.learn.learning.trained_policy import trained_policy
 
 from .tiny_models import constant_model, counting_model, seeing_model
 

@@ -16,9 +16,9 @@ from mbot_agent.models import model_keeper
 from mbot_agent.models.policy import Policy
 from mbot_agent.models.trial import Finding, Trial, Verdict
 from mbot_agent.models.trust import Admission
-from mbot_protocol import atomic_file
 from mbot_protocol.errors import RefusedError
-from mbot_protocol.model_manifest import SignedManifest
+from mbot_protocol.files import atomic_file
+from mbot_protocol.signing.model_manifest import SignedManifest
 
 from .model_bench import CLEAN_DECISIONS, KEY, Robot, digest, sign
 from .tiny_models import constant_model

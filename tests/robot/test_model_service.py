@@ -9,8 +9,8 @@ import pytest
 from mbot_agent.intake import pieces
 from mbot_agent.models import model_service
 from mbot_agent.models.dry_run import Report, dry_run
-from mbot_protocol.schema import SCHEMA_VERSION
 from mbot_protocol.v1.messages_pb2 import Activate, ModelList, PushReply
+from mbot_protocol.wire.schema import SCHEMA_VERSION
 
 from .model_bench import OTHER_KEY, ROBOT_ID, Robot, digest, sign
 from .tiny_models import constant_model
@@ -229,7 +229,7 @@ def test_malformed_requests_get_a_reason(robot: Robot, payload: bytes) -> None:
 MEMORY_CHECK = """
 import sys, time
 from pathlib import Path
-from mbot_protocol.keys import CHUNK_BYTES
+from mbot_protocol.wire.keys import CHUNK_BYTES
 from tests.robot.model_bench import Robot
 
 def resident_mb():

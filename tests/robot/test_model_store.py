@@ -7,8 +7,8 @@ import pytest
 
 from mbot_agent.models.activation import Activation
 from mbot_agent.models.model_directory import Label, ModelDirectory
-from mbot_protocol import atomic_file
 from mbot_protocol.errors import ContractError, RefusedError
+from mbot_protocol.files import atomic_file
 
 
 def put(store: ModelDirectory, data: bytes) -> str:

@@ -16,7 +16,7 @@ from mbot_agent.board.motors import IDLE_HEARTBEAT_S, REFRESH_S, Motors
 from mbot_agent.configuration import Board
 from mbot_agent.hardware import DriveCommand
 from mbot_agent.process.watchdog import LONGEST_PAUSE_NS
-from mbot_protocol.mcore import ARM_REQUEST, FLUSH_PADDING, STOP, Joystick
+from mbot_protocol.drive.mcore import ARM_REQUEST, FLUSH_PADDING, STOP, Joystick
 
 from ..until import until
 from .fake_board import FakeBoard

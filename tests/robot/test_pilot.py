@@ -10,8 +10,8 @@ from mbot_agent.models.pilot import Pilot
 from mbot_agent.models.policy import Answer, Policy, PolicyError
 from mbot_agent.models.trial import Finding, Trial
 from mbot_agent.tick import Action, Memory
-from mbot_protocol.picture import Picture
-from mbot_protocol.policy_contract import FULL_VIEW, FieldOfView, PolicyMetadata
+from mbot_protocol.drive.picture import Picture
+from mbot_protocol.policy.policy_contract import FULL_VIEW, FieldOfView, PolicyMetadata
 
 from .loop_bench import Bench
 from .tiny_models import constant_model, counting_model

@@ -12,7 +12,7 @@ from onnx import TensorProto, numpy_helper
 from mbot_agent.models import model_engine
 from mbot_agent.models.policy import Memory, Policy, PolicyError
 from mbot_protocol.errors import ContractError, NewerSchemaError
-from mbot_protocol.policy_contract import FULL_VIEW, PolicyMetadata
+from mbot_protocol.policy.policy_contract import FULL_VIEW, PolicyMetadata
 
 from .tiny_models import constant_model, counting_model
 

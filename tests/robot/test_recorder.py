@@ -10,7 +10,7 @@ import pytest
 from mbot_agent.recording import recorder as module
 from mbot_agent.recording.recorder import BACKLOG, Recorder
 from mbot_agent.recording.segment import Segment
-from mbot_protocol.mcore import Joystick
+from mbot_protocol.drive.mcore import Joystick
 
 from ..until import until
 from .recording_bench import FACTS, Drive, directory, to_message, written

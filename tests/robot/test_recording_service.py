@@ -4,9 +4,9 @@ from pathlib import Path
 import pytest
 
 from mbot_agent.recording.recording_service import MOST_LISTED, RecordingService
-from mbot_protocol import keys
-from mbot_protocol.schema import SCHEMA_VERSION
 from mbot_protocol.v1 import recordings_pb2 as recordings
+from mbot_protocol.wire import keys
+from mbot_protocol.wire.schema import SCHEMA_VERSION
 
 from .recording_bench import directory
 

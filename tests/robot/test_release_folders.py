@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mbot_protocol import atomic_file
+from mbot_protocol.files import atomic_file
 from mbot_update import release_folders
 from mbot_update.release_folders import ReleaseFolders
 

@@ -18,11 +18,9 @@ from mbot_agent.models.staging import Staging
 from mbot_agent.models.trust import Admission
 from mbot_agent.releases.own_release import own_release, update_goes_on
 from mbot_agent.releases.release_service import ReleaseService
-from mbot_protocol import release_archive
 from mbot_protocol.errors import RefusedError
-from mbot_protocol.keys import CHUNK_BYTES, RELEASE_BEGIN, RELEASE_CHUNK, RELEASE_COMMIT, RELEASES
-from mbot_protocol.release_ledger import RESERVE_BYTES, Computer, Ledger, Outcome
-from mbot_protocol.schema import SCHEMA_VERSION
+from mbot_protocol.signing import release_archive
+from mbot_protocol.signing.release_ledger import RESERVE_BYTES, Computer, Ledger, Outcome
 from mbot_protocol.v1.messages_pb2 import (
     PushChunk,
     PushCommit,
@@ -30,7 +28,15 @@ from mbot_protocol.v1.messages_pb2 import (
     ReleaseBegin,
     ReleaseList,
 )
-from mbot_workstation.models.signing_key import SigningKey
+from mbot_protocol.wire.keys import (
+    CHUNK_BYTES,
+    RELEASE_BEGIN,
+    RELEASE_CHUNK,
+    RELEASE_COMMIT,
+    RELEASES,
+)
+from mbot_protocol.wire.schema import SCHEMA_VERSION
+from mbot_workstation.fleet.models.signing_key import SigningKey
 
 from .release_bench import KEY, archive
 

@@ -24,7 +24,7 @@ from mbot_agent.network.session_guard import (
     SessionGuard,
     _give_back,  # pyright: ignore[reportPrivateUsage]
 )
-from mbot_protocol.keys import Right
+from mbot_protocol.wire.keys import Right
 
 from ..until import until
 

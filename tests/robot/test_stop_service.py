@@ -12,10 +12,10 @@ from mbot_agent.commands.stop_service import PULSE, StopService
 from mbot_agent.configuration import Configuration, Network
 from mbot_agent.helm import Helm
 from mbot_agent.network.zenoh_link import Link
-from mbot_protocol import keys
 from mbot_protocol.v1 import messages_pb2 as messages
-from mbot_workstation.link.address import parse_address
-from mbot_workstation.link.robot_session import open_session
+from mbot_protocol.wire import keys
+from mbot_workstation.fleet.link.address import parse_address
+from mbot_workstation.fleet.link.robot_session import open_session
 
 from ..free_port import free_port
 from ..until import until

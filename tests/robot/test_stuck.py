@@ -18,8 +18,8 @@ from mbot_agent.camera.stuck import (
     StuckCheck,
 )
 from mbot_agent.tick import Tick
-from mbot_protocol.mcore import STOP, Joystick
-from mbot_protocol.picture import Picture
+from mbot_protocol.drive.mcore import STOP, Joystick
+from mbot_protocol.drive.picture import Picture
 
 PERIOD_S = 0.4
 AHEAD = Joystick(-169, 169)

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from mbot_protocol import release_archive
 from mbot_protocol.errors import RefusedError
-from mbot_protocol.release_ledger import RESERVE_BYTES, Computer
+from mbot_protocol.signing import release_archive
+from mbot_protocol.signing.release_ledger import RESERVE_BYTES, Computer
 from mbot_update import main, taking_in, update_steps
-from mbot_workstation.models.signing_key import SigningKey
-from mbot_workstation.releases.make_release import UPDATER_MODULES, put_updater
+from mbot_workstation.fleet.models.signing_key import SigningKey
+from mbot_workstation.fleet.releases.make_release import UPDATER_MODULES, put_updater
 
 from .release_bench import COMPUTER, FILES, Robot, archive
 
@@ -278,8 +278,12 @@ def test_the_updater_runs_with_the_systems_python_alone(tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert '"releases": []' in done.stdout
-    imported = set(re.findall(r"\| +mbot_protocol\.(\w+)$", done.stderr, re.MULTILINE))
-    assert imported | {"__init__"} == set(UPDATER_MODULES.read_text().split())
+    imported = set(re.findall(r"\| +mbot_protocol\.([\w.]+)$", done.stderr, re.MULTILINE))
+    listed = {
+        name.replace("/", ".").removesuffix("__init__").rstrip(".")
+        for name in UPDATER_MODULES.read_text().split()
+    }
+    assert imported | {""} == listed
     names = {path.name for path in (tmp_path / "updater/mbot_update").glob("*.py")}
     assert Path(main.__file__).name in names
 

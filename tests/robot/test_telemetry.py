@@ -13,8 +13,8 @@ from mbot_agent.faults import Notice
 from mbot_agent.network.telemetry_publisher import BACKLOG, Telemetry
 from mbot_agent.network.wire_messages import wire_decision
 from mbot_agent.tick import Tick
-from mbot_protocol.keys import CAMERA, DECISION, OBSERVATION, Topic
 from mbot_protocol.v1.messages_pb2 import Decision
+from mbot_protocol.wire.keys import CAMERA, DECISION, OBSERVATION, Topic
 
 
 class Wire:

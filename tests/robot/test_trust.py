@@ -10,8 +10,8 @@ from mbot_agent.configuration import Trust
 from mbot_agent.models import trust
 from mbot_agent.models.nonces import LIFETIME_S
 from mbot_protocol.errors import MbotError
-from mbot_protocol.model_manifest import ModelManifest, SignedManifest, Tensor
-from mbot_protocol.policy_contract import INPUT_NAME, INPUT_TYPE
+from mbot_protocol.policy.policy_contract import INPUT_NAME, INPUT_TYPE
+from mbot_protocol.signing.model_manifest import ModelManifest, SignedManifest, Tensor
 from mbot_protocol.v1.messages_pb2 import PushReply
 
 from .model_bench import KEY, OTHER_KEY, Robot, digest, sign

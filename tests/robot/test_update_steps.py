@@ -8,9 +8,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from mbot_protocol import atomic_file
 from mbot_protocol.errors import RefusedError
-from mbot_protocol.release_ledger import BUSY, Ledger, Outcome
+from mbot_protocol.files import atomic_file
+from mbot_protocol.signing.release_ledger import BUSY, Ledger, Outcome
 from mbot_update import release_folders, short_lives, system, taking_in, update_steps
 from mbot_update.release_folders import BEFORE_RELEASES, ReleaseFolders
 

@@ -19,7 +19,7 @@ from mbot_agent.network.zenoh_link import (
     _reason,  # pyright: ignore[reportPrivateUsage]
 )
 from mbot_protocol.errors import UnreachableError
-from mbot_protocol.keys import (
+from mbot_protocol.wire.keys import (
     ALIVE,
     DECISION,
     DOORS,
@@ -29,8 +29,8 @@ from mbot_protocol.keys import (
     STATUS,
     Right,
 )
-from mbot_workstation.link.address import parse_address
-from mbot_workstation.link.robot_session import open_session
+from mbot_workstation.fleet.link.address import parse_address
+from mbot_workstation.fleet.link.robot_session import open_session
 
 from ..free_port import free_port
 from ..until import until

@@ -3,7 +3,7 @@
 import numpy as np
 from onnx import TensorProto, helper, numpy_helper
 
-from mbot_protocol.policy_contract import PolicyMetadata
+from mbot_protocol.policy.policy_contract import PolicyMetadata
 
 
 def constant_model(

@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from mbot_protocol.camera_model import CameraModel
-from mbot_workstation.targets.layouts import board_page
-from mbot_workstation.targets.png import draw
-from mbot_workstation.targets.sheet import PAPERS
-from mbot_workstation.targets.specifications import Board
+from mbot_protocol.drive.camera_model import CameraModel
+from mbot_workstation.measure.targets.layouts import board_page
+from mbot_workstation.measure.targets.png import draw
+from mbot_workstation.measure.targets.sheet import PAPERS
+from mbot_workstation.measure.targets.specifications import Board
 
 DOTS_A_MM = 12.0
 FINER = 2

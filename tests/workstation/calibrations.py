@@ -1,14 +1,14 @@
 """One calibrated robot that differs from the nominal one in everything."""
 
-from mbot_protocol.calibration import CameraCalibration
-from mbot_workstation.calibration_files.body_calibration import (
+from mbot_protocol.drive.calibration import CameraCalibration
+from mbot_workstation.sim.calibrated.body_calibration import (
     BodyCalibration,
     Component,
     MountCalibration,
     Weighing,
 )
-from mbot_workstation.calibration_files.light_calibration import LightCalibration
-from mbot_workstation.simulation.motion_calibration import (
+from mbot_workstation.sim.calibrated.light_calibration import LightCalibration
+from mbot_workstation.sim.calibrated.motion_calibration import (
     Interval,
     MotionCalibration,
     MotorCalibration,

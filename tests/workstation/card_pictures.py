@@ -7,21 +7,21 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from mbot_protocol.camera_model import nominal_pi_camera
-from mbot_protocol.picture import Picture
-from mbot_workstation.simulation.camera_renderer import CameraRenderer
-from mbot_workstation.simulation.engine import mujoco
-from mbot_workstation.simulation.isp import IspSettings
-from mbot_workstation.simulation.object_mjcf import object_name
-from mbot_workstation.simulation.pose import ORIGIN
-from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.simulation.scene_parameters import Light, SceneParameters
-from mbot_workstation.simulation.sensor_noise import SensorNoise
-from mbot_workstation.simulation.simulation import Simulation
-from mbot_workstation.simulation.target_object import Shape, TargetObject
-from mbot_workstation.targets.layouts import card_page, card_place
-from mbot_workstation.targets.png import draw
-from mbot_workstation.targets.sheet import PAPERS
+from mbot_protocol.drive.camera_model import nominal_pi_camera
+from mbot_protocol.drive.picture import Picture
+from mbot_workstation.measure.targets.layouts import card_page, card_place
+from mbot_workstation.measure.targets.png import draw
+from mbot_workstation.measure.targets.sheet import PAPERS
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.camera.camera_renderer import CameraRenderer
+from mbot_workstation.sim.camera.isp import IspSettings
+from mbot_workstation.sim.camera.sensor_noise import SensorNoise
+from mbot_workstation.sim.engine import mujoco
+from mbot_workstation.sim.pose import ORIGIN
+from mbot_workstation.sim.scene.object_mjcf import object_name
+from mbot_workstation.sim.scene.scene_parameters import Light, SceneParameters
+from mbot_workstation.sim.scene.target_object import Shape, TargetObject
+from mbot_workstation.sim.simulation import Simulation
 
 from .scene_geometry import project
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mbot_workstation.recordings.maneuver import MANEUVERS, Maneuver
-from mbot_workstation.recordings.run import CommandSeries, Run
-from mbot_workstation.recordings.track import Array, Track
+from mbot_workstation.measure.tracks.maneuver import MANEUVERS, Maneuver
+from mbot_workstation.measure.tracks.run import CommandSeries, Run
+from mbot_workstation.sim.track import Array, Track
 
 STEP_S = 0.002
 

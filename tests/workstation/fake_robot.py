@@ -10,21 +10,6 @@ import zenoh
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from google.protobuf.message import Message
 
-from mbot_protocol.keys import (
-    ACTIVATE,
-    ALIVE,
-    COMMAND,
-    DECISION,
-    MODELS,
-    OBSERVATION,
-    PUSH_BEGIN,
-    PUSH_CHUNK,
-    PUSH_COMMIT,
-    PUSH_NONCE,
-    STATUS,
-    STOP,
-    Topic,
-)
 from mbot_protocol.v1.messages_pb2 import (
     Command,
     CommandReply,
@@ -39,6 +24,21 @@ from mbot_protocol.v1.messages_pb2 import (
     PushReply,
     State,
     Status,
+)
+from mbot_protocol.wire.keys import (
+    ACTIVATE,
+    ALIVE,
+    COMMAND,
+    DECISION,
+    MODELS,
+    OBSERVATION,
+    PUSH_BEGIN,
+    PUSH_CHUNK,
+    PUSH_COMMIT,
+    PUSH_NONCE,
+    STATUS,
+    STOP,
+    Topic,
 )
 
 from ..free_port import free_port

@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
-from mbot_workstation.gap_report.compare import ComparedRun
-from mbot_workstation.gap_report.figures import driving
-from mbot_workstation.gap_report.quantities import quantities
-from mbot_workstation.gap_report.report import GapReport, missing_parts
-from mbot_workstation.gap_report.verdict import judge
-from mbot_workstation.recordings.maneuver import MANEUVERS, Maneuver
-from mbot_workstation.recordings.track import Array
-from mbot_workstation.training.studies.tolerance_file import MapAxis, RewardMap, Tolerances
+from mbot_workstation.learn.studies.tolerance_file import MapAxis, RewardMap, Tolerances
+from mbot_workstation.measure.gap_report.compare import ComparedRun
+from mbot_workstation.measure.gap_report.figures import driving
+from mbot_workstation.measure.gap_report.quantities import quantities
+from mbot_workstation.measure.gap_report.report import GapReport, missing_parts
+from mbot_workstation.measure.gap_report.verdict import judge
+from mbot_workstation.measure.tracks.maneuver import MANEUVERS, Maneuver
+from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
+from mbot_workstation.sim.track import Array
 
 Wheels = tuple[float, float, float]
 """Speeds of the left and right wheel at full command [m/s], and the track [m]."""

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from mbot_workstation.identification.model import (
+from mbot_workstation.measure.identification.model import (
     simulate_paths,
     step_count,
     wheel_volts,
 )
-from mbot_workstation.recordings.run import CommandSeries, Recording, Run
-from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.simulation.timestep import TIMESTEP_S
+from mbot_workstation.measure.tracks.run import CommandSeries, Recording, Run
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.timestep import TIMESTEP_S
 
 from .planar_robot import Session, Tracker, put_down
 

@@ -8,16 +8,16 @@ import cv2
 import numpy as np
 from msgspec.structs import replace
 
-from mbot_protocol.camera_model import CameraModel
-from mbot_workstation.recordings.track import Array
-from mbot_workstation.targets.specifications import (
+from mbot_protocol.drive.camera_model import CameraModel
+from mbot_workstation.measure.targets.specifications import (
     MARKER_DICTIONARY,
     ROBOT_MARKER_ID,
     Board,
     charuco_board,
     marker_cells,
 )
-from mbot_workstation.tracking.marker_detection import Grey
+from mbot_workstation.measure.tracking.marker_detection import Grey
+from mbot_workstation.sim.track import Array
 
 FRAME_RATE_HZ = 30.0
 CELL_PX = 24

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mbot_protocol.actions import WheelMaps, to_steps
-from mbot_workstation.recordings.maneuver import MANEUVERS
-from mbot_workstation.recordings.run import CommandSeries, Recording, Run
-from mbot_workstation.recordings.track import Array, Track
-from mbot_workstation.simulation.motor import duties
+from mbot_protocol.drive.actions import WheelMaps, to_steps
+from mbot_workstation.measure.tracks.maneuver import MANEUVERS
+from mbot_workstation.measure.tracks.run import CommandSeries, Recording, Run
+from mbot_workstation.sim.body.motor import duties
+from mbot_workstation.sim.track import Array, Track
 
 STEP_S = 0.0005
 GRAVITY = 9.81

@@ -6,7 +6,7 @@ import onnx
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from onnx import TensorProto, helper
 
-from mbot_protocol.policy_contract import PolicyMetadata
+from mbot_protocol.policy.policy_contract import PolicyMetadata
 from mbot_protocol.v1.messages_pb2 import Decision, State, Steps, Wheels
 
 SECOND_NS = 1_000_000_000

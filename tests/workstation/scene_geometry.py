@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from mbot_protocol.camera_model import CameraModel
-from mbot_workstation.simulation.pose import Pose
-from mbot_workstation.simulation.robot_parameters import CameraMount
+from mbot_protocol.drive.camera_model import CameraModel
+from mbot_workstation.sim.body.robot_parameters import CameraMount
+from mbot_workstation.sim.pose import Pose
 
 
 def project(

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from mbot_workstation.models.signing_key import SigningKey
-from mbot_workstation.releases import make_release
-from mbot_workstation.releases.robot_wheels import Target
+from mbot_workstation.fleet.models.signing_key import SigningKey
+from mbot_workstation.fleet.releases import make_release
+from mbot_workstation.fleet.releases.robot_wheels import Target
 
 
 def small_release(

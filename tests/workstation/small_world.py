@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.training.worlds.fetch_info import target_from_robot
-from mbot_workstation.training.worlds.fetch_world import FetchWorld
-from mbot_workstation.training.worlds.lessons import Lesson
-from mbot_workstation.training.worlds.world_settings import WorldSettings, world_settings
-from mbot_workstation.variation.effects import IDEAL, EffectRanges
+from mbot_workstation.learn.worlds.fetch_info import target_from_robot
+from mbot_workstation.learn.worlds.fetch_world import FetchWorld
+from mbot_workstation.learn.worlds.lessons import Lesson
+from mbot_workstation.learn.worlds.world_settings import WorldSettings, world_settings
+from mbot_workstation.sim.effects.effects import IDEAL, EffectRanges
+from mbot_workstation.sim.scene.room_generator import generate_room
 
 ROOMS = [generate_room(seed, width_px=64) for seed in (0, 1)]
 

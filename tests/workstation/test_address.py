@@ -1,7 +1,7 @@
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.link.address import parse_address
+from mbot_workstation.fleet.link.address import parse_address
 
 
 @pytest.mark.parametrize(

@@ -14,32 +14,39 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.toml_file import read_toml
-from mbot_workstation.calibration.body.body_check import Finding, examine
-from mbot_workstation.calibration.body.body_drawing import DOTS_PER_INCH, SHEET_MM, draw_body
-from mbot_workstation.calibration.body.body_example import example_file
-from mbot_workstation.calibration.body.mass_properties import MassProperties, mass_properties
-from mbot_workstation.calibration_files.body_calibration import (
+from mbot_protocol.files.toml_file import read_toml
+from mbot_workstation.measure.calibration.body.body_check import Finding, examine
+from mbot_workstation.measure.calibration.body.body_drawing import (
+    DOTS_PER_INCH,
+    SHEET_MM,
+    draw_body,
+)
+from mbot_workstation.measure.calibration.body.body_example import example_file
+from mbot_workstation.measure.calibration.body.mass_properties import (
+    MassProperties,
+    mass_properties,
+)
+from mbot_workstation.sim.body.robot_mjcf import add_robot
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.calibrated.body_calibration import (
     BodyCalibration,
     Component,
     MountCalibration,
     Weighing,
 )
-from mbot_workstation.calibration_files.calibration_folder import (
+from mbot_workstation.sim.calibrated.calibration_folder import (
     CalibrationFiles,
     read_files,
     write_body,
 )
-from mbot_workstation.simulation.engine import mujoco
-from mbot_workstation.simulation.robot_mjcf import add_robot
-from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_workstation.sim.engine import mujoco
 
 from .calibrations import BODY
 
 SCRIPT = """
 import sys, typer
 from mbot_protocol.errors import MbotError
-from mbot_workstation.commands.calibrate_body import body
+from mbot_workstation.cli.calibrate_body import body
 app = typer.Typer()
 app.command()(body)
 try:

@@ -15,8 +15,9 @@ from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Command
-from mbot_workstation.by_hand import gamepad as pads
-from mbot_workstation.by_hand.gamepad import (
+from mbot_workstation.cli.subcommands import app as workstation
+from mbot_workstation.fleet.by_hand import gamepad as pads
+from mbot_workstation.fleet.by_hand.gamepad import (
     ABS_X,
     ABS_Y,
     BTN_SOUTH,
@@ -28,8 +29,8 @@ from mbot_workstation.by_hand.gamepad import (
     GamepadState,
     open_gamepad,
 )
-from mbot_workstation.by_hand.hand_session import HandSession
-from mbot_workstation.by_hand.terminal_keys import (
+from mbot_workstation.fleet.by_hand.hand_session import HandSession
+from mbot_workstation.fleet.by_hand.terminal_keys import (
     FIRST_REPEAT_WITHIN_S,
     HELD_FOR_S,
     HELD_UP_WITHIN_S,
@@ -37,9 +38,8 @@ from mbot_workstation.by_hand.terminal_keys import (
     TerminalKeys,
     split_keys,
 )
-from mbot_workstation.by_hand.wish import HandInput, Wish, mixed
-from mbot_workstation.commands.subcommands import app as workstation
-from mbot_workstation.link.robot_link import RobotLink
+from mbot_workstation.fleet.by_hand.wish import HandInput, Wish, mixed
+from mbot_workstation.fleet.link.robot_link import RobotLink
 
 from ..until import until
 from .fake_robot import FakeRobot

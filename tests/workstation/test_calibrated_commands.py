@@ -11,27 +11,27 @@ import numpy as np
 import pytest
 import serial
 
+from mbot_protocol.drive.mcore import BAUD_RATE, Joystick
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.mcore import BAUD_RATE, Joystick
-from mbot_workstation.calibration_files.calibration_folder import (
+from mbot_workstation.cli.evaluate import evaluate
+from mbot_workstation.cli.train import train as train_command
+from mbot_workstation.cli.virtual_robot import virtual_robot
+from mbot_workstation.learn.learning.learner import LearnerSettings
+from mbot_workstation.learn.learning.progress_display import LineDisplay
+from mbot_workstation.learn.learning.training_config import TrainingConfig
+from mbot_workstation.learn.learning.training_run import begin_run, train
+from mbot_workstation.sim.calibrated.calibration_folder import (
     made_folder,
     read_files,
     write_camera,
     write_light,
     write_motion,
 )
-from mbot_workstation.commands.evaluate import evaluate
-from mbot_workstation.commands.train import train as train_command
-from mbot_workstation.commands.virtual_robot import virtual_robot
-from mbot_workstation.simulation.camera_renderer import CameraRenderer
-from mbot_workstation.simulation.fetch_rules import FetchRules
-from mbot_workstation.simulation.isp import IspSettings
-from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.simulation.simulation import Simulation
-from mbot_workstation.training.learning.learner import LearnerSettings
-from mbot_workstation.training.learning.progress_display import LineDisplay
-from mbot_workstation.training.learning.training_config import TrainingConfig
-from mbot_workstation.training.learning.training_run import begin_run, train
+from mbot_workstation.sim.camera.camera_renderer import CameraRenderer
+from mbot_workstation.sim.camera.isp import IspSettings
+from mbot_workstation.sim.scene.room_generator import generate_room
+from mbot_workstation.sim.simulation import Simulation
+from mbot_workstation.tasks.fetch.rules import FetchRules
 from mbot_workstation.virtual import virtual_session as session
 from mbot_workstation.virtual.live_world import SLICE_S, LiveWorld
 from mbot_workstation.virtual.mcore_board import McoreBoard

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from mbot_protocol.camera_model import CameraModel, nominal_pi_camera
-from mbot_protocol.picture import Observer, Picture
-from mbot_protocol.policy_contract import FULL_VIEW, OBSERVATION_SIDE_PX
-from mbot_workstation.simulation.camera_renderer import CameraRenderer
-from mbot_workstation.simulation.frame_edges import FrameEdges
-from mbot_workstation.simulation.pose import ORIGIN, Pose
-from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.simulation.simulation import Simulation
-from mbot_workstation.training.worlds.fetch_env import FetchEnv
+from mbot_protocol.drive.camera_model import CameraModel, nominal_pi_camera
+from mbot_protocol.drive.picture import Observer, Picture
+from mbot_protocol.policy.policy_contract import FULL_VIEW, OBSERVATION_SIDE_PX
+from mbot_workstation.learn.worlds.fetch_env import FetchEnv
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.camera.camera_renderer import CameraRenderer
+from mbot_workstation.sim.camera.frame_edges import FrameEdges
+from mbot_workstation.sim.pose import ORIGIN, Pose
+from mbot_workstation.sim.scene.room_generator import generate_room
+from mbot_workstation.sim.simulation import Simulation
 
 from .calibrations import CAMERA
 from .scene_geometry import cube_corners, project

@@ -14,10 +14,17 @@ from msgspec import Struct
 
 from mbot_agent.configuration import Configuration
 from mbot_agent.configuration_files import calibrated
-from mbot_protocol.actions import MotorMap
-from mbot_protocol.calibration import CameraCalibration, read_camera
+from mbot_protocol.drive.actions import MotorMap
+from mbot_protocol.drive.calibration import CameraCalibration, read_camera
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration_files.calibration_folder import (
+from mbot_workstation.learn.drivers.contestants import driver
+from mbot_workstation.learn.learning.run_directory import write_json
+from mbot_workstation.learn.learning.training_config import TrainingConfig, read_config
+from mbot_workstation.learn.worlds.fetch_env import FetchEnv
+from mbot_workstation.learn.worlds.robot_body import BODY_RECORD, body_record
+from mbot_workstation.sim.body.parameter_table import OF_A_MOTOR, OF_THE_ROBOT, Parameter
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.calibrated.calibration_folder import (
     CalibrationFiles,
     files_to_simulate,
     read_calibration,
@@ -27,28 +34,21 @@ from mbot_workstation.calibration_files.calibration_folder import (
     write_light,
     write_motion,
 )
-from mbot_workstation.calibration_files.toml_writer import write_toml
-from mbot_workstation.simulation.motion_calibration import (
+from mbot_workstation.sim.calibrated.motion_calibration import (
     Interval,
     MotionCalibration,
     MotorCalibration,
     read_motion,
 )
-from mbot_workstation.simulation.parameter_table import OF_A_MOTOR, OF_THE_ROBOT, Parameter
-from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.simulation.scene_parameters import SceneParameters
-from mbot_workstation.training.drivers.contestants import driver
-from mbot_workstation.training.learning.run_directory import write_json
-from mbot_workstation.training.learning.training_config import TrainingConfig, read_config
-from mbot_workstation.training.worlds.fetch_env import FetchEnv
-from mbot_workstation.training.worlds.robot_body import BODY_RECORD, body_record
-from mbot_workstation.variation.effects import EFFECT_NAMES, EffectRanges, RealWorldEffects
-from mbot_workstation.variation.motion_ranges import NARROWINGS
-from mbot_workstation.variation.perturbed_robot import (
+from mbot_workstation.sim.calibrated.motion_ranges import NARROWINGS
+from mbot_workstation.sim.calibrated.toml_writer import write_toml
+from mbot_workstation.sim.effects.effects import EFFECT_NAMES, EffectRanges, RealWorldEffects
+from mbot_workstation.sim.effects.perturbed_robot import (
     perturbed_robot,
     perturbed_wheel_maps,
 )
-from mbot_workstation.variation.presets import KNOWN, PRESETS, preset
+from mbot_workstation.sim.effects.presets import KNOWN, PRESETS, preset
+from mbot_workstation.sim.scene.scene_parameters import SceneParameters
 
 from .calibrations import BODY, CAMERA, LIGHT, MOTION
 from .small_world import ROOMS

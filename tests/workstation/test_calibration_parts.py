@@ -6,34 +6,34 @@ import cv2
 import numpy as np
 import pytest
 
-from mbot_protocol.camera_model import nominal_pi_camera
+from mbot_protocol.drive.camera_model import nominal_pi_camera
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration.body.body_mjcf import robot_mjcf, write_mjcf
-from mbot_workstation.calibration.body.body_views import FRONT, SIDE, TOP
-from mbot_workstation.calibration.camera.board_detection import Sighting, find_board
-from mbot_workstation.calibration.camera.camera_drawing import draw_calibration
-from mbot_workstation.calibration.camera.camera_fit import fit_camera
-from mbot_workstation.calibration.camera.camera_live import collect
-from mbot_workstation.calibration.camera.picture_sizes import (
+from mbot_workstation.measure.calibration.body.body_mjcf import robot_mjcf, write_mjcf
+from mbot_workstation.measure.calibration.body.body_views import FRONT, SIDE, TOP
+from mbot_workstation.measure.calibration.camera.board_detection import Sighting, find_board
+from mbot_workstation.measure.calibration.camera.camera_drawing import draw_calibration
+from mbot_workstation.measure.calibration.camera.camera_fit import fit_camera
+from mbot_workstation.measure.calibration.camera.camera_live import collect
+from mbot_workstation.measure.calibration.camera.picture_sizes import (
     check_aspects,
     commonest_size,
     scaled_corners,
 )
-from mbot_workstation.calibration.light.card_frame import find_framed_card
-from mbot_workstation.calibration.light.gray_card import CardReading
-from mbot_workstation.calibration.light.light_drawing import draw_light
-from mbot_workstation.calibration.light.light_fit import LightFit
-from mbot_workstation.calibration.light.light_measurement import LightMeasurement
-from mbot_workstation.calibration.light.plain_card import find_plain_card
-from mbot_workstation.calibration.light.simulated_card import camera_axes, simulated_card
-from mbot_workstation.calibration.room.panorama_preview import draw_preview
+from mbot_workstation.measure.calibration.light.card_frame import find_framed_card
+from mbot_workstation.measure.calibration.light.gray_card import CardReading
+from mbot_workstation.measure.calibration.light.light_drawing import draw_light
+from mbot_workstation.measure.calibration.light.light_fit import LightFit
+from mbot_workstation.measure.calibration.light.light_measurement import LightMeasurement
+from mbot_workstation.measure.calibration.light.plain_card import find_plain_card
+from mbot_workstation.measure.calibration.light.simulated_card import camera_axes, simulated_card
+from mbot_workstation.measure.calibration.room.panorama_preview import draw_preview
+from mbot_workstation.measure.targets.specifications import Board
 from mbot_workstation.pictures.picture_file import picture_files, read_picture
 from mbot_workstation.pictures.video_source import VideoSource
-from mbot_workstation.simulation.engine import mujoco
-from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.simulation.scene_parameters import Light, SceneParameters
-from mbot_workstation.targets.specifications import Board
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.engine import mujoco
+from mbot_workstation.sim.scene.room_generator import generate_room
+from mbot_workstation.sim.scene.scene_parameters import Light, SceneParameters
 
 from .board_pictures import photograph, poses
 from .test_wide_lens import sightings

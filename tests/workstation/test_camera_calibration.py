@@ -13,11 +13,16 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from mbot_protocol.calibration import read_camera
-from mbot_protocol.camera_model import CameraModel
+from mbot_protocol.drive.calibration import read_camera
+from mbot_protocol.drive.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError, UnreachableError
-from mbot_workstation.calibration.camera.board_collector import STILL_S, BoardCollector, Verdict
-from mbot_workstation.calibration.camera.board_detection import (
+from mbot_workstation.cli.calibrate_camera import camera as camera_command
+from mbot_workstation.measure.calibration.camera.board_collector import (
+    STILL_S,
+    BoardCollector,
+    Verdict,
+)
+from mbot_workstation.measure.calibration.camera.board_detection import (
     MOST_BEND,
     FoundBoard,
     Sighting,
@@ -25,12 +30,11 @@ from mbot_workstation.calibration.camera.board_detection import (
     find_board,
     most_likely_checkerboard,
 )
-from mbot_workstation.calibration.camera.camera_fit import CameraFit, fit_camera, solve
-from mbot_workstation.calibration.camera.camera_pictures import look_for_boards
-from mbot_workstation.calibration.camera.camera_quality import judge
-from mbot_workstation.calibration.camera.picture_sizes import View, error_px
-from mbot_workstation.commands.calibrate_camera import camera as camera_command
-from mbot_workstation.targets.specifications import Board
+from mbot_workstation.measure.calibration.camera.camera_fit import CameraFit, fit_camera, solve
+from mbot_workstation.measure.calibration.camera.camera_pictures import look_for_boards
+from mbot_workstation.measure.calibration.camera.camera_quality import judge
+from mbot_workstation.measure.calibration.camera.picture_sizes import View, error_px
+from mbot_workstation.measure.targets.specifications import Board
 from mbot_workstation.virtual.mjpeg_server import MjpegServer
 
 from .board_pictures import photograph, poses, shaken, wobbling

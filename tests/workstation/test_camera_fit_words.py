@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mbot_protocol.camera_model import nominal_pi_camera
-from mbot_workstation.calibration.camera.board_detection import FoundBoard, Sighting
-from mbot_workstation.calibration.camera.camera_fit import CameraFit, PictureFit
-from mbot_workstation.calibration.camera.camera_pictures import SeenBoards
-from mbot_workstation.calibration.camera.camera_quality import CameraQuality
-from mbot_workstation.commands.camera_fit_words import fields, print_words
-from mbot_workstation.targets.specifications import Board
+from mbot_protocol.drive.camera_model import nominal_pi_camera
+from mbot_workstation.cli.camera_fit_words import fields, print_words
+from mbot_workstation.measure.calibration.camera.board_detection import FoundBoard, Sighting
+from mbot_workstation.measure.calibration.camera.camera_fit import CameraFit, PictureFit
+from mbot_workstation.measure.calibration.camera.camera_pictures import SeenBoards
+from mbot_workstation.measure.calibration.camera.camera_quality import CameraQuality
+from mbot_workstation.measure.targets.specifications import Board
 
 CAMERA = nominal_pi_camera(640, 480)
 QUALITY = CameraQuality((), ("half a view",), ("top left",), poses=5, tilt_deg=40.0)

@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from mbot_protocol.camera_model import CameraModel, nominal_pi_camera
-from mbot_protocol.picture import Picture
-from mbot_workstation.simulation.camera_renderer import CameraRenderer, Shutter
-from mbot_workstation.simulation.isp import IspSettings
-from mbot_workstation.simulation.pose import ORIGIN, Pose
-from mbot_workstation.simulation.robot_parameters import CameraMount, RobotParameters
-from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.simulation.scene_renderer import SHOW, TRAINING
-from mbot_workstation.simulation.simulation import Simulation
+from mbot_protocol.drive.camera_model import CameraModel, nominal_pi_camera
+from mbot_protocol.drive.picture import Picture
+from mbot_workstation.sim.body.robot_parameters import CameraMount, RobotParameters
+from mbot_workstation.sim.camera.camera_renderer import CameraRenderer, Shutter
+from mbot_workstation.sim.camera.isp import IspSettings
+from mbot_workstation.sim.camera.scene_renderer import SHOW, TRAINING
+from mbot_workstation.sim.pose import ORIGIN, Pose
+from mbot_workstation.sim.scene.room_generator import generate_room
+from mbot_workstation.sim.simulation import Simulation
 
 from .scene_geometry import cube_corners, project
 

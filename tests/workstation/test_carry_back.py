@@ -1,6 +1,6 @@
 """On a free floor a robot that stands far away is carried back, and never while it drives."""
 
-from mbot_workstation.simulation.pose import ORIGIN, Pose
+from mbot_workstation.sim.pose import ORIGIN, Pose
 from mbot_workstation.virtual.carry_back import STANDING_S, CarryBack
 
 STEP_S = 0.01

@@ -8,20 +8,20 @@ import pytest
 import torch
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands.train import TrainOptions
-from mbot_workstation.commands.train import _resumed as resumed
-from mbot_workstation.commands.train import _train_until_stopped as train_until_stopped
-from mbot_workstation.training.evaluation import checkpoint_choice
-from mbot_workstation.training.evaluation.checkpoint_choice import choose_checkpoint, is_undecided
-from mbot_workstation.training.evaluation.episodes import EpisodeResult, Score, Trial, score
-from mbot_workstation.training.learning.checkpoint import STATE_FILE, read_weights
-from mbot_workstation.training.learning.learner import LearnerSettings
-from mbot_workstation.training.learning.policy_source import find_source
-from mbot_workstation.training.learning.progress_display import LineDisplay
-from mbot_workstation.training.learning.run_directory import RunDirectory, first_candidate
-from mbot_workstation.training.learning.trained_policy import trained_policy
-from mbot_workstation.training.learning.training_config import TrainingConfig
-from mbot_workstation.training.learning.training_run import begin_run
+from mbot_workstation.cli.train import TrainOptions
+from mbot_workstation.cli.train import _resumed as resumed
+from mbot_workstation.cli.train import _train_until_stopped as train_until_stopped
+from mbot_workstation.learn.evaluation import checkpoint_choice
+from mbot_workstation.learn.evaluation.checkpoint_choice import choose_checkpoint, is_undecided
+from mbot_workstation.learn.evaluation.episodes import EpisodeResult, Score, Trial, score
+from mbot_workstation.learn.learning.checkpoint import STATE_FILE, read_weights
+from mbot_workstation.learn.learning.learner import LearnerSettings
+from mbot_workstation.learn.learning.policy_source import find_source
+from mbot_workstation.learn.learning.progress_display import LineDisplay
+from mbot_workstation.learn.learning.run_directory import RunDirectory, first_candidate
+from mbot_workstation.learn.learning.trained_policy import trained_policy
+from mbot_workstation.learn.learning.training_config import TrainingConfig
+from mbot_workstation.learn.learning.training_run import begin_run
 
 SHORT = TrainingConfig(
     steps=64,

@@ -5,14 +5,14 @@ import pytest
 import torch
 from stable_baselines3.common.callbacks import BaseCallback
 
-from mbot_workstation.training.drivers.guide import Guide
-from mbot_workstation.training.learning.collection import Collection
-from mbot_workstation.training.learning.full_speed import within_full_speed
-from mbot_workstation.training.learning.guidance import advice_loss
-from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
-from mbot_workstation.training.learning.memory_policy import truth
-from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
-from mbot_workstation.variation.presets import preset
+from mbot_workstation.learn.drivers.guide import Guide
+from mbot_workstation.learn.learning.collection import Collection
+from mbot_workstation.learn.learning.full_speed import within_full_speed
+from mbot_workstation.learn.learning.guidance import advice_loss
+from mbot_workstation.learn.learning.learner import LearnerSettings, make_learner
+from mbot_workstation.learn.learning.memory_policy import truth
+from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.sim.effects.presets import preset
 
 from .small_world import ROOMS
 

@@ -7,9 +7,9 @@ from gymnasium.spaces import Box
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_workstation.simulation.target_object import RED_CUBE, Shape, TargetObject
-from mbot_workstation.training.learning.colour_turn import hue_turn_deg, turned
-from mbot_workstation.training.learning.network import PictureNetwork
+from mbot_workstation.learn.learning.colour_turn import hue_turn_deg, turned
+from mbot_workstation.learn.learning.network import PictureNetwork
+from mbot_workstation.sim.scene.target_object import RED_CUBE, Shape, TargetObject
 
 GREEN = TargetObject("ball", Shape.BALL, 0.1, 0.1, (30, 200, 35))
 BLUE = TargetObject("ball", Shape.BALL, 0.1, 0.1, (35, 30, 200))

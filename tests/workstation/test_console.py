@@ -17,22 +17,22 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.keys import CAMERA, MODELS, OBSERVATION, PUSH_BEGIN, RECORDINGS
-from mbot_protocol.policy_contract import LARGEST_MODEL_BYTES
+from mbot_protocol.policy.policy_contract import LARGEST_MODEL_BYTES
 from mbot_protocol.v1.messages_pb2 import Fault, LastStop, Model, Notice, State, Status
 from mbot_protocol.v1.recordings_pb2 import RecordedDrive, RecordedFile, RecordingList
-from mbot_workstation.by_hand import hand
-from mbot_workstation.commands.console import ConsoleOptions
-from mbot_workstation.commands.subcommands import app as workstation
-from mbot_workstation.console.console_app import PAGE_FILES, Console
-from mbot_workstation.console.console_server import listen, serve
-from mbot_workstation.console.door import Door
-from mbot_workstation.console.errands import PASSPHRASE_VARIABLE, Errands
-from mbot_workstation.console.page_messages import GoBack
-from mbot_workstation.console.page_state import page_state
-from mbot_workstation.console.robot_watch import RobotWatch
-from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.telemetry.window import TelemetryWindow
+from mbot_protocol.wire.keys import CAMERA, MODELS, OBSERVATION, PUSH_BEGIN, RECORDINGS
+from mbot_workstation.cli.console import ConsoleOptions
+from mbot_workstation.cli.subcommands import app as workstation
+from mbot_workstation.fleet.by_hand import hand
+from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.fleet.telemetry.window import TelemetryWindow
+from mbot_workstation.look.console.console_app import PAGE_FILES, Console
+from mbot_workstation.look.console.console_server import listen, serve
+from mbot_workstation.look.console.door import Door
+from mbot_workstation.look.console.errands import PASSPHRASE_VARIABLE, Errands
+from mbot_workstation.look.console.page_messages import GoBack
+from mbot_workstation.look.console.page_state import page_state
+from mbot_workstation.look.console.robot_watch import RobotWatch
 
 from ..robot.tiny_models import constant_model
 from ..until import until
@@ -250,7 +250,7 @@ def test_a_model_is_sent_from_the_page_and_not_from_another(
 def test_a_key_with_a_passphrase_is_named_and_not_asked_for(
     robot: FakeRobot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from mbot_workstation.console import errands
+    from mbot_workstation.look.console import errands
 
     monkeypatch.delenv(PASSPHRASE_VARIABLE, raising=False)
     with pytest.raises(ConfigurationError, match=PASSPHRASE_VARIABLE):

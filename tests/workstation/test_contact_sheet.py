@@ -6,8 +6,8 @@ import pytest
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.demo.contact_sheet import Moment, contact_sheet, path_side_px, save
-from mbot_workstation.demo.path_drawing import (
+from mbot_workstation.look.demo.contact_sheet import Moment, contact_sheet, path_side_px, save
+from mbot_workstation.look.demo.path_drawing import (
     BACKGROUND,
     PATH,
     TOUCHED,

@@ -2,8 +2,8 @@ import msgspec
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_workstation.training.learning.curriculum import CurriculumState, after_episode, is_last
-from mbot_workstation.training.worlds.lessons import LESSONS, PAPER_MARK, Lesson, PassMark
+from mbot_workstation.learn.learning.curriculum import CurriculumState, after_episode, is_last
+from mbot_workstation.learn.worlds.lessons import LESSONS, PAPER_MARK, Lesson, PassMark
 
 FEW = LESSONS[:3]
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol.errors import MbotError
-from mbot_workstation.releases import debian_package
-from mbot_workstation.releases.debian_package import make_package
-from mbot_workstation.releases.robot_wheels import TARGETS
+from mbot_workstation.fleet.releases import debian_package
+from mbot_workstation.fleet.releases.debian_package import make_package
+from mbot_workstation.fleet.releases.robot_wheels import TARGETS
 
 from .small_release import small_release
 

@@ -12,10 +12,15 @@ import pytest
 
 from mbot_agent.configuration import load
 from mbot_protocol.errors import ConfigurationError, MbotError, RefusedError
-from mbot_protocol.keys import STATUS
 from mbot_protocol.v1.messages_pb2 import Decision, Fault, Status
-from mbot_workstation.demo.demo_result import SUCCESS_TOUCHES, summarise
-from mbot_workstation.demo.demo_run import (
+from mbot_protocol.wire.keys import STATUS
+from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.fleet.models.signing_key import SigningKey
+from mbot_workstation.fleet.recorded.drive_mcap import Recording, read_recording
+from mbot_workstation.fleet.telemetry.output import PlainLines
+from mbot_workstation.fleet.telemetry.stream import LinkState, TelemetryStream
+from mbot_workstation.look.demo.demo_result import SUCCESS_TOUCHES, summarise
+from mbot_workstation.look.demo.demo_run import (
     ENOUGH_TOUCHES,
     ROBOT_LOG,
     DemoSettings,
@@ -24,12 +29,7 @@ from mbot_workstation.demo.demo_run import (
     drive,
     run_demo,
 )
-from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.models.signing_key import SigningKey
-from mbot_workstation.recordings.drive_mcap import Recording, read_recording
-from mbot_workstation.simulation.fetch_task import FetchResult, Happening
-from mbot_workstation.telemetry.output import PlainLines
-from mbot_workstation.telemetry.stream import LinkState, TelemetryStream
+from mbot_workstation.tasks.fetch.run import FetchResult, Happening
 from mbot_workstation.virtual.live_world import TaskEvent
 from mbot_workstation.virtual.trajectory import TrajectoryWriter
 

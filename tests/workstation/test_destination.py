@@ -4,11 +4,11 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.enrolment.enrolled_robots import find_destination, find_destinations
-from mbot_workstation.enrolment.fleet_folder import FleetFolder, fleet_directory
-from mbot_workstation.enrolment.membership import Enrolment
-from mbot_workstation.enrolment.roll import ROLL_FILE
-from mbot_workstation.link.security import LinkSecurity
+from mbot_workstation.fleet.enrolment.enrolled_robots import find_destination, find_destinations
+from mbot_workstation.fleet.enrolment.fleet_folder import FleetFolder, fleet_directory
+from mbot_workstation.fleet.enrolment.membership import Enrolment
+from mbot_workstation.fleet.enrolment.roll import ROLL_FILE
+from mbot_workstation.fleet.link.security import LinkSecurity
 
 
 @pytest.fixture

@@ -1,6 +1,6 @@
 import pytest
 
-from mbot_workstation.console.door import Door, new_token
+from mbot_workstation.look.console.door import Door, new_token
 
 TOKEN = "k7Qe-secret_token"
 PATH = f"/{TOKEN}/live"

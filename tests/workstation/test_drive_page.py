@@ -17,16 +17,16 @@ from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision, Fault, State
-from mbot_workstation.commands.drive_report import ReportOptions
-from mbot_workstation.commands.drive_report import film as film_command
-from mbot_workstation.commands.subcommands import app
-from mbot_workstation.drives.attention import attention
-from mbot_workstation.drives.drive_figures import HISTOGRAM_BINS, Latency, figures
-from mbot_workstation.drives.drive_film import RATE_HZ, film
-from mbot_workstation.drives.drive_page import drive_page
-from mbot_workstation.drives.driven_path import Place
+from mbot_workstation.cli.drive_report import ReportOptions
+from mbot_workstation.cli.drive_report import film as film_command
+from mbot_workstation.cli.subcommands import app
+from mbot_workstation.fleet.recorded.recorded_drive import RecordedDrive, read_drive
+from mbot_workstation.look.drives.attention import attention
+from mbot_workstation.look.drives.drive_figures import HISTOGRAM_BINS, Latency, figures
+from mbot_workstation.look.drives.drive_film import RATE_HZ, film
+from mbot_workstation.look.drives.drive_page import drive_page
+from mbot_workstation.look.drives.driven_path import Place
 from mbot_workstation.pictures.picture_file import encode_picture
-from mbot_workstation.recordings.recorded_drive import RecordedDrive, read_drive
 
 from .called import output_of
 

@@ -6,12 +6,18 @@ from pathlib import Path
 
 import pytest
 
+from mbot_protocol.drive.mcore import Joystick
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.mcore import Joystick
-from mbot_workstation.drives.driven_path import LONGEST_PATH, DrivenPath, PathFile, Place, Point
-from mbot_workstation.drives.live_view import MapLog
-from mbot_workstation.simulation.fetch_task import FetchResult
-from mbot_workstation.simulation.pose import Pose
+from mbot_workstation.look.drives.driven_path import (
+    LONGEST_PATH,
+    DrivenPath,
+    PathFile,
+    Place,
+    Point,
+)
+from mbot_workstation.look.drives.live_view import MapLog
+from mbot_workstation.sim.pose import Pose
+from mbot_workstation.tasks.fetch.run import FetchResult
 from mbot_workstation.virtual.live_world import WorldStatus
 from mbot_workstation.virtual.trajectory import TrajectoryWriter
 

@@ -6,23 +6,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import structs
 
-from mbot_protocol.camera_model import nominal_pi_camera
-from mbot_protocol.policy_contract import FULL_VIEW
-from mbot_workstation.simulation.parameter_table import with_values
-from mbot_workstation.simulation.robot_mjcf import aim_camera
-from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.simulation.scene_mjcf import build_model
-from mbot_workstation.simulation.scene_parameters import SceneParameters
-from mbot_workstation.simulation.simulation import Simulation
-from mbot_workstation.training.worlds.body_swap import swap_body
-from mbot_workstation.training.worlds.fast_physics import PLACEHOLDER
-from mbot_workstation.variation.effects import EFFECT_NAMES, IDEAL, EffectRanges, RealWorldEffects
-from mbot_workstation.variation.perturbed_robot import (
+from mbot_protocol.drive.camera_model import nominal_pi_camera
+from mbot_protocol.policy.policy_contract import FULL_VIEW
+from mbot_workstation.learn.worlds.body_swap import swap_body
+from mbot_workstation.learn.worlds.fast_physics import PLACEHOLDER
+from mbot_workstation.sim.body.parameter_table import with_values
+from mbot_workstation.sim.body.robot_mjcf import aim_camera
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.effects.effects import EFFECT_NAMES, IDEAL, EffectRanges, RealWorldEffects
+from mbot_workstation.sim.effects.perturbed_robot import (
     MOST_DEAD_BAND,
     observing_camera,
     perturbed_robot,
 )
-from mbot_workstation.variation.presets import (
+from mbot_workstation.sim.effects.presets import (
     KNOWN,
     NOMINAL,
     PERTURBATIONS,
@@ -30,6 +27,9 @@ from mbot_workstation.variation.presets import (
     RANDOMISED,
     preset,
 )
+from mbot_workstation.sim.scene.scene_mjcf import build_model
+from mbot_workstation.sim.scene.scene_parameters import SceneParameters
+from mbot_workstation.sim.simulation import Simulation
 
 
 @given(st.integers(0, 2**32))

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from mbot_workstation.simulation.engine import mujoco, open_gl_context, open_renderer
+from mbot_workstation.sim.engine import mujoco, open_gl_context, open_renderer
 
 VIRTUAL = ("virtual-robot", "--seconds", "1")
 EVALUATE = ("evaluate", "servo", "--episodes", "1", "--workers", "1")

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from mbot_agent.configuration import load
-from mbot_workstation.models.key_folder import KeyFolder
+from mbot_workstation.fleet.models.key_folder import KeyFolder
 
 from .pasted import pasted
 

@@ -15,22 +15,22 @@ from hypothesis import strategies as st
 
 from mbot_agent.configuration import Configuration, decode
 from mbot_agent.configuration_files import ENROLMENT_FILE, enrolled, trusting
-from mbot_protocol.access_rules import Kind
 from mbot_protocol.errors import ConfigurationError, RefusedError
-from mbot_protocol.keys import Right
-from mbot_workstation.enrolment import membership as enroll
-from mbot_workstation.enrolment.bundles import read_person_bundle
-from mbot_workstation.enrolment.certificates import (
+from mbot_protocol.wire.access_rules import Kind
+from mbot_protocol.wire.keys import Right
+from mbot_workstation.fleet.enrolment import membership as enroll
+from mbot_workstation.fleet.enrolment.bundles import read_person_bundle
+from mbot_workstation.fleet.enrolment.certificates import (
     BACKDATED,
     hosts_in,
     issue,
     make_authority,
 )
-from mbot_workstation.enrolment.fleet_folder import FleetFolder
-from mbot_workstation.enrolment.membership import Enrolment, HandOver
-from mbot_workstation.enrolment.roll import ROLL_FILE, decode_roll, encode_roll
-from mbot_workstation.link.security import owner_name
-from mbot_workstation.models.signing_key import SigningKey
+from mbot_workstation.fleet.enrolment.fleet_folder import FleetFolder
+from mbot_workstation.fleet.enrolment.membership import Enrolment, HandOver
+from mbot_workstation.fleet.enrolment.roll import ROLL_FILE, decode_roll, encode_roll
+from mbot_workstation.fleet.link.security import owner_name
+from mbot_workstation.fleet.models.signing_key import SigningKey
 
 NOW = datetime(2030, 5, 17, 12, tzinfo=UTC)
 

@@ -9,21 +9,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands.evaluate import evaluate as command
-from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.training.drivers.contestants import driver
-from mbot_workstation.training.drivers.oracle import Oracle
-from mbot_workstation.training.evaluation.episode_film import (
+from mbot_workstation.cli.evaluate import evaluate as command
+from mbot_workstation.learn.drivers.contestants import driver
+from mbot_workstation.learn.drivers.oracle import Oracle
+from mbot_workstation.learn.evaluation.episode_film import (
     LINE_PX,
     RATE_HZ,
     SIDE_PX,
     film_episode,
 )
-from mbot_workstation.training.evaluation.episodes import EpisodeResult, Trial, evaluate, score
-from mbot_workstation.training.evaluation.evaluation_report import Line, draw, share_of_oracle
-from mbot_workstation.training.worlds.lessons import lesson
-from mbot_workstation.variation.effects import IDEAL
-from mbot_workstation.variation.presets import preset
+from mbot_workstation.learn.evaluation.episodes import EpisodeResult, Trial, evaluate, score
+from mbot_workstation.learn.evaluation.evaluation_report import Line, draw, share_of_oracle
+from mbot_workstation.learn.worlds.lessons import lesson
+from mbot_workstation.sim.effects.effects import IDEAL
+from mbot_workstation.sim.effects.presets import preset
+from mbot_workstation.sim.scene.room_generator import generate_room
 
 from .called import output_of
 
@@ -161,7 +161,7 @@ def test_every_policy_is_looked_at_before_the_first_drives(
     def drives(*_: object) -> None:
         raise AssertionError("it drives")
 
-    monkeypatch.setattr("mbot_workstation.training.evaluation.episodes.evaluate", drives)
+    monkeypatch.setattr("mbot_workstation.learn.evaluation.episodes.evaluate", drives)
     with pytest.raises(ConfigurationError, match="no policy"):
         invoke("servo", str(tmp_path / "none.onnx"))
 

@@ -11,21 +11,21 @@ import pytest
 import torch
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.policy_contract import FULL_VIEW, PolicyMetadata
-from mbot_workstation.commands.explain import explain
-from mbot_workstation.commands.training_curve import training_curve
-from mbot_workstation.models.servo_policy import ServoGains, servo_model
-from mbot_workstation.recordings.drive_mcap import Recording
-from mbot_workstation.recordings.recorded_drive import read_drive
-from mbot_workstation.training.evaluation.activations import ActivationReader, Glance
-from mbot_workstation.training.evaluation.explanation import (
+from mbot_protocol.policy.policy_contract import FULL_VIEW, PolicyMetadata
+from mbot_workstation.cli.explain import explain
+from mbot_workstation.cli.training_curve import training_curve
+from mbot_workstation.fleet.models.servo_policy import ServoGains, servo_model
+from mbot_workstation.fleet.recorded.drive_mcap import Recording
+from mbot_workstation.fleet.recorded.recorded_drive import read_drive
+from mbot_workstation.learn.evaluation.activations import ActivationReader, Glance
+from mbot_workstation.learn.evaluation.explanation import (
     as_observation,
     mosaic,
     recorded_glances,
 )
-from mbot_workstation.training.learning.policy_graph import policy_graph
-from mbot_workstation.training.learning.training_config import TrainingConfig
-from mbot_workstation.training.worlds.example_frames import (
+from mbot_workstation.learn.learning.policy_graph import policy_graph
+from mbot_workstation.learn.learning.training_config import TrainingConfig
+from mbot_workstation.learn.worlds.example_frames import (
     NO_OBJECT,
     OBJECT_CENTRAL,
     OBJECT_LEFT,

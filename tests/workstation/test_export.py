@@ -16,30 +16,30 @@ from onnx import numpy_helper
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from mbot_protocol.errors import ConfigurationError, ContractError
-from mbot_protocol.golden_frames import PROPERTY
-from mbot_protocol.policy_contract import FULL_VIEW, PolicyMetadata
-from mbot_workstation.commands.export import export
-from mbot_workstation.models.check import check_model
-from mbot_workstation.models.servo_policy import ServoGains, servo_model
-from mbot_workstation.training.drivers.onnx_policy import OnnxPolicy
-from mbot_workstation.training.learning.checkpoint import (
+from mbot_protocol.policy.golden_frames import PROPERTY
+from mbot_protocol.policy.policy_contract import FULL_VIEW, PolicyMetadata
+from mbot_workstation.cli.export import export
+from mbot_workstation.fleet.models.check import check_model
+from mbot_workstation.fleet.models.servo_policy import ServoGains, servo_model
+from mbot_workstation.learn.drivers.onnx_policy import OnnxPolicy
+from mbot_workstation.learn.learning.checkpoint import (
     CheckpointState,
     RandomState,
     read_weights,
     write_checkpoint,
 )
-from mbot_workstation.training.learning.curriculum import CurriculumState
-from mbot_workstation.training.learning.full_speed import KEEPS_TURNS, within_full_speed
-from mbot_workstation.training.learning.golden_answers import check_golden_frames, golden_property
-from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
-from mbot_workstation.training.learning.memory_policy import ACTIONS, Before
-from mbot_workstation.training.learning.picture_ppo import PicturePPO
-from mbot_workstation.training.learning.policy_graph import graph_weights, policy_graph
-from mbot_workstation.training.learning.run_directory import RunDirectory, write_json
-from mbot_workstation.training.learning.trained_policy import PROVENANCE, trained_policy
-from mbot_workstation.training.learning.training_config import TrainingConfig
-from mbot_workstation.training.learning.training_run import begin_run
-from mbot_workstation.training.worlds.fetch_env import FetchEnv
+from mbot_workstation.learn.learning.curriculum import CurriculumState
+from mbot_workstation.learn.learning.full_speed import KEEPS_TURNS, within_full_speed
+from mbot_workstation.learn.learning.golden_answers import check_golden_frames, golden_property
+from mbot_workstation.learn.learning.learner import LearnerSettings, make_learner
+from mbot_workstation.learn.learning.memory_policy import ACTIONS, Before
+from mbot_workstation.learn.learning.picture_ppo import PicturePPO
+from mbot_workstation.learn.learning.policy_graph import graph_weights, policy_graph
+from mbot_workstation.learn.learning.run_directory import RunDirectory, write_json
+from mbot_workstation.learn.learning.trained_policy import PROVENANCE, trained_policy
+from mbot_workstation.learn.learning.training_config import TrainingConfig
+from mbot_workstation.learn.learning.training_run import begin_run
+from mbot_workstation.learn.worlds.fetch_env import FetchEnv
 
 from .called import output_of
 

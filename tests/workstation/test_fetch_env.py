@@ -9,23 +9,23 @@ import pytest
 from gymnasium.utils.env_checker import check_env as check_gymnasium_env
 from stable_baselines3.common.env_checker import check_env as check_sb3_env
 
-from mbot_workstation.simulation.fetch_task import Happening
-from mbot_workstation.simulation.object_mjcf import DISTRACTORS
-from mbot_workstation.simulation.robot_mjcf import HIDDEN_GROUP
-from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.simulation.scene_parameters import SceneParameters
-from mbot_workstation.simulation.target_object import Shape, TargetObject
-from mbot_workstation.training.worlds.fetch_env import ENV_ID, FetchEnv
-from mbot_workstation.training.worlds.fetch_info import target_from_robot
-from mbot_workstation.training.worlds.fetch_world import FetchWorld
-from mbot_workstation.training.worlds.lessons import (
+from mbot_workstation.learn.worlds.fetch_env import ENV_ID, FetchEnv
+from mbot_workstation.learn.worlds.fetch_info import target_from_robot
+from mbot_workstation.learn.worlds.fetch_world import FetchWorld
+from mbot_workstation.learn.worlds.lessons import (
     BLUR_LESSON,
     LESSONS,
     ROUGH_LESSON,
     Lesson,
 )
-from mbot_workstation.training.worlds.robot_body import BODY
-from mbot_workstation.training.worlds.robot_eye import RobotEye
+from mbot_workstation.learn.worlds.robot_body import BODY
+from mbot_workstation.learn.worlds.robot_eye import RobotEye
+from mbot_workstation.sim.body.robot_mjcf import HIDDEN_GROUP
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.scene.object_mjcf import DISTRACTORS
+from mbot_workstation.sim.scene.scene_parameters import SceneParameters
+from mbot_workstation.sim.scene.target_object import Shape, TargetObject
+from mbot_workstation.tasks.fetch.run import Happening
 
 from .small_world import ROOMS, settings, steer_to_target, world
 

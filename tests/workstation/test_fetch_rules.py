@@ -6,7 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_workstation.simulation.fetch_rules import (
+from mbot_workstation.sim.pose import ORIGIN, Pose
+from mbot_workstation.sim.scene.target_object import RED_CUBE, Footprint
+from mbot_workstation.tasks.fetch.rules import (
     COMPLETE_SCORE,
     FetchRules,
     at_border,
@@ -16,8 +18,6 @@ from mbot_workstation.simulation.fetch_rules import (
     touches,
     way_to_contact_m,
 )
-from mbot_workstation.simulation.pose import ORIGIN, Pose
-from mbot_workstation.simulation.target_object import RED_CUBE, Footprint
 
 RULES = FetchRules()
 SQUARE = RED_CUBE.footprint

@@ -5,9 +5,9 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from mbot_workstation.simulation.fetch_rules import FetchRules
-from mbot_workstation.simulation.fetch_task import FetchTask, Happening
-from mbot_workstation.simulation.pose import ORIGIN, Pose
+from mbot_workstation.sim.pose import ORIGIN, Pose
+from mbot_workstation.tasks.fetch.rules import FetchRules
+from mbot_workstation.tasks.fetch.run import FetchTask, Happening
 
 
 def task(**rules: object) -> FetchTask:

@@ -13,14 +13,14 @@ import pytest
 from stable_baselines3.common.evaluation import evaluate_policy
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.simulation.fetch_rules import DECISION_S, TIME_LIMIT_DECISIONS
-from mbot_workstation.training.drivers.oracle import Oracle, middle
-from mbot_workstation.training.worlds.fetch_env import FetchEnv
-from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
-from mbot_workstation.training.worlds.lessons import Lesson
-from mbot_workstation.training.worlds.shared_arrays import SLOTS, STRETCH
-from mbot_workstation.training.worlds.worker_pool import WorkerError, WorkerGoneError
-from mbot_workstation.variation.presets import preset
+from mbot_workstation.learn.drivers.oracle import Oracle, middle
+from mbot_workstation.learn.worlds.fetch_env import FetchEnv
+from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.learn.worlds.lessons import Lesson
+from mbot_workstation.learn.worlds.shared_arrays import SLOTS, STRETCH
+from mbot_workstation.learn.worlds.worker_pool import WorkerError, WorkerGoneError
+from mbot_workstation.sim.effects.presets import preset
+from mbot_workstation.tasks.fetch.rules import DECISION_S, TIME_LIMIT_DECISIONS
 
 from .scripted_pilot import MistakenPilot, ScriptedPilot
 from .small_world import ROOMS
@@ -289,8 +289,8 @@ def test_workers_that_die_before_they_are_told_anything_are_named(tmp_path: Path
     """A script without `if __name__ == "__main__"` is run again by each of them, and ends them."""
     script = tmp_path / "train.py"
     script.write_text(
-        "from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv\n"
-        "from mbot_workstation.training.worlds.rooms import evaluation_rooms\n"
+        "from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv\n"
+        "from mbot_workstation.learn.worlds.rooms import evaluation_rooms\n"
         "FetchVecEnv(2, rooms=evaluation_rooms([]), workers=2)\n"
     )
     done = subprocess.run(
@@ -333,7 +333,7 @@ def test_no_process_is_left(pair: FetchVecEnv) -> None:
 INTERRUPTED = """
 import multiprocessing, os, signal, sys
 import numpy as np
-from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
 
 if __name__ == "__main__":
     room = np.zeros((32, 64, 3), np.uint8)

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mbot_protocol.errors import ConfigurationError, RefusedError, UnreachableError
-from mbot_workstation.commands.flash import flash
-from mbot_workstation.firmware import flashing as firmware_flash
-from mbot_workstation.firmware.flashing import Image, read_image
+from mbot_workstation.cli.flash import flash
+from mbot_workstation.fleet.firmware import flashing as firmware_flash
+from mbot_workstation.fleet.firmware.flashing import Image, read_image
 
 from ..robot.fake_board import FakeBoard
 from .called import output_of

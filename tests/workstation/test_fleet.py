@@ -1,7 +1,7 @@
 """What is told of a robot as a flat object."""
 
 from mbot_protocol.v1.messages_pb2 import MotorMap, Status
-from mbot_workstation.link.fleet import RobotReport
+from mbot_workstation.fleet.link.fleet import RobotReport
 
 
 def test_motors_are_told_as_the_robot_drives_them() -> None:

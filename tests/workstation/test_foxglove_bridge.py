@@ -18,10 +18,10 @@ from websockets.typing import Subprotocol
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision, State, Wheels
-from mbot_workstation.commands.subcommands import app as workstation
-from mbot_workstation.drives.driven_path import Place
-from mbot_workstation.drives.foxglove_bridge import FoxgloveBridge
-from mbot_workstation.telemetry.stream import Sample
+from mbot_workstation.cli.subcommands import app as workstation
+from mbot_workstation.fleet.telemetry.stream import Sample
+from mbot_workstation.look.drives.driven_path import Place
+from mbot_workstation.look.drives.foxglove_bridge import FoxgloveBridge
 
 from .fake_robot import FakeRobot
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from mbot_protocol.drive_record import DriveRecord
-from mbot_workstation.drives import foxglove_layout
-from mbot_workstation.drives.foxglove_layout import layout, layout_file, layout_text
-from mbot_workstation.recordings.whole_chunks import WholeChunks
+from mbot_protocol.beat.drive_record import DriveRecord
+from mbot_workstation.fleet.recorded.whole_chunks import WholeChunks
+from mbot_workstation.look.drives import foxglove_layout
+from mbot_workstation.look.drives.foxglove_layout import layout, layout_file, layout_text
 
 CHECKOUT = Path(__file__).parents[2]
 LIVE = {"observation", "camera", "log", "drive"}
@@ -63,7 +63,7 @@ def test_every_panel_stands_somewhere_once() -> None:
 def test_the_file_that_ships_is_the_one_that_is_made() -> None:
     shipped = (CHECKOUT / "docs" / "foxglove-layout.json").read_text()
     assert shipped == layout_text("mbot-1"), (
-        "python -c 'from mbot_workstation.drives.foxglove_layout import layout_text; "
+        "python -c 'from mbot_workstation.look.drives.foxglove_layout import layout_text; "
         'print(layout_text("mbot-1"), end="")\' > docs/foxglove-layout.json'
     )
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from onnx import helper, numpy_helper
 
-from mbot_workstation.training.learning.full_speed import (
+from mbot_workstation.learn.learning.full_speed import (
     full_speed_constants,
     full_speed_nodes,
     within_full_speed,

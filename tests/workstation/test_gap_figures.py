@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mbot_workstation.gap_report.compare import CALIBRATED, NOMINAL, line_at, steady_rate
-from mbot_workstation.gap_report.figures import driving, path_error
-from mbot_workstation.recordings.maneuver import MANEUVERS, maneuver_named
+from mbot_workstation.measure.gap_report.compare import CALIBRATED, NOMINAL, line_at, steady_rate
+from mbot_workstation.measure.gap_report.figures import driving, path_error
+from mbot_workstation.measure.tracks.maneuver import MANEUVERS, maneuver_named
 
 from .gap_samples import compared_runs
 

@@ -17,13 +17,13 @@ from mbot_agent.configuration import Recording as RecordingSettings
 from mbot_agent.recording.recording_directory import RecordingDirectory
 from mbot_agent.recording.recording_service import RecordingService
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands.fill_recording import FillOptions
-from mbot_workstation.commands.subcommands import app
-from mbot_workstation.drives.replayed_drive import TOLERANCE, replay
+from mbot_workstation.cli.fill_recording import FillOptions
+from mbot_workstation.cli.subcommands import app
+from mbot_workstation.fleet.recorded.drive_mcap import Recording
+from mbot_workstation.fleet.recorded.gap_filling import fill, gaps, write
+from mbot_workstation.fleet.recorded.recorded_drive import Beat, RecordedDrive, read_drive
+from mbot_workstation.look.drives.replayed_drive import TOLERANCE, replay
 from mbot_workstation.pictures.picture_file import encode_picture
-from mbot_workstation.recordings.drive_mcap import Recording
-from mbot_workstation.recordings.gap_filling import fill, gaps, write
-from mbot_workstation.recordings.recorded_drive import Beat, RecordedDrive, read_drive
 
 from .fake_robot import FakeRobot
 from .samples import decision

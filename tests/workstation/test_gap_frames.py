@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
-from mbot_workstation.gap_report.frames import read_frames, telemetry_frames
-from mbot_workstation.gap_report.simulated_view import Place, RealFrame, frame_pairs
-from mbot_workstation.recordings.drive_mcap import Recording
-from mbot_workstation.recordings.maneuver import maneuver_named
-from mbot_workstation.recordings.recording_folder import TELEMETRY_FILE
-from mbot_workstation.simulation.pose import ORIGIN, Pose
+from mbot_workstation.fleet.recorded.drive_mcap import Recording
+from mbot_workstation.measure.gap_report.frames import read_frames, telemetry_frames
+from mbot_workstation.measure.gap_report.simulated_view import Place, RealFrame, frame_pairs
+from mbot_workstation.measure.tracks.maneuver import maneuver_named
+from mbot_workstation.measure.tracks.recording_folder import TELEMETRY_FILE
+from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
+from mbot_workstation.sim.pose import ORIGIN, Pose
 
 from .calibrations import LIGHT
 from .gap_samples import compared_runs

@@ -6,7 +6,8 @@ from xml.etree import ElementTree
 import numpy as np
 from matplotlib.figure import Figure
 
-from mbot_workstation.gap_report.plots import (
+from mbot_workstation.learn.studies.tolerance_file import MapAxis
+from mbot_workstation.measure.gap_report.plots import (
     axis_words,
     error_plot,
     path_plot,
@@ -14,9 +15,8 @@ from mbot_workstation.gap_report.plots import (
     to_uri,
     tolerance_plot,
 )
-from mbot_workstation.gap_report.quantities import quantities
-from mbot_workstation.recordings.maneuver import MANEUVERS
-from mbot_workstation.training.studies.tolerance_file import MapAxis
+from mbot_workstation.measure.gap_report.quantities import quantities
+from mbot_workstation.measure.tracks.maneuver import MANEUVERS
 
 from .calibrations import BODY, CAMERA, LIGHT, MOTION
 from .gap_samples import CalibrationFiles, compared_runs, tolerances

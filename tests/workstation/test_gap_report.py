@@ -11,22 +11,22 @@ import numpy as np
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration_files.calibration_folder import (
+from mbot_workstation.cli.gap_report import gap_report
+from mbot_workstation.learn.studies.tolerance_file import write_tolerances
+from mbot_workstation.measure.gap_report.page import light_from, page, way
+from mbot_workstation.measure.gap_report.report import as_fields, build
+from mbot_workstation.measure.gap_report.simulated_view import FramePair
+from mbot_workstation.measure.tracks.maneuver import MANEUVERS, maneuver_named
+from mbot_workstation.measure.tracks.recording_folder import write_recording
+from mbot_workstation.sim.body.parameter_table import PARAMETERS
+from mbot_workstation.sim.calibrated.calibration_folder import (
     CalibrationFiles,
     write_body,
     write_camera,
     write_light,
     write_motion,
 )
-from mbot_workstation.commands.gap_report import gap_report
-from mbot_workstation.gap_report.page import light_from, page, way
-from mbot_workstation.gap_report.report import as_fields, build
-from mbot_workstation.gap_report.simulated_view import FramePair
-from mbot_workstation.recordings.maneuver import MANEUVERS, maneuver_named
-from mbot_workstation.recordings.recording_folder import write_recording
-from mbot_workstation.simulation.motion_calibration import motion_value
-from mbot_workstation.simulation.parameter_table import PARAMETERS
-from mbot_workstation.training.studies.tolerance_file import write_tolerances
+from mbot_workstation.sim.calibrated.motion_calibration import motion_value
 
 from .calibrations import BODY, CAMERA, LIGHT, MOTION
 from .called import output_of
@@ -258,7 +258,7 @@ def test_a_robot_without_calibration_is_reported_as_such(
 ) -> None:
     where, ships = tmp_path / "gap.html", tmp_path / "tolerance.json"
     write_tolerances(ships, tolerances())
-    monkeypatch.setattr("mbot_workstation.commands.gap_report.SHIPPED_MAP", ships)
+    monkeypatch.setattr("mbot_workstation.cli.gap_report.SHIPPED_MAP", ships)
     said = run_command(str(recording), "--calibration", str(tmp_path), "-o", str(where))
     assert "16 held-out runs" in said  # nothing was fitted, so all count
     assert "missing: no motion.toml" in said

@@ -10,19 +10,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
-from mbot_workstation.gap_report.compare import CALIBRATED, NOMINAL
-from mbot_workstation.gap_report.quantities import TITLES, Quantity, deviation, quantities
-from mbot_workstation.gap_report.verdict import Word, judge, tolerated_range
-from mbot_workstation.recordings.maneuver import maneuver_named
-from mbot_workstation.training.studies.study_plans import DEVIATIONS
-from mbot_workstation.training.studies.tolerance_file import (
+from mbot_workstation.learn.studies.study_plans import DEVIATIONS
+from mbot_workstation.learn.studies.tolerance_file import (
     Tolerances,
     read_tolerances,
     write_tolerances,
 )
-from mbot_workstation.training.studies.tolerance_map import TOLERATED_SHARE, ToleranceMap, as_file
-from mbot_workstation.variation.presets import KNOWN
+from mbot_workstation.learn.studies.tolerance_map import TOLERATED_SHARE, ToleranceMap, as_file
+from mbot_workstation.measure.gap_report.compare import CALIBRATED, NOMINAL
+from mbot_workstation.measure.gap_report.quantities import TITLES, Quantity, deviation, quantities
+from mbot_workstation.measure.gap_report.verdict import Word, judge, tolerated_range
+from mbot_workstation.measure.tracks.maneuver import maneuver_named
+from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
+from mbot_workstation.sim.effects.presets import KNOWN
 
 from .calibrations import BODY, CAMERA, LIGHT, MOTION
 from .gap_samples import compared_runs, tolerances

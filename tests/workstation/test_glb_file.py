@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.simulation.camera_renderer import CameraRenderer
-from mbot_workstation.simulation.glb_file import MOST_PARTS
-from mbot_workstation.simulation.object_file import read_objects
-from mbot_workstation.simulation.pose import Pose
-from mbot_workstation.simulation.scene_parameters import SceneParameters
-from mbot_workstation.simulation.simulation import Simulation
-from mbot_workstation.simulation.target_object import TargetObject
+from mbot_workstation.sim.camera.camera_renderer import CameraRenderer
+from mbot_workstation.sim.pose import Pose
+from mbot_workstation.sim.scene.glb_file import MOST_PARTS
+from mbot_workstation.sim.scene.object_file import read_objects
+from mbot_workstation.sim.scene.scene_parameters import SceneParameters
+from mbot_workstation.sim.scene.target_object import TargetObject
+from mbot_workstation.sim.simulation import Simulation
 from tests.workstation.bombs import png_that_says
 from tests.workstation.glb_samples import BLUE, RED, Part, packed, pictured, plain, png, write_glb
 

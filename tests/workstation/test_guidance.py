@@ -8,24 +8,24 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_protocol.actions import WheelMaps
-from mbot_workstation.simulation.fetch_rules import TIME_LIMIT_DECISIONS
-from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.training.drivers.guide import SEARCH_BEGINS, SEARCH_SPEED, Guide
-from mbot_workstation.training.drivers.oracle import Oracle, middle
-from mbot_workstation.training.learning.advice_memory import BURN_IN, AdviceMemory
-from mbot_workstation.training.learning.collection import Collection
-from mbot_workstation.training.learning.full_speed import within_full_speed
-from mbot_workstation.training.learning.guidance import advice_loss, guide_weight
-from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
-from mbot_workstation.training.learning.sequences import Sequences
-from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
-from mbot_workstation.training.worlds.lessons import lesson
-from mbot_workstation.training.worlds.robot_body import BODY_RECORD, body_record
-from mbot_workstation.training.worlds.rooms import evaluation_rooms
-from mbot_workstation.training.worlds.shared_arrays import STEP_RECORD
-from mbot_workstation.variation.effects import RealWorldEffects
-from mbot_workstation.variation.presets import KNOWN, preset
+from mbot_protocol.drive.actions import WheelMaps
+from mbot_workstation.learn.drivers.guide import SEARCH_BEGINS, SEARCH_SPEED, Guide
+from mbot_workstation.learn.drivers.oracle import Oracle, middle
+from mbot_workstation.learn.learning.advice_memory import BURN_IN, AdviceMemory
+from mbot_workstation.learn.learning.collection import Collection
+from mbot_workstation.learn.learning.full_speed import within_full_speed
+from mbot_workstation.learn.learning.guidance import advice_loss, guide_weight
+from mbot_workstation.learn.learning.learner import LearnerSettings, make_learner
+from mbot_workstation.learn.learning.sequences import Sequences
+from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.learn.worlds.lessons import lesson
+from mbot_workstation.learn.worlds.robot_body import BODY_RECORD, body_record
+from mbot_workstation.learn.worlds.rooms import evaluation_rooms
+from mbot_workstation.learn.worlds.shared_arrays import STEP_RECORD
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.effects.effects import RealWorldEffects
+from mbot_workstation.sim.effects.presets import KNOWN, preset
+from mbot_workstation.tasks.fetch.rules import TIME_LIMIT_DECISIONS
 
 NOMINAL = preset("nominal")
 SEARCH, BEGINS = (

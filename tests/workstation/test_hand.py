@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 
 from mbot_protocol.errors import ConfigurationError, RefusedError, UnreachableError
 from mbot_protocol.v1.messages_pb2 import Status
-from mbot_workstation.by_hand import hand_drive
-from mbot_workstation.by_hand.hand import FRESH_S, HELD_UP_S, Hand, HandRepeat
-from mbot_workstation.by_hand.hand_drive import HOLD_MS, HandDrive
-from mbot_workstation.console.page_messages import (
+from mbot_workstation.fleet.by_hand import hand_drive
+from mbot_workstation.fleet.by_hand.hand import FRESH_S, HELD_UP_S, Hand, HandRepeat
+from mbot_workstation.fleet.by_hand.hand_drive import HOLD_MS, HandDrive
+from mbot_workstation.look.console.page_messages import (
     LetGo,
     RunRequest,
     read_message,

@@ -6,23 +6,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mbot_protocol.actions import WheelMaps
+from mbot_protocol.drive.actions import WheelMaps
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.identification.fit import identify
-from mbot_workstation.identification.handicap import handicap
-from mbot_workstation.identification.model import simulate_run
-from mbot_workstation.identification.motion_file import motion_calibration
-from mbot_workstation.identification.result import Identification
-from mbot_workstation.identification.result_words import (
+from mbot_workstation.measure.identification.fit import identify
+from mbot_workstation.measure.identification.handicap import handicap
+from mbot_workstation.measure.identification.model import simulate_run
+from mbot_workstation.measure.identification.motion_file import motion_calibration
+from mbot_workstation.measure.identification.result import Identification
+from mbot_workstation.measure.identification.result_words import (
     backward_lines,
     error_lines,
     misfit_lines,
 )
-from mbot_workstation.recordings.maneuver import maneuver_named
-from mbot_workstation.recordings.run import CommandSeries, Recording, Run
-from mbot_workstation.recordings.track import Array, Track
-from mbot_workstation.simulation.parameter_table import with_values
-from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_workstation.measure.tracks.maneuver import maneuver_named
+from mbot_workstation.measure.tracks.run import CommandSeries, Recording, Run
+from mbot_workstation.sim.body.parameter_table import with_values
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.track import Array, Track
 
 from .mujoco_truth import record_simulated
 from .planar_robot import PlanarRobot, Session, Tracker, record

@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_protocol.actions import WheelMaps
+from mbot_protocol.drive.actions import WheelMaps
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.identification.arrowhead import Arrowhead
-from mbot_workstation.identification.conclusions import steady_rate
-from mbot_workstation.identification.data import prepare
-from mbot_workstation.identification.floor import flatten
-from mbot_workstation.identification.held_out import is_held_out
-from mbot_workstation.identification.increments import Bins, bins_of, observe
-from mbot_workstation.identification.initial import Kinematics, clocks, kinematics
-from mbot_workstation.identification.model import (
+from mbot_workstation.measure.identification.arrowhead import Arrowhead
+from mbot_workstation.measure.identification.conclusions import steady_rate
+from mbot_workstation.measure.identification.data import prepare
+from mbot_workstation.measure.identification.floor import flatten
+from mbot_workstation.measure.identification.held_out import is_held_out
+from mbot_workstation.measure.identification.increments import Bins, bins_of, observe
+from mbot_workstation.measure.identification.initial import Kinematics, clocks, kinematics
+from mbot_workstation.measure.identification.model import (
     Plan,
     drive_plans,
     plans_of,
@@ -26,7 +26,7 @@ from mbot_workstation.identification.model import (
     step_count,
     wheel_volts,
 )
-from mbot_workstation.identification.prediction import (
+from mbot_workstation.measure.identification.prediction import (
     OWN,
     SETTING,
     Noise,
@@ -34,12 +34,18 @@ from mbot_workstation.identification.prediction import (
     predicted,
     slopes,
 )
-from mbot_workstation.identification.scatter import learn_noise, shared_and_each
-from mbot_workstation.identification.solver import Problem, Scatter, Solution, Solver, State, begun
-from mbot_workstation.identification.stray import stray_runs
-from mbot_workstation.recordings.run import CommandSeries, Recording, Run
-from mbot_workstation.recordings.track import Array, Track
-from mbot_workstation.simulation.parameter_table import (
+from mbot_workstation.measure.identification.scatter import learn_noise, shared_and_each
+from mbot_workstation.measure.identification.solver import (
+    Problem,
+    Scatter,
+    Solution,
+    Solver,
+    State,
+    begun,
+)
+from mbot_workstation.measure.identification.stray import stray_runs
+from mbot_workstation.measure.tracks.run import CommandSeries, Recording, Run
+from mbot_workstation.sim.body.parameter_table import (
     BY_NAME,
     NAMES,
     PARAMETERS,
@@ -47,9 +53,10 @@ from mbot_workstation.simulation.parameter_table import (
     value,
     with_values,
 )
-from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.simulation.simulation import Simulation
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.scene.room_generator import generate_room
+from mbot_workstation.sim.simulation import Simulation
+from mbot_workstation.sim.track import Array, Track
 
 from .planar_robot import PlanarRobot, Session, Tracker, record
 

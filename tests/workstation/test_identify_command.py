@@ -9,24 +9,24 @@ import pytest
 from typer.testing import Result
 
 from mbot_protocol.errors import ConfigurationError, MbotError
-from mbot_workstation.calibration_files.calibration_folder import (
+from mbot_workstation.cli.identify import identify
+from mbot_workstation.learn.evaluation import trim_trial
+from mbot_workstation.learn.evaluation.episodes import Estimate, Trial
+from mbot_workstation.measure.identification.fit import identify as real_identify
+from mbot_workstation.measure.identification.result import Identification
+from mbot_workstation.measure.tracks.recording_folder import write_recording
+from mbot_workstation.measure.tracks.run import Recording
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.calibrated.calibration_folder import (
     CalibrationFiles,
     read_calibration,
 )
-from mbot_workstation.commands.identify import identify
-from mbot_workstation.identification.fit import identify as real_identify
-from mbot_workstation.identification.result import Identification
-from mbot_workstation.recordings.recording_folder import write_recording
-from mbot_workstation.recordings.run import Recording
-from mbot_workstation.recordings.track import Track
-from mbot_workstation.simulation.motion_calibration import (
+from mbot_workstation.sim.calibrated.motion_calibration import (
     MotionCalibration,
     MotorCalibration,
     read_motion,
 )
-from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.training.evaluation import trim_trial
-from mbot_workstation.training.evaluation.episodes import Estimate, Trial
+from mbot_workstation.sim.track import Track
 
 from .called import called
 from .mujoco_truth import record_simulated
@@ -87,7 +87,7 @@ def first(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> First:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(where)
-        patch.setattr("mbot_workstation.identification.fit.identify", keep)
+        patch.setattr("mbot_workstation.measure.identification.fit.identify", keep)
         result = invoke(folder)
     (found,) = kept
     return First(result, where, found)
@@ -100,7 +100,9 @@ def found(first: First) -> Identification:
 
 def answering(monkeypatch: pytest.MonkeyPatch, found: Identification) -> None:
     """Let the command take this for the fit's result: one fit is enough for several tests."""
-    monkeypatch.setattr("mbot_workstation.identification.fit.identify", lambda *_, **__: found)
+    monkeypatch.setattr(
+        "mbot_workstation.measure.identification.fit.identify", lambda *_, **__: found
+    )
 
 
 def invoke(*arguments: str | Path) -> Result:

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mbot_protocol.picture import Picture
-from mbot_workstation.simulation.isp import ImageSignalProcessor, IspSettings
+from mbot_protocol.drive.picture import Picture
+from mbot_workstation.sim.camera.isp import ImageSignalProcessor, IspSettings
 
 SIZE = 64
 AUTOMATIC = IspSettings(auto_exposure=1.0, auto_exposure_lag_s=0.5, exposure_target=0.4)

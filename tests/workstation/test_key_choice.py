@@ -4,8 +4,8 @@ import pytest
 
 from mbot_protocol.errors import ConfigurationError, RefusedError
 from mbot_protocol.v1.messages_pb2 import Status
-from mbot_workstation.models.key_choice import chooser, trusted_keys
-from mbot_workstation.models.key_folder import KeyFolder
+from mbot_workstation.fleet.models.key_choice import chooser, trusted_keys
+from mbot_workstation.fleet.models.key_folder import KeyFolder
 
 
 @pytest.fixture

@@ -7,9 +7,9 @@ from cryptography.hazmat.primitives.asymmetric.ec import SECP256R1, generate_pri
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.model_manifest import ModelManifest, verify
-from mbot_protocol.public_key import PublicKey
-from mbot_workstation.models.key_folder import KeyFolder, keys_directory
+from mbot_protocol.signing.model_manifest import ModelManifest, verify
+from mbot_protocol.signing.public_key import PublicKey
+from mbot_workstation.fleet.models.key_folder import KeyFolder, keys_directory
 
 MANIFEST = ModelManifest("mbot-1", 1, "00" * 32, 10, "00" * 16)
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands.evaluate import evaluate
-from mbot_workstation.training.evaluation.labelled_pictures import Share, judge, read_labelled
-from mbot_workstation.training.evaluation.picture_report import picture_fields
+from mbot_workstation.cli.evaluate import evaluate
+from mbot_workstation.learn.evaluation.labelled_pictures import Share, judge, read_labelled
+from mbot_workstation.learn.evaluation.picture_report import picture_fields
 
 from .called import output_of
 

@@ -1,4 +1,4 @@
-from mbot_workstation.identification.left_out import grouped
+from mbot_workstation.measure.identification.left_out import grouped
 
 LATE = "its track does not begin before the robot moves, so its clock can't be told"
 

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from mbot_protocol.camera_model import nominal_pi_camera
-from mbot_workstation.simulation.lens_distortion import LensDistortion, covering_pinhole
-from mbot_workstation.simulation.sensor_noise import SensorNoise
+from mbot_protocol.drive.camera_model import nominal_pi_camera
+from mbot_workstation.sim.camera.lens_distortion import LensDistortion, covering_pinhole
+from mbot_workstation.sim.camera.sensor_noise import SensorNoise
 
 CAMERA = nominal_pi_camera(320, 240)
 

@@ -4,9 +4,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mbot_workstation.simulation.fetch_rules import spawn
-from mbot_workstation.simulation.pose import ORIGIN
-from mbot_workstation.training.worlds.lessons import (
+from mbot_workstation.learn.worlds.lessons import (
     BLUR_LESSON,
     LESSONS,
     PAPER_MARK,
@@ -15,8 +13,10 @@ from mbot_workstation.training.worlds.lessons import (
     named,
     passed,
 )
-from mbot_workstation.variation.effects import IDEAL
-from mbot_workstation.variation.presets import KNOWN, PRESETS
+from mbot_workstation.sim.effects.effects import IDEAL
+from mbot_workstation.sim.effects.presets import KNOWN, PRESETS
+from mbot_workstation.sim.pose import ORIGIN
+from mbot_workstation.tasks.fetch.rules import spawn
 
 
 def test_there_are_the_papers_ten() -> None:

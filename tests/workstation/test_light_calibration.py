@@ -11,19 +11,19 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mbot_protocol.camera_model import nominal_pi_camera
+from mbot_protocol.drive.camera_model import nominal_pi_camera
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration.light.colour_difference import ciede2000, lab, srgb_level
-from mbot_workstation.calibration.light.gray_card import read_card
-from mbot_workstation.calibration.light.light_fit import (
+from mbot_workstation.cli.calibrate_light import light as light_command
+from mbot_workstation.measure.calibration.light.colour_difference import ciede2000, lab, srgb_level
+from mbot_workstation.measure.calibration.light.gray_card import read_card
+from mbot_workstation.measure.calibration.light.light_fit import (
     LEAST_ERROR,
     WORST_DIRECTION_DEG,
     fit_light,
     shade,
 )
-from mbot_workstation.calibration_files.calibration_folder import read_calibration
-from mbot_workstation.commands.calibrate_light import light as light_command
-from mbot_workstation.simulation.scene_parameters import Light
+from mbot_workstation.sim.calibrated.calibration_folder import read_calibration
+from mbot_workstation.sim.scene.scene_parameters import Light
 
 from .called import output_of
 from .card_pictures import HEIGHT_PX, WIDTH_PX, Facing, photographs

@@ -7,12 +7,12 @@ import zenoh
 
 from mbot_agent.network.zenoh_settings import zenoh_configuration
 from mbot_protocol.errors import UnreachableError
-from mbot_protocol.keys import ALIVE
-from mbot_workstation.link import robot_session
-from mbot_workstation.link.address import Endpoint
-from mbot_workstation.link.diagnosis import why_no_session, why_unreachable
-from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.link.security import LinkSecurity
+from mbot_protocol.wire.keys import ALIVE
+from mbot_workstation.fleet.link import robot_session
+from mbot_workstation.fleet.link.address import Endpoint
+from mbot_workstation.fleet.link.diagnosis import why_no_session, why_unreachable
+from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.fleet.link.security import LinkSecurity
 
 from ..end_to_end.fleet import Fleet
 from ..free_port import free_port

@@ -4,9 +4,9 @@ import time
 import numpy as np
 import pytest
 
-from mbot_protocol.mcore import Joystick
-from mbot_workstation.simulation.fetch_rules import FetchRules
-from mbot_workstation.simulation.simulation import Simulation
+from mbot_protocol.drive.mcore import Joystick
+from mbot_workstation.sim.simulation import Simulation
+from mbot_workstation.tasks.fetch.rules import FetchRules
 from mbot_workstation.virtual.live_world import SLICE_S, LiveWorld
 from mbot_workstation.virtual.mcore_board import BoardState
 

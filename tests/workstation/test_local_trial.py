@@ -7,10 +7,10 @@ import pytest
 
 from mbot_agent.configuration_files import complete
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.enrolment.fleet_folder import FleetFolder
-from mbot_workstation.enrolment.local_trial import LOOPBACK, robot_id_in
-from mbot_workstation.enrolment.membership import Enrolment
-from mbot_workstation.models.signing_key import SigningKey
+from mbot_workstation.fleet.enrolment.fleet_folder import FleetFolder
+from mbot_workstation.fleet.enrolment.local_trial import LOOPBACK, robot_id_in
+from mbot_workstation.fleet.enrolment.membership import Enrolment
+from mbot_workstation.fleet.models.signing_key import SigningKey
 
 
 def test_everything_lies_beside_the_configuration(tmp_path: Path) -> None:

@@ -21,11 +21,11 @@ from mbot_agent.configuration import Recording
 from mbot_agent.recording.recording_directory import RecordingDirectory
 from mbot_agent.recording.recording_service import RecordingService
 from mbot_protocol.errors import ConfigurationError, ContractError, RefusedError
-from mbot_protocol.keys import PUSH_BEGIN, PUSH_COMMIT
 from mbot_protocol.v1.messages_pb2 import PushReply
-from mbot_workstation.console.answer_lines import Line, PageGoneError, Tell, in_lines, progress
-from mbot_workstation.console.long_errands import LongErrands
-from mbot_workstation.link.robot_link import RobotLink
+from mbot_protocol.wire.keys import PUSH_BEGIN, PUSH_COMMIT
+from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.look.console.answer_lines import Line, PageGoneError, Tell, in_lines, progress
+from mbot_workstation.look.console.long_errands import LongErrands
 
 from ..robot.tiny_models import constant_model
 from .fake_robot import ROBOT_ID, FakeRobot

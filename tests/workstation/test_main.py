@@ -13,15 +13,6 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol.errors import ARMED_BUT_STANDING
-from mbot_protocol.keys import (
-    ACTIVATE,
-    CHUNK_BYTES,
-    COMMAND,
-    MODELS,
-    PUSH_CHUNK,
-    PUSH_COMMIT,
-    STATUS,
-)
 from mbot_protocol.v1.messages_pb2 import (
     Activate,
     CommandReply,
@@ -32,7 +23,16 @@ from mbot_protocol.v1.messages_pb2 import (
     State,
     Status,
 )
-from mbot_workstation.recordings.drive_mcap import read_recording
+from mbot_protocol.wire.keys import (
+    ACTIVATE,
+    CHUNK_BYTES,
+    COMMAND,
+    MODELS,
+    PUSH_CHUNK,
+    PUSH_COMMIT,
+    STATUS,
+)
+from mbot_workstation.fleet.recorded.drive_mcap import read_recording
 
 from ..free_port import free_port
 from ..until import until

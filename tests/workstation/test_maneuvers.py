@@ -17,27 +17,31 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_protocol.actions import MotorMap, WheelMaps
+from mbot_protocol.drive.actions import MotorMap, WheelMaps
 from mbot_protocol.errors import ConfigurationError, RefusedError, UnreachableError
-from mbot_protocol.keys import COMMAND, STATUS, STOP
 from mbot_protocol.v1.messages_pb2 import Command, CommandReply, Fault, State
-from mbot_workstation.link import remote_control
-from mbot_workstation.link.remote_control import RemoteControl
-from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.maneuvers.keyboard import Keyboard
-from mbot_workstation.maneuvers.maneuver_drive import (
+from mbot_protocol.wire.keys import COMMAND, STATUS, STOP
+from mbot_workstation.fleet.link import remote_control
+from mbot_workstation.fleet.link.remote_control import RemoteControl
+from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.measure.maneuvers.keyboard import Keyboard
+from mbot_workstation.measure.maneuvers.maneuver_drive import (
     HOLD_MS,
     DrivenCommands,
     SpoiltRunError,
     drive_maneuver,
 )
-from mbot_workstation.maneuvers.maneuver_session import Session, SessionSettings, check_ready
-from mbot_workstation.maneuvers.plan import Order, Planned, plan, reach, room_needed_m
-from mbot_workstation.maneuvers.robot_time import measure_robot_time
-from mbot_workstation.maneuvers.session_journal import Journal
-from mbot_workstation.recordings.commands_csv import read_commands
-from mbot_workstation.recordings.maneuver import MANEUVERS, maneuver_named
-from mbot_workstation.recordings.recording_toml import read_info
+from mbot_workstation.measure.maneuvers.maneuver_session import (
+    Session,
+    SessionSettings,
+    check_ready,
+)
+from mbot_workstation.measure.maneuvers.plan import Order, Planned, plan, reach, room_needed_m
+from mbot_workstation.measure.maneuvers.robot_time import measure_robot_time
+from mbot_workstation.measure.maneuvers.session_journal import Journal
+from mbot_workstation.measure.tracks.commands_csv import read_commands
+from mbot_workstation.measure.tracks.maneuver import MANEUVERS, maneuver_named
+from mbot_workstation.measure.tracks.recording_toml import read_info
 
 from ..until import until
 from .fake_robot import CLOCK_AHEAD_NS, FakeRobot

@@ -1,8 +1,8 @@
 import numpy as np
 
-from mbot_protocol.picture import Picture
-from mbot_workstation.simulation.engine import mujoco
-from mbot_workstation.simulation.material_mjcf import add_material
+from mbot_protocol.drive.picture import Picture
+from mbot_workstation.sim.engine import mujoco
+from mbot_workstation.sim.scene.material_mjcf import add_material
 
 PICTURE: Picture = np.random.default_rng(0).integers(0, 256, (8, 8, 3)).astype(np.uint8)
 

@@ -4,8 +4,8 @@ from pathlib import Path
 import pytest
 import serial
 
+from mbot_protocol.drive.mcore import BAUD_RATE, STOP, VERSION_REQUEST, Joystick, stop_burst
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.mcore import BAUD_RATE, STOP, VERSION_REQUEST, Joystick, stop_burst
 from mbot_workstation.virtual.mcore_board import McoreBoard
 
 from ..until import until

@@ -2,8 +2,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_protocol.actions import WheelMaps, to_steps
-from mbot_protocol.mcore import (
+from mbot_protocol.drive.actions import WheelMaps, to_steps
+from mbot_protocol.drive.mcore import (
     RESET_REQUEST,
     STOP,
     VERSION_REQUEST,
@@ -13,7 +13,7 @@ from mbot_protocol.mcore import (
     VersionReply,
     stop_burst,
 )
-from mbot_workstation.simulation.motor import duties
+from mbot_workstation.sim.body.motor import duties
 from mbot_workstation.virtual.mcore_firmware import McoreFirmware
 
 DRIVE = Joystick(-120, -120)

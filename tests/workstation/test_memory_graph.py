@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from mbot_workstation.training.learning.memory_graph import PARTS, gru, memory_parts, spelt_out_gru
+from mbot_workstation.learn.learning.memory_graph import PARTS, gru, memory_parts, spelt_out_gru
 
 CELL = torch.nn.GRU(5, 3)
 WEIGHTS = {part: getattr(CELL, f"{part}_l0").detach().numpy().astype(np.float32) for part in PARTS}

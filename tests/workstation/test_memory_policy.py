@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 import torch
 
-from mbot_workstation.training.learning.memory_policy import (
+from mbot_workstation.learn.learning.memory_policy import (
     TRUTH,
     Before,
     MemoryPolicy,
     memory_policy_arguments,
     truth,
 )
-from mbot_workstation.training.worlds.fetch_env import action_space, observation_space
-from mbot_workstation.training.worlds.robot_body import BODY_RECORD
-from mbot_workstation.training.worlds.shared_arrays import STEP_RECORD
+from mbot_workstation.learn.worlds.fetch_env import action_space, observation_space
+from mbot_workstation.learn.worlds.robot_body import BODY_RECORD
+from mbot_workstation.learn.worlds.shared_arrays import STEP_RECORD
 
 RNG = np.random.default_rng(8)
 PICTURES = RNG.integers(0, 256, (9, 3, 64, 64, 3)).astype(np.uint8)

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.simulation.glb_file import MOST_TRIANGLES, GlbMaterial, GlbSurface
-from mbot_workstation.simulation.mesh_parts import made_mesh
+from mbot_workstation.sim.scene.glb_file import MOST_TRIANGLES, GlbMaterial, GlbSurface
+from mbot_workstation.sim.scene.mesh_parts import made_mesh
 
 BOX = np.array([[x, y, z] for x in (0, 1) for y in (0, 2) for z in (0, 4)], np.float64)
 SIDE = np.array([[0, 1, 2], [1, 3, 2]], np.int32)

@@ -5,8 +5,8 @@ import pytest
 from onnx import TensorProto, helper
 
 from mbot_protocol.errors import ConfigurationError, ContractError, NewerSchemaError
-from mbot_protocol.policy_contract import LARGEST_MODEL_BYTES, PolicyMetadata
-from mbot_workstation.models.check import check_model
+from mbot_protocol.policy.policy_contract import LARGEST_MODEL_BYTES, PolicyMetadata
+from mbot_workstation.fleet.models.check import check_model
 
 from .samples import small_policy
 

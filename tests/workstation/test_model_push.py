@@ -5,16 +5,7 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol.errors import ContractError, RefusedError
-from mbot_protocol.keys import (
-    ACTIVATE,
-    CHUNK_BYTES,
-    PUSH_BEGIN,
-    PUSH_CHUNK,
-    PUSH_COMMIT,
-    PUSH_NONCE,
-)
-from mbot_protocol.model_manifest import SignedManifest, decode, verify
-from mbot_protocol.schema import MalformedMessageError
+from mbot_protocol.signing.model_manifest import SignedManifest, decode, verify
 from mbot_protocol.v1.messages_pb2 import (
     Activate,
     ModelList,
@@ -23,11 +14,20 @@ from mbot_protocol.v1.messages_pb2 import (
     PushReply,
     Status,
 )
-from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.models.check import check_model
-from mbot_workstation.models.push import push, push_checked
-from mbot_workstation.models.signing_key import SigningKey
-from mbot_workstation.models.stored_models import activate, list_models, model_fields
+from mbot_protocol.wire.keys import (
+    ACTIVATE,
+    CHUNK_BYTES,
+    PUSH_BEGIN,
+    PUSH_CHUNK,
+    PUSH_COMMIT,
+    PUSH_NONCE,
+)
+from mbot_protocol.wire.schema import MalformedMessageError
+from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.fleet.models.check import check_model
+from mbot_workstation.fleet.models.push import push, push_checked
+from mbot_workstation.fleet.models.signing_key import SigningKey
+from mbot_workstation.fleet.models.stored_models import activate, list_models, model_fields
 
 from .fake_robot import NONCE, OLD_MODEL, ROBOT_ID, FakeRobot
 from .samples import small_policy

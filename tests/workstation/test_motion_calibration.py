@@ -4,18 +4,18 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from mbot_protocol.calibration import MOTION_FILE, read_motor_mappings
+from mbot_protocol.drive.calibration import MOTION_FILE, read_motor_mappings
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration_files.calibration_folder import write_motion
-from mbot_workstation.simulation.motion_calibration import (
+from mbot_workstation.sim.body.parameter_table import PARAMETERS, value
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.calibrated.calibration_folder import write_motion
+from mbot_workstation.sim.calibrated.motion_calibration import (
     Interval,
     MotionCalibration,
     MotorCalibration,
     motion_value,
     read_motion,
 )
-from mbot_workstation.simulation.parameter_table import PARAMETERS, value
-from mbot_workstation.simulation.robot_parameters import RobotParameters
 
 from ..protocol.test_calibration import MOTION_TEXT
 from .calibrations import MOTION

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_workstation.simulation.motor import motor_constants, motor_voltage
-from mbot_workstation.simulation.robot_parameters import MotorParameters, RobotParameters
+from mbot_workstation.sim.body.motor import motor_constants, motor_voltage
+from mbot_workstation.sim.body.robot_parameters import MotorParameters, RobotParameters
 
 MOTOR = MotorParameters(dead_band=0.2)
 duty = st.floats(-1, 1)

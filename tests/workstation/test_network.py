@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import nn
 
-from mbot_workstation.training.learning.network import PIXEL_SCALE, PIXEL_SHIFT, PictureNetwork
+from mbot_workstation.learn.learning.network import PIXEL_SCALE, PIXEL_SHIFT, PictureNetwork
 
 SPACE = gymnasium.spaces.Box(0, 255, (64, 64, 3), np.uint8)
 

@@ -9,15 +9,15 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.simulation.camera_renderer import CameraRenderer
-from mbot_workstation.simulation.fetch_rules import FetchRules
-from mbot_workstation.simulation.glb_file import MOST_TRIANGLES
-from mbot_workstation.simulation.object_file import WIDEST_MM, read_objects
-from mbot_workstation.simulation.pose import Pose
-from mbot_workstation.simulation.scene_parameters import SceneParameters
-from mbot_workstation.simulation.simulation import Simulation
-from mbot_workstation.simulation.target_object import RED_CUBE, Footprint, Shape, TargetObject
-from mbot_workstation.variation.scene_looks import SIZES
+from mbot_workstation.sim.camera.camera_renderer import CameraRenderer
+from mbot_workstation.sim.effects.scene_looks import SIZES
+from mbot_workstation.sim.pose import Pose
+from mbot_workstation.sim.scene.glb_file import MOST_TRIANGLES
+from mbot_workstation.sim.scene.object_file import WIDEST_MM, read_objects
+from mbot_workstation.sim.scene.scene_parameters import SceneParameters
+from mbot_workstation.sim.scene.target_object import RED_CUBE, Footprint, Shape, TargetObject
+from mbot_workstation.sim.simulation import Simulation
+from mbot_workstation.tasks.fetch.rules import FetchRules
 
 SHIPPED = Path("models/objects")
 

@@ -8,16 +8,16 @@ import pytest
 from rich.console import Console
 
 from mbot_protocol.errors import MbotError
-from mbot_workstation.demo.child import Child
-from mbot_workstation.link.address import parse_address
-from mbot_workstation.link.destination import Destination
-from mbot_workstation.maneuvers.display import PlainDisplay, TerminalDisplay
-from mbot_workstation.maneuvers.plan import Order, plan
-from mbot_workstation.recordings.maneuver import MANEUVERS
-from mbot_workstation.telemetry.output import JsonLines, LiveView, PlainLines
-from mbot_workstation.telemetry.stream import LinkState, Sample
-from mbot_workstation.training.evaluation.provenance import digest, provenance
-from mbot_workstation.training.learning.git_state import GitState
+from mbot_workstation.fleet.link.address import parse_address
+from mbot_workstation.fleet.link.destination import Destination
+from mbot_workstation.fleet.telemetry.output import JsonLines, LiveView, PlainLines
+from mbot_workstation.fleet.telemetry.stream import LinkState, Sample
+from mbot_workstation.learn.evaluation.provenance import digest, provenance
+from mbot_workstation.learn.learning.git_state import GitState
+from mbot_workstation.measure.maneuvers.display import PlainDisplay, TerminalDisplay
+from mbot_workstation.measure.maneuvers.plan import Order, plan
+from mbot_workstation.measure.tracks.maneuver import MANEUVERS
+from mbot_workstation.virtual.child import Child
 
 from .samples import decision
 

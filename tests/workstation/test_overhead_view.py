@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from mbot_workstation.simulation.pose import ORIGIN, Pose
-from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.simulation.simulation import Simulation
+from mbot_workstation.sim.pose import ORIGIN, Pose
+from mbot_workstation.sim.scene.room_generator import generate_room
+from mbot_workstation.sim.simulation import Simulation
 from mbot_workstation.virtual.overhead_view import PATH_RGB, OverheadView
 
 

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mbot_protocol.camera_model import CameraModel
-from mbot_protocol.picture import Picture
-from mbot_protocol.policy_contract import FULL_VIEW
-from mbot_workstation.simulation.camera_renderer import CameraRenderer
-from mbot_workstation.simulation.own_view import MARGIN_DEG, parts_in_view
-from mbot_workstation.simulation.robot_parameters import BoxBody, CameraMount, RobotParameters
-from mbot_workstation.simulation.simulation import Simulation
-from mbot_workstation.training.worlds.fetch_env import FetchEnv
+from mbot_protocol.drive.camera_model import CameraModel
+from mbot_protocol.drive.picture import Picture
+from mbot_protocol.policy.policy_contract import FULL_VIEW
+from mbot_workstation.learn.worlds.fetch_env import FetchEnv
+from mbot_workstation.sim.body.own_view import MARGIN_DEG, parts_in_view
+from mbot_workstation.sim.body.robot_parameters import BoxBody, CameraMount, RobotParameters
+from mbot_workstation.sim.camera.camera_renderer import CameraRenderer
+from mbot_workstation.sim.simulation import Simulation
 
 from .small_world import ROOMS
 

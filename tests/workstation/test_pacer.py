@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mbot_workstation.pacer import Pacer
-from mbot_workstation.simulation.simulation import SceneState
+from mbot_workstation.sim.simulation import SceneState
 from mbot_workstation.virtual.scene_history import SceneHistory
 
 

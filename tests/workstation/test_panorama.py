@@ -10,20 +10,20 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration.room.panorama_checks import PanoramaTags, read_tags
-from mbot_workstation.calibration.room.panorama_import import prepare_room
-from mbot_workstation.calibration.room.panorama_tilt import find_tilt
-from mbot_workstation.calibration.room.panorama_turn import (
+from mbot_workstation.cli.panorama import panorama as panorama_command
+from mbot_workstation.measure.calibration.room.panorama_checks import PanoramaTags, read_tags
+from mbot_workstation.measure.calibration.room.panorama_import import prepare_room
+from mbot_workstation.measure.calibration.room.panorama_tilt import find_tilt
+from mbot_workstation.measure.calibration.room.panorama_turn import (
     camera_tilt,
     directions,
     level,
     look_at,
     tilt_of,
 )
-from mbot_workstation.calibration_files.calibration_folder import read_calibration
-from mbot_workstation.commands.panorama import panorama as panorama_command
-from mbot_workstation.simulation.room import load_room
-from mbot_workstation.simulation.room_generator import generate_room
+from mbot_workstation.sim.calibrated.calibration_folder import read_calibration
+from mbot_workstation.sim.scene.room import load_room
+from mbot_workstation.sim.scene.room_generator import generate_room
 
 from .called import output_of
 

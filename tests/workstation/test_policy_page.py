@@ -9,8 +9,8 @@ import numpy as np
 
 from mbot_agent.models.dry_run import dry_run
 from mbot_agent.models.policy import Policy
-from mbot_workstation.models.check import check_model
-from mbot_workstation.training.drivers.onnx_policy import OnnxPolicy
+from mbot_workstation.fleet.models.check import check_model
+from mbot_workstation.learn.drivers.onnx_policy import OnnxPolicy
 
 PAGE = Path(__file__).parents[2] / "docs" / "policy.md"
 

@@ -6,15 +6,15 @@ from dataclasses import fields
 import numpy as np
 import torch
 
-from mbot_workstation.training.learning.full_speed import within_full_speed
-from mbot_workstation.training.learning.memory_policy import (
+from mbot_workstation.learn.learning.full_speed import within_full_speed
+from mbot_workstation.learn.learning.memory_policy import (
     Before,
     MemoryPolicy,
     memory_policy_arguments,
 )
-from mbot_workstation.training.learning.policy_pilot import Notes, PolicyPilot, Task
-from mbot_workstation.training.worlds.fetch_env import action_space, observation_space
-from mbot_workstation.training.worlds.worker_pilot import Pilot
+from mbot_workstation.learn.learning.policy_pilot import Notes, PolicyPilot, Task
+from mbot_workstation.learn.worlds.fetch_env import action_space, observation_space
+from mbot_workstation.learn.worlds.worker_pilot import Pilot
 
 ROBOTS, DECISIONS, UNITS = 3, 6, 8
 RNG = np.random.default_rng(0)

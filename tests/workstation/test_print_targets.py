@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration.camera.board_detection import find_board
-from mbot_workstation.commands.print_targets import app
-from mbot_workstation.targets.sheet import cells
-from mbot_workstation.targets.specifications import (
+from mbot_workstation.cli.print_targets import app
+from mbot_workstation.measure.calibration.camera.board_detection import find_board
+from mbot_workstation.measure.targets.sheet import cells
+from mbot_workstation.measure.targets.specifications import (
     CARD_MARKER_IDS,
     MARKER_DICTIONARY,
     ROBOT_MARKER_EDGE_MM,

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 import torch
 
-from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.training.drivers.guide import Guide
-from mbot_workstation.training.learning.collection import Collection
-from mbot_workstation.training.learning.learner import GUIDED, LearnerSettings, make_learner
-from mbot_workstation.training.learning.processor import (
+from mbot_workstation.learn.drivers.guide import Guide
+from mbot_workstation.learn.learning.collection import Collection
+from mbot_workstation.learn.learning.learner import GUIDED, LearnerSettings, make_learner
+from mbot_workstation.learn.learning.processor import (
     has_short_floats,
     keep_freed_memory,
     prepare_gpu,
 )
-from mbot_workstation.training.learning.trained_policy import trained_policy
-from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
-from mbot_workstation.variation.presets import preset
+from mbot_workstation.learn.learning.trained_policy import trained_policy
+from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.sim.effects.presets import preset
+from mbot_workstation.sim.scene.room_generator import generate_room
 
 RUN = Path(__file__).parents[2] / "models" / "red-cube-run"
 

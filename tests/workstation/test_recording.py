@@ -12,9 +12,9 @@ from mcap.reader import make_reader
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.recordings.beat_changes import changes
-from mbot_workstation.recordings.drive_mcap import FLUSH_EVERY_S, Recording, read_recording
-from mbot_workstation.recordings.recorded_drive import read_drive
+from mbot_workstation.fleet.recorded.beat_changes import changes
+from mbot_workstation.fleet.recorded.drive_mcap import FLUSH_EVERY_S, Recording, read_recording
+from mbot_workstation.fleet.recorded.recorded_drive import read_drive
 
 from .samples import decision, picture
 
@@ -83,8 +83,8 @@ def test_a_process_that_dies_loses_at_most_a_second(tmp_path: Path) -> None:
     path = tmp_path / "drive.mcap"
     script = f"""
 import os, pathlib
-from mbot_workstation.recordings.beat_changes import changes
-from mbot_workstation.recordings.drive_mcap import Recording
+from mbot_workstation.fleet.recorded.beat_changes import changes
+from mbot_workstation.fleet.recorded.drive_mcap import Recording
 from mbot_protocol.v1.messages_pb2 import Decision
 clock_s = 0.0
 recording = Recording(pathlib.Path({str(path)!r}), "mbot-1", lambda: clock_s)

@@ -7,20 +7,20 @@ import numpy as np
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.recordings.axes_check import check_frame
-from mbot_workstation.recordings.commands_csv import CommandedRun
-from mbot_workstation.recordings.direction_check import check_directions
-from mbot_workstation.recordings.driven_run import DrivenRun
-from mbot_workstation.recordings.plausibility import check_runs
-from mbot_workstation.recordings.raw_track import RawTrack
-from mbot_workstation.recordings.run import Run
-from mbot_workstation.recordings.run_check import check_repeated_numbers, check_run
-from mbot_workstation.recordings.session_track import find_tracker_ahead_s, parts_of
-from mbot_workstation.recordings.track import Track
-from mbot_workstation.recordings.track_format import TrackFormat
-from mbot_workstation.recordings.track_mcap import read_mcap
-from mbot_workstation.recordings.track_table import read_table
-from mbot_workstation.recordings.unit_check import check_units
+from mbot_workstation.measure.tracks.axes_check import check_frame
+from mbot_workstation.measure.tracks.commands_csv import CommandedRun
+from mbot_workstation.measure.tracks.direction_check import check_directions
+from mbot_workstation.measure.tracks.driven_run import DrivenRun
+from mbot_workstation.measure.tracks.plausibility import check_runs
+from mbot_workstation.measure.tracks.raw_track import RawTrack
+from mbot_workstation.measure.tracks.run import Run
+from mbot_workstation.measure.tracks.run_check import check_repeated_numbers, check_run
+from mbot_workstation.measure.tracks.session_track import find_tracker_ahead_s, parts_of
+from mbot_workstation.measure.tracks.track_format import TrackFormat
+from mbot_workstation.measure.tracks.track_mcap import read_mcap
+from mbot_workstation.measure.tracks.track_table import read_table
+from mbot_workstation.measure.tracks.unit_check import check_units
+from mbot_workstation.sim.track import Track
 
 from .driven_robot import Robot, session, track_of
 

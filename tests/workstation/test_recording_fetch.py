@@ -12,8 +12,9 @@ from mbot_agent.recording.recording_directory import RecordingDirectory
 from mbot_agent.recording.recording_service import RecordingService
 from mbot_protocol.errors import ConfigurationError, RefusedError
 from mbot_protocol.v1.recordings_pb2 import RecordedDrive, RecordingList
-from mbot_workstation.commands.recordings import app
-from mbot_workstation.drives.recording_fetch import (
+from mbot_workstation.cli.recordings import app
+from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.fleet.recorded.recording_fetch import (
     PART,
     choose,
     fetch,
@@ -21,7 +22,6 @@ from mbot_workstation.drives.recording_fetch import (
     list_recordings,
     remove,
 )
-from mbot_workstation.link.robot_link import RobotLink
 
 from .fake_robot import ROBOT_ID, FakeRobot
 

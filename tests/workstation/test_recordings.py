@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mbot_protocol.actions import MotorMap, WheelMaps
+from mbot_protocol.drive.actions import MotorMap, WheelMaps
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.recordings.commands_csv import CommandedRun, write_commands
-from mbot_workstation.recordings.maneuver import MANEUVERS, maneuver_named
-from mbot_workstation.recordings.recording_folder import (
+from mbot_workstation.measure.tracks.commands_csv import CommandedRun, write_commands
+from mbot_workstation.measure.tracks.maneuver import MANEUVERS, maneuver_named
+from mbot_workstation.measure.tracks.recording_folder import (
     COMMANDS_FILE,
     read_recording,
     write_recording,
 )
-from mbot_workstation.recordings.run import CommandSeries, Run
-from mbot_workstation.recordings.track import Array, Track
+from mbot_workstation.measure.tracks.run import CommandSeries, Run
+from mbot_workstation.sim.track import Array, Track
 
 from .driven_robot import Robot, Tracker, session, track_of
 

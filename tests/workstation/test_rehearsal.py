@@ -9,40 +9,45 @@ import pytest
 from rich.console import Console
 
 from mbot_protocol.errors import ConfigurationError, MbotError
-from mbot_workstation.calibration.camera.board_detection import find_board
-from mbot_workstation.calibration.light.light_measurement import CardSettings, measure_light
-from mbot_workstation.calibration_files.calibration_folder import (
-    CalibrationFiles,
-    read_calibration,
-    read_files,
+from mbot_workstation.measure.calibration.camera.board_detection import find_board
+from mbot_workstation.measure.calibration.light.light_measurement import CardSettings, measure_light
+from mbot_workstation.measure.gap_report.frames import read_frames
+from mbot_workstation.measure.rehearsal.afternoon import TRUTH_FOLDER
+from mbot_workstation.measure.rehearsal.board_photos import board_photos
+from mbot_workstation.measure.rehearsal.card_photos import (
+    CARD_MM,
+    REFLECTANCE,
+    TURNS_DEG,
+    card_photos,
 )
-from mbot_workstation.gap_report.frames import read_frames
-from mbot_workstation.pictures.picture_file import write_picture
-from mbot_workstation.recordings.commands_csv import read_commands
-from mbot_workstation.recordings.maneuver import MANEUVERS
-from mbot_workstation.recordings.recording_folder import read_recording, write_recording
-from mbot_workstation.recordings.recording_toml import read_info
-from mbot_workstation.recordings.run import Run
-from mbot_workstation.recordings.track_files import read_track
-from mbot_workstation.recordings.track_format import PRESETS
-from mbot_workstation.rehearsal.afternoon import TRUTH_FOLDER
-from mbot_workstation.rehearsal.board_photos import board_photos
-from mbot_workstation.rehearsal.card_photos import CARD_MM, REFLECTANCE, TURNS_DEG, card_photos
-from mbot_workstation.rehearsal.command_line import CommandLine
-from mbot_workstation.rehearsal.drive_session import drive_session
-from mbot_workstation.rehearsal.frame_photos import PLACES, take_frames
-from mbot_workstation.rehearsal.leave_out import leave_out_spoilt
-from mbot_workstation.rehearsal.outcome import as_fields, as_table, outcome
-from mbot_workstation.rehearsal.robot_pair import ROBOT_ID, robot_pair
-from mbot_workstation.rehearsal.truth import (
+from mbot_workstation.measure.rehearsal.command_line import CommandLine
+from mbot_workstation.measure.rehearsal.drive_session import drive_session
+from mbot_workstation.measure.rehearsal.frame_photos import PLACES, take_frames
+from mbot_workstation.measure.rehearsal.leave_out import leave_out_spoilt
+from mbot_workstation.measure.rehearsal.outcome import as_fields, as_table, outcome
+from mbot_workstation.measure.rehearsal.robot_pair import ROBOT_ID, robot_pair
+from mbot_workstation.measure.rehearsal.truth import (
     MOTION,
     TRUTH,
     WORN_MOTION,
     corrected,
     write_truth,
 )
-from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.targets.specifications import Board
+from mbot_workstation.measure.targets.specifications import Board
+from mbot_workstation.measure.tracks.commands_csv import read_commands
+from mbot_workstation.measure.tracks.maneuver import MANEUVERS
+from mbot_workstation.measure.tracks.recording_folder import read_recording, write_recording
+from mbot_workstation.measure.tracks.recording_toml import read_info
+from mbot_workstation.measure.tracks.run import Run
+from mbot_workstation.measure.tracks.track_files import read_track
+from mbot_workstation.measure.tracks.track_format import PRESETS
+from mbot_workstation.pictures.picture_file import write_picture
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.calibrated.calibration_folder import (
+    CalibrationFiles,
+    read_calibration,
+    read_files,
+)
 
 from .driven_robot import session
 

@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 from google.protobuf.message import Message
 
-from mbot_protocol import release_manifest
 from mbot_protocol.errors import ConfigurationError, RefusedError, UnreachableError
-from mbot_protocol.keys import RELEASE_BEGIN, RELEASE_CHUNK, RELEASE_COMMIT, RELEASES, Topic
+from mbot_protocol.signing import release_manifest
 from mbot_protocol.v1.messages_pb2 import (
     PushChunk,
     PushReply,
@@ -19,11 +18,12 @@ from mbot_protocol.v1.messages_pb2 import (
     ReleaseList,
     ReleaseUpdate,
 )
-from mbot_workstation.commands.update import UpdateOptions, update
-from mbot_workstation.link.robot_link import M
-from mbot_workstation.models.signing_key import SigningKey
-from mbot_workstation.releases import make_release, robot_wheels, send_release
-from mbot_workstation.releases.robot_wheels import TARGETS
+from mbot_protocol.wire.keys import RELEASE_BEGIN, RELEASE_CHUNK, RELEASE_COMMIT, RELEASES, Topic
+from mbot_workstation.cli.update import UpdateOptions, update
+from mbot_workstation.fleet.link.robot_link import M
+from mbot_workstation.fleet.models.signing_key import SigningKey
+from mbot_workstation.fleet.releases import make_release, robot_wheels, send_release
+from mbot_workstation.fleet.releases.robot_wheels import TARGETS
 
 from .called import output_of
 
@@ -76,7 +76,7 @@ def test_a_release_holds_what_a_robot_needs(release: Path) -> None:
         "firmware/mbot-deadman.hex",
         "updater/__main__.py",
         "updater/mbot_update/update_steps.py",
-        "updater/mbot_protocol/release_manifest.py",
+        "updater/mbot_protocol/signing/release_manifest.py",
     } <= paths
     manifest = checked.manifest
     assert (manifest.version, manifest.sequence, manifest.floor) == ("0.1+a", 7, 5)

@@ -5,11 +5,11 @@ from typing import Any
 import pytest
 
 from mbot_protocol.errors import RefusedError, UnreachableError
-from mbot_protocol.keys import COMMAND, STATUS, STOP
-from mbot_protocol.schema import SCHEMA_VERSION
 from mbot_protocol.v1.messages_pb2 import CommandReply, State
-from mbot_workstation.link import remote_control
-from mbot_workstation.link.remote_control import (
+from mbot_protocol.wire.keys import COMMAND, STATUS, STOP
+from mbot_protocol.wire.schema import SCHEMA_VERSION
+from mbot_workstation.fleet.link import remote_control
+from mbot_workstation.fleet.link.remote_control import (
     BEGIN_WAIT_S,
     CONFIRM_PAUSE_S,
     LOOK_PAUSE_S,
@@ -19,7 +19,7 @@ from mbot_workstation.link.remote_control import (
     RemoteControl,
     RobotClock,
 )
-from mbot_workstation.link.robot_link import RobotLink
+from mbot_workstation.fleet.link.robot_link import RobotLink
 
 from .fake_robot import SESSION_ID, FakeRobot
 

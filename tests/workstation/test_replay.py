@@ -11,15 +11,15 @@ import pytest
 from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError, MbotError
-from mbot_protocol.policy_contract import FULL_VIEW, FieldOfView, PolicyMetadata
-from mbot_workstation.commands.replay import DIFFERS
-from mbot_workstation.commands.subcommands import app
-from mbot_workstation.drives import replay_words
-from mbot_workstation.drives.decider import Decider
-from mbot_workstation.drives.replayed_drive import TOLERANCE, replay
+from mbot_protocol.policy.policy_contract import FULL_VIEW, FieldOfView, PolicyMetadata
+from mbot_workstation.cli.replay import DIFFERS
+from mbot_workstation.cli.subcommands import app
+from mbot_workstation.fleet.recorded.drive_mcap import Recording
+from mbot_workstation.fleet.recorded.recorded_drive import RecordedDrive, read_drive, read_drives
+from mbot_workstation.look.drives import replay_words
+from mbot_workstation.look.drives.decider import Decider
+from mbot_workstation.look.drives.replayed_drive import TOLERANCE, replay
 from mbot_workstation.pictures.film_tile import TILE_PX, Bar, blank, caption_px, draw_tile
-from mbot_workstation.recordings.drive_mcap import Recording
-from mbot_workstation.recordings.recorded_drive import RecordedDrive, read_drive, read_drives
 
 from ..robot.tiny_models import constant_model
 from .samples import decision, picture

@@ -12,13 +12,13 @@ from mbot_protocol.errors import (
     RefusedError,
     UnreachableError,
 )
-from mbot_protocol.keys import COMMAND, STATUS
-from mbot_protocol.schema import MalformedMessageError
 from mbot_protocol.v1.messages_pb2 import Command, CommandReply, Status
-from mbot_workstation.link import diagnosis as link_diagnosis
-from mbot_workstation.link import robot_session
-from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.link.security import LinkSecurity, link_security
+from mbot_protocol.wire.keys import COMMAND, STATUS
+from mbot_protocol.wire.schema import MalformedMessageError
+from mbot_workstation.fleet.link import diagnosis as link_diagnosis
+from mbot_workstation.fleet.link import robot_session
+from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.fleet.link.security import LinkSecurity, link_security
 
 from ..free_port import free_port
 from ..until import until

@@ -3,19 +3,19 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from mbot_protocol.camera_model import CameraModel
-from mbot_protocol.picture import Picture
-from mbot_workstation.simulation.lens_distortion import LensDistortion
-from mbot_workstation.simulation.pose import Pose
-from mbot_workstation.simulation.robot_mjcf import ROBOT_CAMERA
-from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.simulation.rolling_shutter import RollingShutter
-from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.simulation.scene_renderer import SceneRenderer
-from mbot_workstation.simulation.simulation import Simulation
-from mbot_workstation.training.worlds.robot_eye import OBSERVATION
-from mbot_workstation.variation.effects import IDEAL
-from mbot_workstation.variation.perturbed_robot import observing_camera
+from mbot_protocol.drive.camera_model import CameraModel
+from mbot_protocol.drive.picture import Picture
+from mbot_workstation.learn.worlds.robot_eye import OBSERVATION
+from mbot_workstation.sim.body.robot_mjcf import ROBOT_CAMERA
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.camera.lens_distortion import LensDistortion
+from mbot_workstation.sim.camera.rolling_shutter import RollingShutter
+from mbot_workstation.sim.camera.scene_renderer import SceneRenderer
+from mbot_workstation.sim.effects.effects import IDEAL
+from mbot_workstation.sim.effects.perturbed_robot import observing_camera
+from mbot_workstation.sim.pose import Pose
+from mbot_workstation.sim.scene.room_generator import generate_room
+from mbot_workstation.sim.simulation import Simulation
 
 ROOM = generate_room(seed=0, width_px=512)
 CAMERA = observing_camera(IDEAL)

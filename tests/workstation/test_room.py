@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.simulation.floor_textures import vinyl
-from mbot_workstation.simulation.room import fit_room, load_room
-from mbot_workstation.simulation.room_dome import dome_mesh
-from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.simulation.scene_parameters import Room
+from mbot_workstation.sim.scene.floor_textures import vinyl
+from mbot_workstation.sim.scene.room import fit_room, load_room
+from mbot_workstation.sim.scene.room_dome import dome_mesh
+from mbot_workstation.sim.scene.room_generator import generate_room
+from mbot_workstation.sim.scene.scene_parameters import Room
 
 
 def written(path: Path, width: int, height: int) -> Path:

@@ -8,7 +8,7 @@ processor rounds sines and blends pixels differently in the last bit.
 import numpy as np
 import pytest
 
-from mbot_workstation.training.worlds.fetch_env import FetchEnv
+from mbot_workstation.learn.worlds.fetch_env import FetchEnv
 
 DECISIONS = 60
 KNOWN = {

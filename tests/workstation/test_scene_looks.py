@@ -6,22 +6,22 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_workstation.simulation.floor_textures import made_up_floor, vinyl
-from mbot_workstation.simulation.pose import Pose
-from mbot_workstation.simulation.robot_mjcf import ROBOT_CAMERA
-from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.simulation.scene_look import (
+from mbot_workstation.sim.body.robot_mjcf import ROBOT_CAMERA
+from mbot_workstation.sim.camera.scene_renderer import Quality, SceneRenderer
+from mbot_workstation.sim.effects.scene_looks import MADE_UP_FLOORS, draw_look, training_floors
+from mbot_workstation.sim.pose import Pose
+from mbot_workstation.sim.scene.floor_textures import made_up_floor, vinyl
+from mbot_workstation.sim.scene.room_generator import generate_room
+from mbot_workstation.sim.scene.scene_look import (
     Distractor,
     ObjectLook,
     SceneDresser,
     SceneLook,
     nominal_look,
 )
-from mbot_workstation.simulation.scene_parameters import SceneParameters
-from mbot_workstation.simulation.scene_renderer import Quality, SceneRenderer
-from mbot_workstation.simulation.simulation import Simulation
-from mbot_workstation.simulation.target_object import Rgb, Shape, TargetObject
-from mbot_workstation.variation.scene_looks import MADE_UP_FLOORS, draw_look, training_floors
+from mbot_workstation.sim.scene.scene_parameters import SceneParameters
+from mbot_workstation.sim.scene.target_object import Rgb, Shape, TargetObject
+from mbot_workstation.sim.simulation import Simulation
 
 QUALITY = Quality(shadow_map_px=0, samples=4, reflections=False)
 SIDE = 64

@@ -17,19 +17,19 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
-from mbot_protocol.camera_model import CameraModel
+from mbot_protocol.drive.camera_model import CameraModel
+from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.picture import Picture
-from mbot_protocol.policy_contract import (
+from mbot_protocol.policy.policy_contract import (
     FULL_VIEW,
     INPUT_NAME,
     OBSERVATION_SIDE_PX,
     FieldOfView,
     PolicyMetadata,
 )
-from mbot_workstation.commands.make_servo_policy import make_servo_policy
-from mbot_workstation.models.check import check_model
-from mbot_workstation.models.servo_policy import ServoGains, servo_model
+from mbot_workstation.cli.make_servo_policy import make_servo_policy
+from mbot_workstation.fleet.models.check import check_model
+from mbot_workstation.fleet.models.servo_policy import ServoGains, servo_model
 
 from .called import output_of
 

@@ -12,13 +12,18 @@ import pytest
 
 from mbot_agent.configuration import load
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands import setup_card as command
-from mbot_workstation.models.key_folder import KeyFolder
-from mbot_workstation.models.signing_key import SigningKey
-from mbot_workstation.releases import boot_card
-from mbot_workstation.releases.boot_card import CardContent, configured, own_configuration, prepare
-from mbot_workstation.releases.boot_hook import hook
-from mbot_workstation.releases.robot_wheels import TARGETS
+from mbot_workstation.cli import setup_card as command
+from mbot_workstation.fleet.models.key_folder import KeyFolder
+from mbot_workstation.fleet.models.signing_key import SigningKey
+from mbot_workstation.fleet.releases import boot_card
+from mbot_workstation.fleet.releases.boot_card import (
+    CardContent,
+    configured,
+    own_configuration,
+    prepare,
+)
+from mbot_workstation.fleet.releases.boot_hook import hook
+from mbot_workstation.fleet.releases.robot_wheels import TARGETS
 
 from .small_release import small_release
 

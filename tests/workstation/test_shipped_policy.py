@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from mbot_workstation.training.evaluation.episodes import Trial, evaluate, score
-from mbot_workstation.training.studies.study_plans import study_plan
-from mbot_workstation.training.worlds.lessons import lesson
-from mbot_workstation.training.worlds.rooms import evaluation_rooms
-from mbot_workstation.variation.presets import preset
+from mbot_workstation.learn.evaluation.episodes import Trial, evaluate, score
+from mbot_workstation.learn.studies.study_plans import study_plan
+from mbot_workstation.learn.worlds.lessons import lesson
+from mbot_workstation.learn.worlds.rooms import evaluation_rooms
+from mbot_workstation.sim.effects.presets import preset
 
 pytestmark = pytest.mark.slow
 

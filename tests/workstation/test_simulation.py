@@ -4,11 +4,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mbot_workstation.simulation.pose import ORIGIN, Pose
-from mbot_workstation.simulation.robot_mjcf import HIDDEN_GROUP
-from mbot_workstation.simulation.robot_parameters import MotorParameters, RobotParameters
-from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.simulation.simulation import Simulation
+from mbot_workstation.sim.body.robot_mjcf import HIDDEN_GROUP
+from mbot_workstation.sim.body.robot_parameters import MotorParameters, RobotParameters
+from mbot_workstation.sim.pose import ORIGIN, Pose
+from mbot_workstation.sim.scene.room_generator import generate_room
+from mbot_workstation.sim.simulation import Simulation
 
 ROOM = generate_room(seed=0, width_px=64)
 

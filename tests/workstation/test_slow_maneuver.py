@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.identification.fit import identify
-from mbot_workstation.identification.handicap import handicap
-from mbot_workstation.identification.model import simulate_paths
-from mbot_workstation.maneuvers.plan import Order, plan, room_needed_m
-from mbot_workstation.recordings.commands_csv import CommandedRun, read_commands, write_commands
-from mbot_workstation.recordings.maneuver import BEAT_S, MANEUVERS, SLOW, maneuver_named
-from mbot_workstation.recordings.run import CommandSeries
-from mbot_workstation.simulation.motor import wheel_voltages
-from mbot_workstation.simulation.robot_parameters import RobotParameters
+from mbot_workstation.measure.identification.fit import identify
+from mbot_workstation.measure.identification.handicap import handicap
+from mbot_workstation.measure.identification.model import simulate_paths
+from mbot_workstation.measure.maneuvers.plan import Order, plan, room_needed_m
+from mbot_workstation.measure.tracks.commands_csv import CommandedRun, read_commands, write_commands
+from mbot_workstation.measure.tracks.maneuver import BEAT_S, MANEUVERS, SLOW, maneuver_named
+from mbot_workstation.measure.tracks.run import CommandSeries
+from mbot_workstation.sim.body.motor import wheel_voltages
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
 
 from .planar_robot import PlanarRobot, Schedule, Session, record
 

@@ -8,19 +8,19 @@ import pytest
 from mbot_agent.arming import Mode, Orders
 from mbot_agent.camera.stuck import StuckCheck
 from mbot_agent.tick import Tick
-from mbot_protocol.actions import WheelMaps, to_steps
-from mbot_protocol.camera_model import CameraModel
-from mbot_protocol.picture import Observer, Picture
-from mbot_protocol.policy_contract import FULL_VIEW
-from mbot_workstation.simulation.camera_renderer import CameraRenderer
-from mbot_workstation.simulation.isp import IspSettings
-from mbot_workstation.simulation.motor import duties
-from mbot_workstation.simulation.pose import Pose
-from mbot_workstation.simulation.simulation import Simulation
-from mbot_workstation.training.drivers.contestants import driver
-from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
-from mbot_workstation.variation.isp_settings import isp_settings
-from mbot_workstation.variation.presets import preset
+from mbot_protocol.drive.actions import WheelMaps, to_steps
+from mbot_protocol.drive.camera_model import CameraModel
+from mbot_protocol.drive.picture import Observer, Picture
+from mbot_protocol.policy.policy_contract import FULL_VIEW
+from mbot_workstation.learn.drivers.contestants import driver
+from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.sim.body.motor import duties
+from mbot_workstation.sim.camera.camera_renderer import CameraRenderer
+from mbot_workstation.sim.camera.isp import IspSettings
+from mbot_workstation.sim.effects.isp_settings import isp_settings
+from mbot_workstation.sim.effects.presets import preset
+from mbot_workstation.sim.pose import Pose
+from mbot_workstation.sim.simulation import Simulation
 from mbot_workstation.virtual.camera_stream import NOISY, USUAL_SHUTTER
 
 PERIOD_S = 0.4

@@ -6,26 +6,26 @@ import numpy as np
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration_files.calibration_folder import (
-    CalibrationFiles,
-    read_files,
-    write_motion,
-)
-from mbot_workstation.commands.study import NAMES, TOLERANCE, _beside, study  # pyright: ignore[reportPrivateUsage]
-from mbot_workstation.training.evaluation.episodes import EpisodeResult, Trial, score
-from mbot_workstation.training.evaluation.evaluation_report import Line
-from mbot_workstation.training.studies.study_plans import (
+from mbot_workstation.cli.study import NAMES, TOLERANCE, _beside, study  # pyright: ignore[reportPrivateUsage]
+from mbot_workstation.learn.evaluation.episodes import EpisodeResult, Trial, score
+from mbot_workstation.learn.evaluation.evaluation_report import Line
+from mbot_workstation.learn.studies.study_plans import (
     DEVIATIONS,
     PAIRS,
     STUDIES,
     deviating,
     study_plan,
 )
-from mbot_workstation.training.studies.study_run import Condition, run_study
-from mbot_workstation.training.studies.tolerance_map import ToleranceMap
-from mbot_workstation.training.worlds.lessons import lesson
-from mbot_workstation.variation.perturbed_robot import perturbed_robot
-from mbot_workstation.variation.presets import NOMINAL
+from mbot_workstation.learn.studies.study_run import Condition, run_study
+from mbot_workstation.learn.studies.tolerance_map import ToleranceMap
+from mbot_workstation.learn.worlds.lessons import lesson
+from mbot_workstation.sim.calibrated.calibration_folder import (
+    CalibrationFiles,
+    read_files,
+    write_motion,
+)
+from mbot_workstation.sim.effects.perturbed_robot import perturbed_robot
+from mbot_workstation.sim.effects.presets import NOMINAL
 
 from .calibrations import LIGHT, MOTION
 from .called import output_of
@@ -122,7 +122,7 @@ def test_the_command_tries_the_calibrated_robot_in_its_rooms(
         tried.append(trial)
         return [EpisodeResult(1.0, 1, 1, completed=True)]
 
-    monkeypatch.setattr("mbot_workstation.training.studies.study_run.evaluate", evaluate)
+    monkeypatch.setattr("mbot_workstation.learn.studies.study_run.evaluate", evaluate)
     options = ["--calibration", str(folder), "-o", str(tmp_path)]
     invoke("handicap", "oracle", *options)
     invoke(TOLERANCE, "oracle", *options, "--pair", "track_scale:fov_scale", "--cells", "2")

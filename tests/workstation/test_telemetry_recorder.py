@@ -4,9 +4,9 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.maneuvers.telemetry_recorder import TelemetryRecorder
-from mbot_workstation.recordings.drive_mcap import read_recording
+from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.fleet.recorded.drive_mcap import read_recording
+from mbot_workstation.measure.maneuvers.telemetry_recorder import TelemetryRecorder
 
 from .fake_robot import FakeRobot
 from .samples import decision

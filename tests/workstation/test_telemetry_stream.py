@@ -4,10 +4,10 @@ from collections.abc import Iterator
 import pytest
 
 from mbot_protocol.errors import NewerSchemaError
-from mbot_protocol.keys import DECISION, OBSERVATION
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.link.robot_link import RobotLink
-from mbot_workstation.telemetry.stream import DEPTH, LinkState, Sample, TelemetryStream
+from mbot_protocol.wire.keys import DECISION, OBSERVATION
+from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.fleet.telemetry.stream import DEPTH, LinkState, Sample, TelemetryStream
 
 from .fake_robot import FakeRobot
 from .samples import decision, picture

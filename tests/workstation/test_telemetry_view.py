@@ -6,13 +6,13 @@ import pytest
 from rich.console import Console
 
 from mbot_protocol.v1.messages_pb2 import Decision, Fault, Notice, State
+from mbot_workstation.fleet.recorded.decision_fields import decision_fields
+from mbot_workstation.fleet.recorded.stage_times import percentile, span_ms, stage_ms
+from mbot_workstation.fleet.telemetry.stream import LinkState, Sample
+from mbot_workstation.fleet.telemetry.view import bar, plain_line, render
+from mbot_workstation.fleet.telemetry.window import WINDOW, TelemetryWindow
 from mbot_workstation.pictures.half_blocks import half_blocks
 from mbot_workstation.pictures.picture_file import decode_picture
-from mbot_workstation.recordings.decision_fields import decision_fields
-from mbot_workstation.recordings.stage_times import percentile, span_ms, stage_ms
-from mbot_workstation.telemetry.stream import LinkState, Sample
-from mbot_workstation.telemetry.view import bar, plain_line, render
-from mbot_workstation.telemetry.window import WINDOW, TelemetryWindow
 
 from .samples import decision, picture
 

@@ -17,16 +17,16 @@ from mcap_protobuf.schema import register_schema
 from scipy.spatial.transform import Rotation
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.recordings.track import Array, Track
-from mbot_workstation.recordings.track_files import read_track
-from mbot_workstation.recordings.track_format import (
+from mbot_workstation.measure.tracks.track_files import read_track
+from mbot_workstation.measure.tracks.track_format import (
     PRESETS,
     TrackFormat,
     read_track_format,
     track_format,
 )
-from mbot_workstation.recordings.track_frame import from_euler, to_file_frame, to_our_frame
-from mbot_workstation.recordings.track_tum import write_tum
+from mbot_workstation.measure.tracks.track_frame import from_euler, to_file_frame, to_our_frame
+from mbot_workstation.measure.tracks.track_tum import write_tum
+from mbot_workstation.sim.track import Array, Track
 
 UPS = ("x", "y", "z", "-x", "-y", "-z")
 

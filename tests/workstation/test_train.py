@@ -21,25 +21,25 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 from torch.distributions import Normal
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.commands import train as command
-from mbot_workstation.training.learning import picture_ppo, training_run
-from mbot_workstation.training.learning.checkpoint import read_state, read_weights, restore_learner
-from mbot_workstation.training.learning.curriculum import CurriculumState
-from mbot_workstation.training.learning.learner import LearnerSettings, make_learner
-from mbot_workstation.training.learning.memory_policy import (
+from mbot_workstation.cli import train as command
+from mbot_workstation.learn.learning import picture_ppo, training_run
+from mbot_workstation.learn.learning.checkpoint import read_state, read_weights, restore_learner
+from mbot_workstation.learn.learning.curriculum import CurriculumState
+from mbot_workstation.learn.learning.learner import LearnerSettings, make_learner
+from mbot_workstation.learn.learning.memory_policy import (
     MEMORY_UNITS,
     TRUTH,
     Before,
     MemoryPolicy,
 )
-from mbot_workstation.training.learning.picture_ppo import PicturePPO
-from mbot_workstation.training.learning.progress_display import LineDisplay
-from mbot_workstation.training.learning.progress_log import Episode, ProgressLog, read_progress
-from mbot_workstation.training.learning.run_directory import RunDirectory
-from mbot_workstation.training.learning.training_config import TrainingConfig, read_config
-from mbot_workstation.training.learning.training_run import TrainingResult, begin_run, train
-from mbot_workstation.training.worlds.fetch_vec_env import FetchVecEnv
-from mbot_workstation.training.worlds.lessons import GUIDED_MARK, PAPER_MARK
+from mbot_workstation.learn.learning.picture_ppo import PicturePPO
+from mbot_workstation.learn.learning.progress_display import LineDisplay
+from mbot_workstation.learn.learning.progress_log import Episode, ProgressLog, read_progress
+from mbot_workstation.learn.learning.run_directory import RunDirectory
+from mbot_workstation.learn.learning.training_config import TrainingConfig, read_config
+from mbot_workstation.learn.learning.training_run import TrainingResult, begin_run, train
+from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.learn.worlds.lessons import GUIDED_MARK, PAPER_MARK
 
 from ..until import until
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mbot_workstation.simulation.room_generator import generate_room
+from mbot_workstation.sim.scene.room_generator import generate_room
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 from training_environment import PlainEnv, kernels

@@ -9,13 +9,13 @@ from typing import Any, cast
 import pytest
 from stable_baselines3.common.logger import Logger
 
-from mbot_workstation.training.learning.checkpoint import MODEL_FILE, CheckpointState, read_state
-from mbot_workstation.training.learning.progress_display import LineDisplay
-from mbot_workstation.training.learning.progress_log import read_progress
-from mbot_workstation.training.learning.run_directory import RunDirectory
-from mbot_workstation.training.learning.training_callback import TrainingCallback
-from mbot_workstation.training.learning.training_config import TrainingConfig
-from mbot_workstation.training.worlds.lessons import PAPER_MARK, Lesson, PassMark
+from mbot_workstation.learn.learning.checkpoint import MODEL_FILE, CheckpointState, read_state
+from mbot_workstation.learn.learning.progress_display import LineDisplay
+from mbot_workstation.learn.learning.progress_log import read_progress
+from mbot_workstation.learn.learning.run_directory import RunDirectory
+from mbot_workstation.learn.learning.training_callback import TrainingCallback
+from mbot_workstation.learn.learning.training_config import TrainingConfig
+from mbot_workstation.learn.worlds.lessons import PAPER_MARK, Lesson, PassMark
 
 CONFIG = TrainingConfig(
     steps=1000, lessons=("1", "2"), target_reward=2.0, checkpoint_every=64, row_every=100

@@ -10,18 +10,15 @@ import numpy as np
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.simulation.frame_edges import FrameEdges
-from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.simulation.target_object import RED_CUBE, Shape, TargetObject
-from mbot_workstation.training.learning.git_state import git_state
-from mbot_workstation.training.learning.learning_curve import draw_curves, mark_note
-from mbot_workstation.training.learning.policy_source import find_source
-from mbot_workstation.training.learning.progress_log import ProgressRow
-from mbot_workstation.training.learning.run_directory import RunDirectory
-from mbot_workstation.training.studies.study_report import make_folder, markdown
-from mbot_workstation.training.worlds.fetch_worker import Done, Quit, Reset, Step, run_worker
-from mbot_workstation.training.worlds.robot_camera import Glimpse, RobotCamera
-from mbot_workstation.training.worlds.rooms import (
+from mbot_workstation.learn.learning.git_state import git_state
+from mbot_workstation.learn.learning.learning_curve import draw_curves, mark_note
+from mbot_workstation.learn.learning.policy_source import find_source
+from mbot_workstation.learn.learning.progress_log import ProgressRow
+from mbot_workstation.learn.learning.run_directory import RunDirectory
+from mbot_workstation.learn.studies.study_report import make_folder, markdown
+from mbot_workstation.learn.worlds.fetch_worker import Done, Quit, Reset, Step, run_worker
+from mbot_workstation.learn.worlds.robot_camera import Glimpse, RobotCamera
+from mbot_workstation.learn.worlds.rooms import (
     CHOICE_ROOMS,
     EVALUATION_ROOMS,
     TRAINING_PHOTOGRAPHS,
@@ -30,10 +27,13 @@ from mbot_workstation.training.worlds.rooms import (
     gather_rooms,
     training_rooms,
 )
-from mbot_workstation.training.worlds.sensor import NOISE_SHARE, observation_processor
-from mbot_workstation.training.worlds.shared_arrays import SharedMemory
-from mbot_workstation.variation.effects import IDEAL, RealWorldEffects
-from mbot_workstation.variation.isp_settings import isp_settings
+from mbot_workstation.learn.worlds.sensor import NOISE_SHARE, observation_processor
+from mbot_workstation.learn.worlds.shared_arrays import SharedMemory
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.camera.frame_edges import FrameEdges
+from mbot_workstation.sim.effects.effects import IDEAL, RealWorldEffects
+from mbot_workstation.sim.effects.isp_settings import isp_settings
+from mbot_workstation.sim.scene.target_object import RED_CUBE, Shape, TargetObject
 
 from .small_world import settings
 

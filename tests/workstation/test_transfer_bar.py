@@ -1,6 +1,6 @@
 import pytest
 
-from mbot_workstation.commands.transfer_bar import transfer_bar
+from mbot_workstation.cli.transfer_bar import transfer_bar
 
 
 def test_nothing_is_drawn_where_no_terminal_is(capsys: pytest.CaptureFixture[str]) -> None:

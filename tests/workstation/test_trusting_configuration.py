@@ -5,8 +5,8 @@ import pytest
 
 from mbot_agent.configuration import decode
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.public_key import PublicKey
-from mbot_workstation.models.trusting_configuration import with_trusted_key
+from mbot_protocol.signing.public_key import PublicKey
+from mbot_workstation.fleet.models.trusting_configuration import with_trusted_key
 
 ANNA, BERT = PublicKey(bytes(32), "anna"), PublicKey(bytes(range(32)), "bert")
 EXAMPLE = Path(__file__).parents[2] / "deploy" / "config.toml"

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from mbot_workstation import main
-from mbot_workstation.commands.usage_words import is_usage_error
+from mbot_workstation.cli.usage_words import is_usage_error
 
 WORDS = [
     ("evaluat servo", "no such command 'evaluat'; did you mean evaluate? see `workstation --help`"),

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
+from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.picture import Picture
-from mbot_workstation.simulation.scene_renderer import TRAINING
+from mbot_workstation.sim.camera.scene_renderer import TRAINING
 from mbot_workstation.virtual.camera_stream import CameraSettings
 from mbot_workstation.virtual.overhead_view import OverheadView
 from mbot_workstation.virtual.stand_in import VirtualRobot, VirtualRobotSettings

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from mbot_protocol.drive.mcore import Joystick
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.mcore import Joystick
-from mbot_workstation.simulation.fetch_task import FetchResult, Happening
-from mbot_workstation.simulation.pose import Pose
+from mbot_workstation.sim.pose import Pose
+from mbot_workstation.tasks.fetch.run import FetchResult, Happening
 from mbot_workstation.virtual.live_world import TaskEvent, WorldStatus
 from mbot_workstation.virtual.port_link import PortLink
 from mbot_workstation.virtual.trajectory import TrajectoryWriter

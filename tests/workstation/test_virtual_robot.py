@@ -15,14 +15,14 @@ import cv2
 import pytest
 import serial
 
+from mbot_protocol.drive.mcore import BAUD_RATE, Joystick
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.mcore import BAUD_RATE, Joystick
-from mbot_workstation.simulation.fetch_rules import FetchRules
-from mbot_workstation.simulation.fetch_task import Happening
-from mbot_workstation.simulation.object_file import read_objects
-from mbot_workstation.simulation.room_generator import generate_room
-from mbot_workstation.simulation.scene_parameters import SceneParameters
-from mbot_workstation.simulation.scene_renderer import TRAINING
+from mbot_workstation.sim.camera.scene_renderer import TRAINING
+from mbot_workstation.sim.scene.object_file import read_objects
+from mbot_workstation.sim.scene.room_generator import generate_room
+from mbot_workstation.sim.scene.scene_parameters import SceneParameters
+from mbot_workstation.tasks.fetch.rules import FetchRules
+from mbot_workstation.tasks.fetch.run import Happening
 from mbot_workstation.virtual.camera_stream import CameraSettings
 from mbot_workstation.virtual.live_report import LiveReport
 from mbot_workstation.virtual.stand_in import VirtualRobot, VirtualRobotSettings
@@ -37,7 +37,7 @@ LIMIT_S = 30
 SCRIPT = """
 import sys, typer
 from mbot_protocol.errors import MbotError
-from mbot_workstation.commands.virtual_robot import virtual_robot
+from mbot_workstation.cli.virtual_robot import virtual_robot
 app = typer.Typer()
 app.command()(virtual_robot)
 try:

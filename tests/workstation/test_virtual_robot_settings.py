@@ -4,13 +4,13 @@ from typing import Any
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.calibration_files.calibration_folder import CalibrationFiles
-from mbot_workstation.commands.virtual_robot import CameraKind, VirtualRobotOptions
-from mbot_workstation.commands.virtual_robot_settings import (
+from mbot_workstation.cli.virtual_robot import CameraKind, VirtualRobotOptions
+from mbot_workstation.cli.virtual_robot_settings import (
     outputs,
     replay_settings,
     robot_settings,
 )
+from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
 
 from .calibrations import MOTION
 

@@ -13,8 +13,8 @@ import zstandard
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.recordings import whole_chunks
-from mbot_workstation.recordings.whole_chunks import MOST_CHUNK_BYTES, MOST_RECORDS, WholeChunks
+from mbot_workstation.fleet.recorded import whole_chunks
+from mbot_workstation.fleet.recorded.whole_chunks import MOST_CHUNK_BYTES, MOST_RECORDS, WholeChunks
 
 
 def a_file(

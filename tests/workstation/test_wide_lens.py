@@ -6,21 +6,21 @@ import cv2
 import numpy as np
 import pytest
 
-from mbot_protocol.calibration import CameraCalibration, read_camera
-from mbot_protocol.camera_model import CameraModel
+from mbot_protocol.drive.calibration import CameraCalibration, read_camera
+from mbot_protocol.drive.camera_model import CameraModel
+from mbot_protocol.drive.lens import folds_in_view, folds_within, ray_slope
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.lens import folds_in_view, folds_within, ray_slope
-from mbot_protocol.policy_contract import FULL_VIEW
-from mbot_workstation.calibration.camera.board_detection import FoundBoard, Sighting
-from mbot_workstation.calibration.camera.camera_fit import (
+from mbot_protocol.policy.policy_contract import FULL_VIEW
+from mbot_workstation.measure.calibration.camera.board_detection import FoundBoard, Sighting
+from mbot_workstation.measure.calibration.camera.camera_fit import (
     CameraFit,
     PictureFit,
     fit_camera,
     solve,
 )
-from mbot_workstation.calibration.camera.camera_quality import judge, view_deg
-from mbot_workstation.calibration_files.calibration_folder import write_camera
-from mbot_workstation.simulation.lens_distortion import covering_pinhole
+from mbot_workstation.measure.calibration.camera.camera_quality import judge, view_deg
+from mbot_workstation.sim.calibrated.calibration_folder import write_camera
+from mbot_workstation.sim.camera.lens_distortion import covering_pinhole
 
 SIZE = (1280, 960)
 FOCAL_PX = 560.0

@@ -37,7 +37,7 @@ def _run() -> int:
     import typer
 
     from mbot_protocol.errors import MbotError
-    from mbot_workstation.commands.subcommands import app
+    from mbot_workstation.cli.subcommands import app
 
     try:
         # Exit codes come back as values, errors as exceptions: ours are lines, not boxes.
@@ -49,7 +49,7 @@ def _run() -> int:
     except typer.Abort:
         return _said("interrupted", INTERRUPTED)
     except Exception as error:
-        from mbot_workstation.commands.usage_words import is_usage_error, usage_words
+        from mbot_workstation.cli.usage_words import is_usage_error, usage_words
 
         if not is_usage_error(error):
             raise

@@ -9,8 +9,8 @@ import serial
 from serial.tools import list_ports
 from serial.tools.list_ports_common import ListPortInfo
 
+from mbot_protocol.drive.mcore import CH340
 from mbot_protocol.errors import UnreachableError
-from mbot_protocol.mcore import CH340
 
 PSEUDO_TERMINALS = "/dev/pts/"
 """A simulated board holds its end open when we die, and the port would stay exclusive for ever."""

@@ -12,9 +12,16 @@ from typing import Self
 import serial
 
 from mbot_agent.board import board_port
-from mbot_protocol import mcore
+from mbot_protocol.drive import mcore
+from mbot_protocol.drive.mcore import (
+    Acknowledgement,
+    Banner,
+    Joystick,
+    Reply,
+    ReplyParser,
+    VersionReply,
+)
 from mbot_protocol.errors import UnreachableError
-from mbot_protocol.mcore import Acknowledgement, Banner, Joystick, Reply, ReplyParser, VersionReply
 
 HANDSHAKE_TIMEOUT_S = 6.0
 """From opening the port to the first obeyed command takes 2.6 to 3.5 s through the boot loader."""

@@ -21,8 +21,8 @@ from mbot_agent.configuration import Board
 from mbot_agent.faults import Fault
 from mbot_agent.hardware import Delivery, DriveCommand
 from mbot_protocol.back_off import BackOff
+from mbot_protocol.drive.mcore import STOP, has_deadman, is_of_another_board
 from mbot_protocol.errors import UnreachableError
-from mbot_protocol.mcore import STOP, has_deadman, is_of_another_board
 
 log = logging.getLogger(__name__)
 

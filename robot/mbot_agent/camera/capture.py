@@ -13,7 +13,7 @@ from mbot_agent.configuration import Camera, shown_source
 from mbot_agent.faults import Fault
 from mbot_agent.hardware import Frame
 from mbot_protocol.back_off import BackOff
-from mbot_protocol.picture import Picture
+from mbot_protocol.drive.picture import Picture
 
 log = logging.getLogger(__name__)
 

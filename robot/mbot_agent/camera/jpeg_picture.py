@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from simplejpeg import decode_jpeg  # pyright: ignore[reportMissingTypeStubs]
 
 from mbot_agent.camera.source_contract import JpegError
-from mbot_protocol.picture import Picture
+from mbot_protocol.drive.picture import Picture
 
 LARGEST_SIDE_PX = 8192
 """As in the configuration (camera.width_px)."""

@@ -9,8 +9,8 @@ import cv2
 
 from mbot_agent.camera.source_contract import OPEN_TIMEOUT_S, READ_TIMEOUT_S, CameraError, Shot
 from mbot_agent.configuration import Camera, shown_source
-from mbot_protocol.picture import Picture
-from mbot_protocol.video_capture import device_index, open_capture
+from mbot_protocol.drive.picture import Picture
+from mbot_protocol.drive.video_capture import device_index, open_capture
 
 FFMPEG = "ffmpeg:"
 """In front of an address that FFmpeg is to open: rtsp://, https://, a film over http://."""

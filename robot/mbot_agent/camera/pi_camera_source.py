@@ -8,7 +8,7 @@ from typing import Any, Self, cast
 
 from mbot_agent.camera.source_contract import READ_TIMEOUT_S, CameraError, Shot
 from mbot_agent.configuration import Camera
-from mbot_protocol.picture import Picture
+from mbot_protocol.drive.picture import Picture
 
 log = logging.getLogger(__name__)
 

@@ -6,7 +6,7 @@ from collections import deque
 from mbot_agent.camera.frame_sources import is_real_camera
 from mbot_agent.configuration import Camera
 from mbot_agent.faults import Fault
-from mbot_protocol.picture import Picture
+from mbot_protocol.drive.picture import Picture
 
 BLACK_BELOW = 6.0
 """Mean of 255 under which a frame shows nothing: a covered lens with the gain up stays below it,

@@ -7,8 +7,8 @@ READ_TIMEOUT_S, so that a dead camera can be closed and opened anew.
 from collections.abc import Callable
 from typing import Protocol, Self
 
+from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import UnreachableError
-from mbot_protocol.picture import Picture
 
 OPEN_TIMEOUT_S = 3.0
 READ_TIMEOUT_S = 1.0

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from mbot_agent.faults import Fault
 from mbot_agent.tick import Tick
-from mbot_protocol.mcore import SPEED_LIMIT, STOP, Joystick
-from mbot_protocol.picture import Picture
+from mbot_protocol.drive.mcore import SPEED_LIMIT, STOP, Joystick
+from mbot_protocol.drive.picture import Picture
 
 STILL_FOR_NS = 3_000_000_000
 """So long at least; latency, start-up of the motors and a slipping start are over in a tenth."""

@@ -21,11 +21,11 @@ from mbot_agent.network.wire_messages import (
 )
 from mbot_agent.network.zenoh_link import Link, Listener
 from mbot_agent.releases.own_release import own_release
-from mbot_protocol import keys
-from mbot_protocol.actions import to_steps
+from mbot_protocol.drive.actions import to_steps
 from mbot_protocol.errors import MbotError, RefusedError
-from mbot_protocol.schema import SCHEMA_VERSION, decode
 from mbot_protocol.v1 import messages_pb2 as messages
+from mbot_protocol.wire import keys
+from mbot_protocol.wire.schema import SCHEMA_VERSION, decode
 
 LONGEST_HOLD_MS = 1000
 """A hand-driven command holds no longer than this without being renewed."""

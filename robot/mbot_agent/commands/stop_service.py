@@ -15,9 +15,9 @@ from mbot_agent.hardware import Board
 from mbot_agent.helm import Helm
 from mbot_agent.network.requests import Request
 from mbot_agent.network.zenoh_link import Link, Listener
-from mbot_protocol import keys
-from mbot_protocol.schema import SCHEMA_VERSION
 from mbot_protocol.v1 import messages_pb2 as messages
+from mbot_protocol.wire import keys
+from mbot_protocol.wire.schema import SCHEMA_VERSION
 
 log = logging.getLogger(__name__)
 

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 
 from mbot_protocol.errors import RefusedError
-from mbot_protocol.keys import CHUNK_BYTES
+from mbot_protocol.wire.keys import CHUNK_BYTES
 
 STAGING_EXPIRES_S = 15.0
 """Silence after which an unfinished push is forgotten and another one may begin."""

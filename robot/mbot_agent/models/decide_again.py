@@ -11,10 +11,10 @@ from mbot_agent.faults import Fault
 from mbot_agent.models.pilot import Pilot
 from mbot_agent.models.policy import Policy
 from mbot_agent.tick import Memory
-from mbot_protocol.actions import to_steps
+from mbot_protocol.drive.actions import to_steps
 from mbot_protocol.errors import MbotError
-from mbot_protocol.policy_contract import OBSERVATION_SIDE_PX
-from mbot_protocol.replay_step import ReplayAnswer, ReplayGreeting, ReplayStep, receive, send
+from mbot_protocol.policy.policy_contract import OBSERVATION_SIDE_PX
+from mbot_protocol.policy.replay_step import ReplayAnswer, ReplayGreeting, ReplayStep, receive, send
 
 _SHAPE = (OBSERVATION_SIDE_PX, OBSERVATION_SIDE_PX, 3)
 _NO_DEADLINE_NS = 1 << 62

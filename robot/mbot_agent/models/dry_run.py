@@ -203,9 +203,9 @@ def _try(rate_hz: float, model_s: float) -> Report:
 
     from mbot_agent.models.confinement import confine
     from mbot_agent.models.policy import Memory, Policy
-    from mbot_protocol.actions import to_steps
-    from mbot_protocol.golden_frames import check_deviation
-    from mbot_protocol.policy_contract import OBSERVATION_SHAPE
+    from mbot_protocol.drive.actions import to_steps
+    from mbot_protocol.policy.golden_frames import check_deviation
+    from mbot_protocol.policy.policy_contract import OBSERVATION_SHAPE
 
     os.write(sys.stdout.fileno(), READY)
     data = sys.stdin.buffer.read()

@@ -14,9 +14,9 @@ from pathlib import Path
 import msgspec
 
 from mbot_agent.models.activation import Activation
-from mbot_protocol import atomic_file
 from mbot_protocol.errors import ContractError, RefusedError
-from mbot_protocol.model_manifest import SignedManifest
+from mbot_protocol.files import atomic_file
+from mbot_protocol.signing.model_manifest import SignedManifest
 
 log = logging.getLogger(__name__)
 

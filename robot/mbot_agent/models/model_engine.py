@@ -7,10 +7,10 @@ from typing import Any, Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from mbot_protocol.engine_words import engine_words
 from mbot_protocol.errors import ContractError
-from mbot_protocol.model_declaration import read_declaration
-from mbot_protocol.policy_contract import Tensor
+from mbot_protocol.policy.engine_words import engine_words
+from mbot_protocol.policy.model_declaration import read_declaration
+from mbot_protocol.policy.policy_contract import Tensor
 
 # With this module: the dry run's limits count from what its imports have mapped, and once confined
 # it can open no file.
@@ -52,7 +52,7 @@ def load_engine(data: bytes) -> Engine:
     """Load a model with what there is.
 
     Args:
-        data: the whole ONNX file, checked by `mbot_protocol.model_structure`.
+        data: the whole ONNX file, checked by `mbot_protocol.policy.model_structure`.
 
     Raises:
         ContractError: it can't be loaded.

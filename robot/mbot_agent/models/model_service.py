@@ -23,11 +23,11 @@ from mbot_agent.models.model_keeper import ModelKeeper
 from mbot_agent.models.policy import Policy
 from mbot_agent.models.staging import Staging
 from mbot_agent.models.trust import Trust
-from mbot_protocol import keys
 from mbot_protocol.errors import MbotError, RefusedError
-from mbot_protocol.policy_contract import LARGEST_MODEL_BYTES
-from mbot_protocol.schema import SCHEMA_VERSION, decode
+from mbot_protocol.policy.policy_contract import LARGEST_MODEL_BYTES
 from mbot_protocol.v1 import messages_pb2 as messages
+from mbot_protocol.wire import keys
+from mbot_protocol.wire.schema import SCHEMA_VERSION, decode
 
 log = logging.getLogger(__name__)
 

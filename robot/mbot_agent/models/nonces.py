@@ -8,7 +8,7 @@ import secrets
 import threading
 import time
 
-from mbot_protocol.model_manifest import NONCE_BYTES
+from mbot_protocol.signing.model_manifest import NONCE_BYTES
 
 LIFETIME_S = 60.0
 

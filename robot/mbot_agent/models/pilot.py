@@ -8,8 +8,8 @@ from mbot_agent.faults import Fault
 from mbot_agent.models.policy import Answer, Policy, PolicyError
 from mbot_agent.models.trial import Trial
 from mbot_agent.tick import Action, Memory
-from mbot_protocol.picture import Picture
-from mbot_protocol.policy_contract import FULL_VIEW, FieldOfView
+from mbot_protocol.drive.picture import Picture
+from mbot_protocol.policy.policy_contract import FULL_VIEW, FieldOfView
 
 log = logging.getLogger(__name__)
 

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from mbot_agent.models.model_engine import load_engine
 from mbot_agent.tick import Memory
-from mbot_protocol.engine_words import engine_words
+from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ContractError, MbotError
-from mbot_protocol.golden_frames import GoldenFrame, read_golden_frames
-from mbot_protocol.model_structure import check_structure
-from mbot_protocol.picture import Picture
-from mbot_protocol.policy_contract import (
+from mbot_protocol.policy.engine_words import engine_words
+from mbot_protocol.policy.golden_frames import GoldenFrame, read_golden_frames
+from mbot_protocol.policy.model_structure import check_structure
+from mbot_protocol.policy.policy_contract import (
     INPUT_NAME,
     LARGEST_MODEL_BYTES,
     OUTPUT_NAME,
@@ -26,7 +26,7 @@ from mbot_protocol.policy_contract import (
     PolicyMetadata,
     check_signature,
 )
-from mbot_protocol.static_shapes import check_static_shapes
+from mbot_protocol.policy.static_shapes import check_static_shapes
 
 
 class PolicyError(MbotError):
@@ -61,7 +61,8 @@ class Policy:
 
         Raises:
             ContractError: too large, not ONNX, made of what is not allowed (see
-                `mbot_protocol.model_structure` and `static_shapes`), or not following the contract.
+                `mbot_protocol.policy.model_structure` and `static_shapes`), or not following the
+                contract.
             NewerSchemaError: it follows a newer contract.
 
         """

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import msgspec
 
-from mbot_protocol import atomic_file
 from mbot_protocol.errors import RefusedError
+from mbot_protocol.files import atomic_file
 
 log = logging.getLogger(__name__)
 

@@ -11,7 +11,7 @@ from mbot_agent.models.model_directory import Label
 from mbot_agent.models.nonces import LIFETIME_S, Nonces
 from mbot_agent.models.sequence_floors import SequenceFloors
 from mbot_protocol.errors import RefusedError
-from mbot_protocol.model_manifest import (
+from mbot_protocol.signing.model_manifest import (
     ACTION_MAP,
     INPUT,
     OUTPUT,
@@ -20,7 +20,7 @@ from mbot_protocol.model_manifest import (
     decode,
     verify,
 )
-from mbot_protocol.public_key import PublicKey
+from mbot_protocol.signing.public_key import PublicKey
 from mbot_protocol.v1.messages_pb2 import PushBegin
 
 log = logging.getLogger(__name__)

@@ -9,8 +9,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from mbot_agent.configuration import Access
-from mbot_protocol.access_rules import Kind, common_name
-from mbot_protocol.keys import Right
+from mbot_protocol.wire.access_rules import Kind, common_name
+from mbot_protocol.wire.keys import Right
 
 LOOK_EVERY_S = 0.1
 

@@ -22,7 +22,7 @@ from typing import Self
 from mbot_agent.configuration import Access
 from mbot_agent.network.doorkeeper import COME_AGAIN, LOOK_EVERY_S, Doorkeeper, Traffic, Visitor
 from mbot_agent.network.health import anonymous_bytes
-from mbot_protocol.connected_sockets import Address, let_none_linger, with_socket
+from mbot_protocol.wire.connected_sockets import Address, let_none_linger, with_socket
 
 log = logging.getLogger(__name__)
 

@@ -17,9 +17,9 @@ from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from mbot_agent import configuration
 from mbot_agent.network.health import read_health
 from mbot_agent.tick import Tick
-from mbot_protocol.keys import CAMERA, DECISION, OBSERVATION, Topic
-from mbot_protocol.picture import Picture
+from mbot_protocol.drive.picture import Picture
 from mbot_protocol.v1.messages_pb2 import Decision
+from mbot_protocol.wire.keys import CAMERA, DECISION, OBSERVATION, Topic
 
 log = logging.getLogger(__name__)
 

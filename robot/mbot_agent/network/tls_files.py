@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from mbot_agent.configuration import Tls
-from mbot_protocol.access_rules import Kind, split_common_name
 from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.wire.access_rules import Kind, split_common_name
 
 RENEW_BEFORE = timedelta(days=30)
 

@@ -5,9 +5,9 @@ from collections.abc import Iterable
 from mbot_agent.arming import State, Stop
 from mbot_agent.faults import Fault, Notice
 from mbot_agent.tick import Tick
-from mbot_protocol.actions import MotorMap
-from mbot_protocol.schema import SCHEMA_VERSION
+from mbot_protocol.drive.actions import MotorMap
 from mbot_protocol.v1 import messages_pb2 as messages
+from mbot_protocol.wire.schema import SCHEMA_VERSION
 
 WIRE_STATES = {
     State.IDLE: messages.STATE_IDLE,

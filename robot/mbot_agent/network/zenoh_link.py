@@ -18,7 +18,7 @@ from mbot_agent.network.listening import obstacle
 from mbot_agent.network.requests import Replies, Request
 from mbot_agent.network.zenoh_settings import zenoh_configuration
 from mbot_protocol.errors import UnreachableError
-from mbot_protocol.keys import ALIVE, DOORS, PRESENCE, ROOT, Topic
+from mbot_protocol.wire.keys import ALIVE, DOORS, PRESENCE, ROOT, Topic
 
 log = logging.getLogger(__name__)
 

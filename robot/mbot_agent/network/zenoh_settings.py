@@ -8,7 +8,7 @@ import json
 import zenoh
 
 from mbot_agent.configuration import Configuration, Network
-from mbot_protocol.access_rules import LONGEST_BLOCK_US, Json, request_limits, robot_access
+from mbot_protocol.wire.access_rules import LONGEST_BLOCK_US, Json, request_limits, robot_access
 
 LARGEST_MESSAGE_BYTES = 128 * 1024
 """A message is put together from fragments up to this size, for each of 16 priorities of each

@@ -4,7 +4,7 @@ import logging
 from pathlib import Path
 from typing import Self
 
-from mbot_protocol import atomic_file
+from mbot_protocol.files import atomic_file
 
 log = logging.getLogger(__name__)
 

@@ -21,7 +21,7 @@ from mbot_agent.recording.beat_log import BeatLog
 from mbot_agent.recording.recording_directory import RecordingDirectory
 from mbot_agent.recording.segment import Segment
 from mbot_agent.tick import Tick
-from mbot_protocol.drive_record import DriveRecord, RobotFacts, drive_record
+from mbot_protocol.beat.drive_record import DriveRecord, RobotFacts, drive_record
 from mbot_protocol.v1.messages_pb2 import Decision
 
 log = logging.getLogger(__name__)

@@ -15,8 +15,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from mbot_agent import configuration
-from mbot_protocol import atomic_file
 from mbot_protocol.errors import RefusedError
+from mbot_protocol.files import atomic_file
 
 NEWEST_STAY = 10
 """Drives that do not go for their age, and by whose dates others are old. No clock is asked: a Pi

@@ -4,10 +4,10 @@ from collections.abc import Callable
 from typing import Protocol, TypeVar
 
 from mbot_agent.recording.recording_directory import RecordingDirectory, StoredDrive
-from mbot_protocol import keys
 from mbot_protocol.errors import MbotError, RefusedError
-from mbot_protocol.schema import SCHEMA_VERSION, decode
 from mbot_protocol.v1 import recordings_pb2 as recordings
+from mbot_protocol.wire import keys
+from mbot_protocol.wire.schema import SCHEMA_VERSION, decode
 
 MOST_LISTED = 500
 """Drives in a reply, the newest: some 50 kB."""

@@ -18,7 +18,7 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 
-from mbot_protocol.drive_record import (
+from mbot_protocol.beat.drive_record import (
     DECISION_TOPIC,
     DRIVE_TOPIC,
     LOG_TOPIC,
@@ -29,7 +29,7 @@ from mbot_protocol.drive_record import (
     drive_record_schema,
     topic,
 )
-from mbot_protocol.picture import Picture
+from mbot_protocol.drive.picture import Picture
 from mbot_protocol.v1.messages_pb2 import Decision
 
 LARGEST_CHUNK_BYTES = 1 << 20

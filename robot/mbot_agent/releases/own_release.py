@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from mbot_protocol.release_ledger import APPLICATION
+from mbot_protocol.signing.release_ledger import APPLICATION
 
 UPDATER_WORKS = Path("/run/mbot-agent-update")
 """systemd makes it when the updater starts and removes it when that ends, however it does."""

@@ -18,13 +18,15 @@ from typing import IO
 
 from mbot_agent.intake.pieces import STAGING_EXPIRES_S, Pieces
 from mbot_agent.releases.own_release import ARCHIVE, REQUEST, update_goes_on
-from mbot_protocol import atomic_file, keys, release_archive, release_manifest
 from mbot_protocol.errors import MbotError, RefusedError
-from mbot_protocol.public_key import PublicKey
-from mbot_protocol.release_ledger import APPLICATION, Computer, check_release, read_ledger
-from mbot_protocol.release_manifest import ReleaseManifest
-from mbot_protocol.schema import SCHEMA_VERSION, decode
+from mbot_protocol.files import atomic_file
+from mbot_protocol.signing import release_archive, release_manifest
+from mbot_protocol.signing.public_key import PublicKey
+from mbot_protocol.signing.release_ledger import APPLICATION, Computer, check_release, read_ledger
+from mbot_protocol.signing.release_manifest import ReleaseManifest
 from mbot_protocol.v1 import messages_pb2 as messages
+from mbot_protocol.wire import keys
+from mbot_protocol.wire.schema import SCHEMA_VERSION, decode
 
 log = logging.getLogger(__name__)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from mbot_protocol.picture import Picture
+from mbot_protocol.drive.picture import Picture
 
 TILE_PX = 128
 LINE_PX = 12

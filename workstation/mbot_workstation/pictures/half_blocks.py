@@ -6,7 +6,7 @@ from rich.color import Color
 from rich.style import Style
 from rich.text import Text
 
-from mbot_protocol.picture import Picture
+from mbot_protocol.drive.picture import Picture
 
 UPPER_HALF = "▀"
 

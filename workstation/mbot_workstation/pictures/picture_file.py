@@ -15,10 +15,10 @@ import numpy as np
 from PIL import Image, ImageOps
 from PIL.TiffImagePlugin import TILELENGTH, TILEWIDTH, TiffImageFile
 
-from mbot_protocol import atomic_file
+from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.git_lfs import refuse_pointer
-from mbot_protocol.picture import Picture
+from mbot_protocol.files import atomic_file
+from mbot_protocol.files.git_lfs import refuse_pointer
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

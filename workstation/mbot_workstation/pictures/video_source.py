@@ -6,9 +6,9 @@ from typing import Self, cast
 
 import cv2
 
+from mbot_protocol.drive.picture import Picture
+from mbot_protocol.drive.video_capture import open_capture
 from mbot_protocol.errors import UnreachableError
-from mbot_protocol.picture import Picture
-from mbot_protocol.video_capture import open_capture
 
 OPEN_TIMEOUT_S, READ_TIMEOUT_S = 5.0, 3.0
 """A stream over Wi-Fi may pause for a second; one that is gone must not hang for half a minute."""

@@ -11,11 +11,11 @@ from typing import cast
 import cv2
 import numpy as np
 
-from mbot_protocol.picture import Picture
-from mbot_workstation.simulation.camera_renderer import CameraRenderer, Shutter
-from mbot_workstation.simulation.isp import IspSettings
-from mbot_workstation.simulation.scene_renderer import SHOW, Quality
-from mbot_workstation.simulation.simulation import Simulation
+from mbot_protocol.drive.picture import Picture
+from mbot_workstation.sim.camera.camera_renderer import CameraRenderer, Shutter
+from mbot_workstation.sim.camera.isp import IspSettings
+from mbot_workstation.sim.camera.scene_renderer import SHOW, Quality
+from mbot_workstation.sim.simulation import Simulation
 from mbot_workstation.virtual.scene_history import SceneHistory
 
 JPEG_QUALITY = 90

@@ -1,6 +1,6 @@
 """Somebody who carries the robot back to the middle between two maneuvers."""
 
-from mbot_workstation.simulation.pose import Pose
+from mbot_workstation.sim.pose import Pose
 
 STANDING_S = 1.5
 """So long must it have stood: longer than the second of standing that belongs to a run's end."""

@@ -4,8 +4,8 @@ import json
 import tomllib
 from pathlib import Path
 
-from mbot_protocol import atomic_file
 from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.files import atomic_file
 
 TEMPLATE = """\
 # Written by `workstation virtual-robot --write-config`. All settings: deploy/config.toml.

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TextIO
 
-from mbot_workstation.simulation.fetch_task import FetchResult
+from mbot_workstation.tasks.fetch.run import FetchResult
 from mbot_workstation.virtual.live_world import TaskEvent, WorldStatus
 from mbot_workstation.wording import typed
 

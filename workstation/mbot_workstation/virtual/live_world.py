@@ -9,13 +9,13 @@ from typing import Protocol
 
 import numpy as np
 
-from mbot_protocol.mcore import Joystick
+from mbot_protocol.drive.mcore import Joystick
 from mbot_workstation.pacer import Pacer
-from mbot_workstation.simulation.fetch_rules import FetchRules
-from mbot_workstation.simulation.fetch_task import FetchResult, FetchTask, Happening
-from mbot_workstation.simulation.motor import duties
-from mbot_workstation.simulation.pose import ORIGIN, Pose
-from mbot_workstation.simulation.simulation import Simulation
+from mbot_workstation.sim.body.motor import duties
+from mbot_workstation.sim.pose import ORIGIN, Pose
+from mbot_workstation.sim.simulation import Simulation
+from mbot_workstation.tasks.fetch.rules import FetchRules
+from mbot_workstation.tasks.fetch.run import FetchResult, FetchTask, Happening
 from mbot_workstation.virtual.carry_back import CarryBack
 from mbot_workstation.virtual.mcore_board import BoardState
 from mbot_workstation.virtual.scene_history import SceneHistory

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
+from mbot_protocol.drive.mcore import Joystick
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.mcore import Joystick
 from mbot_workstation.virtual.mcore_firmware import STOCK_VERSION, McoreFirmware
 from mbot_workstation.virtual.port_link import PortLink
 

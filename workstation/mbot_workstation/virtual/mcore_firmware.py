@@ -5,7 +5,7 @@ the dangerous parts included: no checksum, no time-out, and a torn frame that sw
 follows. No I/O happens here.
 """
 
-from mbot_protocol.mcore import END, HEADER, SPEED_LIMIT, Joystick
+from mbot_protocol.drive.mcore import END, HEADER, SPEED_LIMIT, Joystick
 
 STOCK_VERSION = "06.01.107"
 

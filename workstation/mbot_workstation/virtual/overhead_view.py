@@ -6,15 +6,15 @@ from typing import Self
 import cv2
 import numpy as np
 
-from mbot_protocol.picture import Picture
-from mbot_workstation.simulation.pose import Pose
-from mbot_workstation.simulation.scene_mjcf import (
+from mbot_protocol.drive.picture import Picture
+from mbot_workstation.sim.camera.scene_renderer import Quality, SceneRenderer
+from mbot_workstation.sim.pose import Pose
+from mbot_workstation.sim.scene.scene_mjcf import (
     OVERHEAD_CAMERA,
     OVERHEAD_FOV_DEG,
     OVERHEAD_HEIGHT_M,
 )
-from mbot_workstation.simulation.scene_renderer import Quality, SceneRenderer
-from mbot_workstation.simulation.simulation import SceneState, Simulation
+from mbot_workstation.sim.simulation import SceneState, Simulation
 
 OVERHEAD = Quality(shadow_map_px=512, samples=0, reflections=False)
 """10 ms at 480 x 480 in software; smooth edges would cost as much again."""

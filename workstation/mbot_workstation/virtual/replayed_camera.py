@@ -14,11 +14,11 @@ from typing import cast
 import cv2
 import numpy as np
 
-from mbot_protocol.camera_model import CameraModel
+from mbot_protocol.drive.camera_model import CameraModel
+from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.picture import Picture
-from mbot_protocol.policy_contract import FULL_VIEW, OBSERVATION_SIDE_PX, FieldOfView
-from mbot_workstation.recordings.recorded_drive import RecordedDrive
+from mbot_protocol.policy.policy_contract import FULL_VIEW, OBSERVATION_SIDE_PX, FieldOfView
+from mbot_workstation.fleet.recorded.recorded_drive import RecordedDrive
 
 LONGEST_PAUSE_S = 1.0
 """Between two beats, such as of two lives of a daemon; a still picture for longer is a fault."""

@@ -4,7 +4,7 @@ import math
 import threading
 from collections import deque
 
-from mbot_workstation.simulation.simulation import SceneState
+from mbot_workstation.sim.simulation import SceneState
 
 KEPT_S = 0.2
 """Longer than any exposure."""

@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
 
-from mbot_protocol.picture import Picture
-from mbot_workstation.simulation.fetch_rules import FetchRules
-from mbot_workstation.simulation.robot_parameters import RobotParameters
-from mbot_workstation.simulation.scene_parameters import SceneParameters
-from mbot_workstation.simulation.simulation import SceneState, Simulation
+from mbot_protocol.drive.picture import Picture
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.scene.scene_parameters import SceneParameters
+from mbot_workstation.sim.simulation import SceneState, Simulation
+from mbot_workstation.tasks.fetch.rules import FetchRules
 from mbot_workstation.virtual.camera_stream import CameraSettings, CameraStream
 from mbot_workstation.virtual.emulated.emulated_board import EmulatedBoard
 from mbot_workstation.virtual.live_world import LiveWorld

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.pacer import Pacer
-from mbot_workstation.recordings.track import Array
+from mbot_workstation.sim.track import Array
 from mbot_workstation.virtual.scene_history import SceneHistory
 
 RATE_HZ = 90.0

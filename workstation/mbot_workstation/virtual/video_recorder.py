@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.picture import Picture
 from mbot_workstation.pacer import Pacer
 from mbot_workstation.virtual.overhead_view import OverheadView
 from mbot_workstation.virtual.stand_in import VirtualRobot

@@ -7,7 +7,7 @@ import threading
 from typing import Any
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.simulation.engine import MjData, mujoco
+from mbot_workstation.sim.engine import MjData, mujoco
 from mbot_workstation.virtual.stand_in import VirtualRobot
 
 REFRESH_S = 1 / 30

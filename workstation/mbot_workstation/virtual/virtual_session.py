@@ -9,9 +9,9 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from mbot_protocol import atomic_file
 from mbot_protocol.errors import MbotError
-from mbot_workstation.simulation.fetch_task import FetchResult
+from mbot_protocol.files import atomic_file
+from mbot_workstation.tasks.fetch.run import FetchResult
 from mbot_workstation.virtual.daemon_config import write_daemon_config
 from mbot_workstation.virtual.live_report import LiveReport
 from mbot_workstation.virtual.stand_in import VirtualRobot, VirtualRobotSettings

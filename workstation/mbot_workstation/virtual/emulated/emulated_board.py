@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
+from mbot_protocol.drive.mcore import STOP, Acknowledgement, ReplyParser
 from mbot_protocol.errors import MbotError
-from mbot_protocol.mcore import STOP, Acknowledgement, ReplyParser
 from mbot_workstation.virtual.emulated.board_process import BoardProcess
 from mbot_workstation.virtual.emulated.motor_pins import MotorPins
 from mbot_workstation.virtual.mcore_board import TRACE_STATES, BoardState

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
+from mbot_protocol.drive.mcore import SPEED_LIMIT, Joystick
 from mbot_protocol.errors import MbotError
-from mbot_protocol.mcore import SPEED_LIMIT, Joystick
 
 _M1_DIR, _M1_PWM, _M2_DIR, _M2_PWM = 1 << 7, 1 << 6, 1 << 4, 1 << 5  # all on port D
 _COMPARE_A, _COMPARE_B = 6, 4

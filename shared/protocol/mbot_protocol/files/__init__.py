@@ -1,0 +1,1 @@
+"""Files: replaced whole, read as text or TOML with one clear error."""

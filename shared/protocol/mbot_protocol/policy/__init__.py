@@ -1,0 +1,1 @@
+"""What a policy is: its contract, its file's bytes, its memory."""

@@ -1,0 +1,1 @@
+"""What is signed: models and releases, and whose keys count."""

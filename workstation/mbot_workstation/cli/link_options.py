@@ -1,0 +1,97 @@
+"""The options that every command has that talks to a robot."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mbot_workstation.cli.options import option
+from mbot_workstation.fleet.link.address import ADDRESS_VARIABLE
+from mbot_workstation.fleet.link.security import LinkSecurity, link_security
+
+if TYPE_CHECKING:
+    from mbot_workstation.fleet.link.robot_link import RobotLink
+
+_LINK = "Link to the robot"
+_CA_HELP = "Authority that signed the robot's certificate, for tls/."
+_CERTIFICATE_HELP = "This workstation's certificate, for tls/."
+_KEY_HELP = "The private key of --certificate."
+
+
+def json_option() -> Any:
+    """--json."""
+    return option(False, "Print JSON, for scripts.", "--json")
+
+
+def robots_option() -> Any:
+    """--robot for commands that look at several."""
+    return option(
+        None,
+        "As for the other commands, and several times; all enrolled robots if not given, or this "
+        "machine if there are none.",
+        "--robot",
+        panel=_LINK,
+        metavar="ROBOT",
+        envvar=ADDRESS_VARIABLE,
+    )
+
+
+def _file(help_text: str, name: str, variable: str) -> Any:
+    return option(None, help_text, name, panel=_LINK, metavar="FILE", envvar=variable)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CertificateOptions:
+    """Who this workstation is, where addresses and not enrolled robots are named."""
+
+    ca: Path | None = _file(_CA_HELP, "--ca", "MBOT_CA")
+    certificate: Path | None = _file(_CERTIFICATE_HELP, "--certificate", "MBOT_CERTIFICATE")
+    key: Path | None = _file(_KEY_HELP, "--key", "MBOT_KEY")
+
+    def security(self) -> LinkSecurity | None:
+        """The certificates to show; None without any.
+
+        Raises:
+            ConfigurationError: one is missing or can't be read.
+
+        """
+        return link_security(self.ca, self.certificate, self.key)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkOptions:
+    """Which robot, and how to reach it."""
+
+    robot: str = option(
+        "",
+        "The name of an enrolled robot, or HOST, HOST:PORT, tcp/HOST:PORT, tls/HOST:PORT; this "
+        "machine if not given.",
+        "--robot",
+        panel=_LINK,
+        metavar="ROBOT",
+        envvar=ADDRESS_VARIABLE,
+    )
+    robot_id: str | None = option(
+        None,
+        "Which robot, where several are alive behind one address.",
+        "--id",
+        panel=_LINK,
+        metavar="ROBOT",
+    )
+    ca: Path | None = _file(_CA_HELP, "--ca", "MBOT_CA")
+    certificate: Path | None = _file(_CERTIFICATE_HELP, "--certificate", "MBOT_CERTIFICATE")
+    key: Path | None = _file(_KEY_HELP, "--key", "MBOT_KEY")
+
+    def link(self) -> "RobotLink":
+        """The link that is asked for, to be opened by `with`.
+
+        Raises:
+            ConfigurationError: an address, an identifier or a file is unusable.
+
+        """
+        from mbot_workstation.fleet.enrolment.enrolled_robots import find_destination
+        from mbot_workstation.fleet.link.robot_link import RobotLink
+
+        found = find_destination(
+            self.robot, self.robot_id, link_security(self.ca, self.certificate, self.key)
+        )
+        return RobotLink(str(found.endpoint), found.robot_id, found.security)

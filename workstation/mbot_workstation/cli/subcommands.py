@@ -1,0 +1,143 @@
+"""All subcommands of `workstation`, in the groups in which `--help` shows them."""
+
+from collections.abc import Callable
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+from mbot_workstation.cli.calibrate import app as calibrate
+from mbot_workstation.cli.check_model import check_model_file
+from mbot_workstation.cli.console import console
+from mbot_workstation.cli.demo import demo
+from mbot_workstation.cli.drive import drive, run, stop
+from mbot_workstation.cli.drive_report import film, report
+from mbot_workstation.cli.enroll import enroll
+from mbot_workstation.cli.evaluate import evaluate
+from mbot_workstation.cli.explain import explain
+from mbot_workstation.cli.export import export
+from mbot_workstation.cli.fill_recording import fill_command
+from mbot_workstation.cli.flash import flash
+from mbot_workstation.cli.gap_report import gap_report
+from mbot_workstation.cli.identify import identify
+from mbot_workstation.cli.make_servo_policy import make_servo_policy
+from mbot_workstation.cli.maneuvers import app as maneuvers
+from mbot_workstation.cli.model_keys import app as keys
+from mbot_workstation.cli.models import models, rollback
+from mbot_workstation.cli.panorama import panorama
+from mbot_workstation.cli.print_targets import app as print_targets
+from mbot_workstation.cli.push_model import push_model
+from mbot_workstation.cli.recordings import app as recordings
+from mbot_workstation.cli.replay import replay
+from mbot_workstation.cli.robots import robots
+from mbot_workstation.cli.setup_card import setup_card
+from mbot_workstation.cli.study import study
+from mbot_workstation.cli.telemetry import telemetry
+from mbot_workstation.cli.track_robot import track
+from mbot_workstation.cli.train import train
+from mbot_workstation.cli.training_curve import training_curve
+from mbot_workstation.cli.update import update
+from mbot_workstation.cli.view_drives import view
+from mbot_workstation.cli.virtual_robot import virtual_robot
+
+PANELS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
+    "Try it without hardware": {
+        "demo": demo,
+        "virtual-robot": virtual_robot,
+        "make-servo-policy": make_servo_policy,
+    },
+    "Set a robot up": {
+        "flash": flash,
+        "keys": keys,
+        "enroll": enroll,
+        "setup-card": setup_card,
+        "update": update,
+    },
+    "Give it models": {
+        "check-model": check_model_file,
+        "push-model": push_model,
+        "models": models,
+        "rollback": rollback,
+    },
+    "Drive it": {
+        "robots": robots,
+        "run": run,
+        "stop": stop,
+        "console": console,
+        "telemetry": telemetry,
+        "drive": drive,
+    },
+    "Look at drives": {
+        "recordings": recordings,
+        "view": view,
+        "report": report,
+        "film": film,
+        "replay": replay,
+    },
+    "Measure it": {
+        "print": print_targets,
+        "calibrate": calibrate,
+        "panorama": panorama,
+        "maneuvers": maneuvers,
+        "track": track,
+        "identify": identify,
+        "gap-report": gap_report,
+    },
+    "Train and evaluate policies": {
+        "train": train,
+        "training-curve": training_curve,
+        "evaluate": evaluate,
+        "export": export,
+        "explain": explain,
+        "study": study,
+    },
+}
+"""In the order in which a user meets them."""
+
+_ORDER = [name for panel in PANELS.values() for name in panel]
+
+
+class InOrder(TyperGroup):
+    """Typer would list those that have subcommands of their own last."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """All names, as `--help` shows them."""
+        return sorted(super().list_commands(ctx), key=_ORDER.index)
+
+
+app = typer.Typer(
+    name="workstation",
+    cls=InOrder,
+    help="Simulate, train for, measure, command and watch mbot-agent robots.",
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        print(f"workstation {version('mbot-agent')}")
+        raise typer.Exit
+
+
+@app.callback()
+def workstation(
+    _: bool = typer.Option(
+        False, "--version", help="Print the version and exit.", callback=_version, is_eager=True
+    ),
+) -> None:
+    """Simulate, train for, measure, command and watch mbot-agent robots."""
+
+
+recordings.command("fill")(fill_command)
+for panel, commands in PANELS.items():
+    for name, command in commands.items():
+        if isinstance(command, typer.Typer):
+            app.add_typer(command, name=name, rich_help_panel=panel)
+        else:
+            # Otherwise `drive -0.4 0.4` would look for an option -0.
+            settings = {"ignore_unknown_options": True} if command is drive else None
+            app.command(name, rich_help_panel=panel, context_settings=settings)(command)

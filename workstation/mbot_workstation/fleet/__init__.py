@@ -1,0 +1,1 @@
+"""Robots as they are reached, owned, driven and supplied: nothing here knows a simulation."""

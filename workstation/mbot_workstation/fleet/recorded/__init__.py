@@ -1,0 +1,1 @@
+"""Drives as they were recorded, by a robot or here: fetched, read, completed."""

@@ -1,0 +1,109 @@
+"""Who can be evaluated: any policy file, and three that are built in."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.policy.policy_contract import PolicyMetadata
+from mbot_workstation.learn.drivers.onnx_policy import Actions, OnnxPolicy, Pictures
+from mbot_workstation.learn.drivers.oracle import Oracle, Targets, middle
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.effects.effects import EffectRanges
+
+
+@dataclass(frozen=True, slots=True)
+class Driver:
+    """Somebody who drives a number of robots.
+
+    Attributes:
+        act: from what all robots see, and where their objects are, to their wheels. Only the
+            oracle uses the latter.
+        forget: which robots begin another episode, shape (robots,).
+
+    """
+
+    act: Callable[[Pictures, Targets], Actions]
+    forget: Callable[[NDArray[np.bool_]], None] = lambda _: None
+
+
+SERVO, RANDOM, ORACLE = "servo", "random", "oracle"
+BUILT_IN = (SERVO, RANDOM, ORACLE)
+
+
+def driver(
+    contestant: str,
+    robots: int,
+    seed: int,
+    preset: EffectRanges,
+    robot: RobotParameters | None = None,
+) -> Driver:
+    """A fresh driver for so many robots.
+
+    Args:
+        contestant: "servo", "random", "oracle" or the path of an ONNX policy.
+        robots: how many it drives.
+        seed: of the random one.
+        preset: what the robots are like, for the oracle.
+        robot: what the preset starts from, for the oracle; the nominal one when None.
+
+    Raises:
+        ConfigurationError: there is no such contestant or file.
+        ContractError: the file is not a policy.
+
+    """
+    if contestant == ORACLE:
+        robot = robot or RobotParameters()
+        oracle = Oracle(robots, middle(preset), robot)
+        return Driver(lambda _pictures, targets: oracle.act(targets))
+    if contestant == RANDOM:
+        rng = np.random.default_rng(seed)
+        return Driver(lambda pictures, _targets: _draw(rng, len(pictures)))
+    policy = read_policy(contestant)
+    return Driver(lambda pictures, _targets: policy.act(pictures), policy.forget)
+
+
+def read_policy(contestant: str) -> OnnxPolicy:
+    """The servo, or the policy in a file.
+
+    Raises:
+        ConfigurationError: there is no such file.
+        ContractError: the file is not a policy.
+
+    """
+    return _servo() if contestant == SERVO else _load(contestant)
+
+
+def check_contestants(contestants: Sequence[str]) -> None:
+    """Refuse at once what could not drive when its turn comes; raises as `read_policy`."""
+    for contestant in contestants:
+        if contestant not in BUILT_IN:
+            _load(contestant)
+
+
+def title(contestant: str) -> str:
+    """A short name for tables."""
+    return contestant if contestant in BUILT_IN else Path(contestant).stem
+
+
+def _load(contestant: str) -> OnnxPolicy:
+    path = Path(contestant)
+    if not path.exists():
+        raise ConfigurationError(
+            f"no policy {contestant!r}: expected an ONNX file, or one of {', '.join(BUILT_IN)}"
+        )
+    return OnnxPolicy.load(path)
+
+
+def _servo() -> OnnxPolicy:
+    """The colour servo, as `workstation make-servo-policy` writes it."""
+    from mbot_workstation.fleet.models.servo_policy import ServoGains, servo_model
+
+    return OnnxPolicy(servo_model(ServoGains(), PolicyMetadata(SERVO)).SerializeToString())
+
+
+def _draw(rng: np.random.Generator, robots: int) -> Actions:
+    return rng.uniform(-1, 1, (robots, 2)).astype(np.float32)

@@ -1,0 +1,130 @@
+"""Scores of several contestants side by side: a table for people, JSON for scripts, a picture."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+from rich.table import Table
+
+from mbot_workstation.learn.evaluation.episodes import Estimate, Score
+from mbot_workstation.pictures.picture_file import save_figure
+
+PAPER_REWARD, PAPER_DECISIONS = 19.8, 20.0
+"""The paper's plateau in lesson 10: mean reward, decisions an object."""
+
+COLOURS = ("#3b6ea5", "#d9772b", "#5a9a5a", "#8a6bb1", "#777777", "#b05a6a")
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One contestant under one preset."""
+
+    contestant: str
+    preset: str
+    score: Score
+
+
+def fields(line: Line, lines: Sequence[Line]) -> dict[str, object]:
+    """A line as a JSON object."""
+    share = share_of_oracle(line, lines)
+    return {
+        "contestant": line.contestant,
+        "preset": line.preset,
+        **asdict(line.score),
+        "share_of_oracle": None if share is None else round(share, 4),
+    }
+
+
+def share_of_oracle(line: Line, lines: Sequence[Line]) -> float | None:
+    """The mean reward by the oracle's under the same preset, if it took part."""
+    for other in lines:
+        if other.contestant == "oracle" and other.preset == line.preset:
+            return line.score.reward.mean / other.score.reward.mean
+    return None
+
+
+def table(lines: Sequence[Line], title: str) -> Table:
+    """All lines, within 80 columns; intervals of the others are in `fields`."""
+    has_oracle = any(share_of_oracle(line, lines) is not None for line in lines)
+    grid = Table(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0))
+    grid.add_column("preset", no_wrap=True)
+    grid.add_column("contestant", overflow="fold")
+    for name in ("reward, 95 %", "touches", "all\ntouched", "decisions\nan object"):
+        grid.add_column(name, justify="right", no_wrap=True)
+    if has_oracle:
+        grid.add_column("of the\noracle", justify="right", no_wrap=True)
+    for line in lines:
+        one, share = line.score, share_of_oracle(line, lines)
+        decisions = one.decisions_per_object
+        cells = (
+            line.preset,
+            line.contestant,
+            _words(one.reward),
+            f"{one.touches.mean:.2f}",
+            f"{100 * one.success.mean:.0f} %",
+            "none" if decisions is None else f"{decisions.mean:.1f}",
+            "" if share is None else f"{100 * share:.1f} %",
+        )
+        grid.add_row(*cells[: 7 if has_oracle else 6])
+    return grid
+
+
+def _words(estimate: Estimate) -> str:
+    mean, low, high = (f"{value:.2f}" for value in (estimate.mean, estimate.low, estimate.high))
+    return f"{mean} ({low}-{high})" if estimate.low >= 0 else f"{mean} ({low} to {high})"
+
+
+def draw(lines: Sequence[Line], path: Path, *, ten_objects: bool) -> None:
+    """Bars of reward and of decisions an object, by preset.
+
+    Args:
+        lines: at least one.
+        path: a file matplotlib can write, such as a PNG.
+        ten_objects: whether the paper's figures compare.
+
+    Raises:
+        ConfigurationError: it can't be written.
+
+    """
+    presets = list(dict.fromkeys(line.preset for line in lines))
+    contestants = list(dict.fromkeys(line.contestant for line in lines))
+    figure = Figure(figsize=(max(6.0, 2.5 + 1.3 * len(presets)), 6), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    _bars(upper, lines, presets, contestants, lambda score: score.reward)
+    _bars(lower, lines, presets, contestants, lambda score: score.decisions_per_object)
+    upper.set_ylabel("mean reward")
+    lower.set_ylabel("decisions an object")
+    lower.set_xticks(range(len(presets)), presets)
+    for axes, paper in ((upper, PAPER_REWARD), (lower, PAPER_DECISIONS)):
+        axes.spines[["top", "right"]].set_visible(False)
+        if ten_objects:
+            axes.axhline(paper, color="#666666", linestyle="--", linewidth=1, label="paper")
+    figure.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=6)
+    save_figure(figure, path)
+
+
+def _bars(
+    axes: Any, lines: Sequence[Line], presets: list[str], contestants: list[str], pick: Any
+) -> None:
+    width = 0.8 / len(contestants)
+    for number, contestant in enumerate(contestants):
+        shown = [
+            (presets.index(line.preset), pick(line.score))
+            for line in lines
+            if line.contestant == contestant and pick(line.score) is not None
+        ]
+        means = [estimate.mean for _, estimate in shown]
+        below = [max(0.0, estimate.mean - estimate.low) for _, estimate in shown]
+        above = [max(0.0, estimate.high - estimate.mean) for _, estimate in shown]
+        axes.bar(
+            [place - 0.4 + width * (number + 0.5) for place, _ in shown],
+            means,
+            width * 0.92,
+            yerr=[below, above],
+            capsize=2,
+            label=contestant,
+            color=COLOURS[number % len(COLOURS)],
+            error_kw={"linewidth": 1},
+        )

@@ -1,0 +1,89 @@
+"""Whether a policy does better on uneven motors that the daemon trims, or on what they are."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+
+from mbot_workstation.learn.drivers.contestants import title
+from mbot_workstation.learn.evaluation.episodes import Estimate, Trial, evaluate, score
+from mbot_workstation.learn.worlds.lessons import LESSONS
+from mbot_workstation.learn.worlds.rooms import evaluation_rooms
+from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
+from mbot_workstation.sim.calibrated.motion_calibration import MotionCalibration
+
+EPISODES = 32
+"""Each way, the same rooms and objects for both."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrimTrial:
+    """What a policy got, simulated, on the last lesson of the paper.
+
+    Attributes:
+        policy: its name.
+        episodes: each way.
+        trimmed, alone: mean reward with the trim that drives straight, and without.
+
+    """
+
+    policy: str
+    episodes: int
+    trimmed: Estimate
+    alone: Estimate
+
+    @property
+    def is_better_trimmed(self) -> bool:
+        """What drives straight also drives slower, so that a tie goes to the policy's own way."""
+        return self.trimmed.mean > self.alone.mean
+
+    def line(self) -> str:
+        """For people."""
+        ways = (("trimmed", self.trimmed), ("left alone", self.alone))
+        told = ", ".join(f"{way} {x.mean:.2f} ({x.low:.2f} to {x.high:.2f})" for way, x in ways)
+        chosen = "trimmed" if self.is_better_trimmed else "left alone"
+        return (
+            f"{self.policy} on this robot, simulated, {self.episodes} episodes each (21 is all): "
+            f"{told}; {chosen} is written"
+        )
+
+    def fields(self) -> dict[str, Any]:
+        """As JSON takes it."""
+        return msgspec.to_builtins(self) | {
+            "chosen": "trimmed" if self.is_better_trimmed else "alone"
+        }
+
+
+def try_trim(
+    policy: str,
+    files: CalibrationFiles,
+    trimmed: MotionCalibration,
+    alone: MotionCalibration,
+    episodes: int = EPISODES,
+) -> TrimTrial:
+    """Drive the identified robot both ways.
+
+    Args:
+        policy: a file, or another contestant of `workstation evaluate`.
+        files: what is known of the robot besides.
+        trimmed, alone: its motion, with both sets of motor maps.
+        episodes: each way.
+
+    Raises:
+        MbotError: the policy is none.
+
+    """
+    rooms = evaluation_rooms(())
+    rewards: list[Estimate] = []
+    for motion in (trimmed, alone):
+        known = msgspec.structs.replace(files, motion=motion)
+        trial = Trial(
+            LESSONS[-1],
+            known.ranges("nominal"),
+            rooms,
+            episodes,
+            robot=known.robot,
+            scene=known.scene,
+        )
+        rewards.append(score(evaluate(policy, trial)).reward)
+    return TrimTrial(title(policy), episodes, *rewards)

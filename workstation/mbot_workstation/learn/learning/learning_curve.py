@@ -1,0 +1,88 @@
+"""The paper's Fig. 4 of runs: reward, episode length and lesson over the decisions."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.learn.learning.progress_log import ProgressRow
+from mbot_workstation.learn.worlds.lessons import LESSONS
+from mbot_workstation.pictures.picture_file import save_figure
+
+PAPER_REWARD, PAPER_LENGTH = 19.8, 200.0
+"""The paper's plateau in its last lesson."""
+
+
+_COLOURS, _PAPER = ("#3b6ea5", "#c8553d", "#588157", "#8e6c8a", "#c99a2e"), "#999999"
+
+
+def draw_curves(runs: Mapping[str, Sequence[ProgressRow]], path: Path) -> None:
+    """Write the picture.
+
+    Args:
+        runs: by name, rows of progress.csv, at least one each.
+        path: a file matplotlib can write, such as a PNG.
+
+    Raises:
+        ConfigurationError: there are no rows yet, or the file can't be written.
+
+    """
+    for name, rows in runs.items():
+        if not rows:
+            raise ConfigurationError(f"{name} has no row in progress.csv yet; train it longer")
+    figure = Figure(figsize=(8, 6.5), layout="constrained")
+    axes: Any = figure.subplots(3, 1, sharex=True, gridspec_kw={"height_ratios": [3, 3, 1.6]})
+    lessons = list(dict.fromkeys(row.lesson for rows in runs.values() for row in rows))
+    titles = [f"{name}: {rows[-1].wall_s / 60:.0f} minutes" for name, rows in runs.items()]
+    for title, rows, colour in zip(titles, runs.values(), itertools.cycle(_COLOURS), strict=False):
+        steps = [row.step / 1e6 for row in rows]
+        look: dict[str, Any] = {"color": colour, "marker": "o", "markersize": 3, "label": title}
+        axes[0].plot(steps, [row.mean_reward for row in rows], **look)
+        axes[1].plot(steps, [row.mean_length for row in rows], **look)
+        at = [lessons.index(row.lesson) for row in rows]
+        axes[2].step(steps, at, where="post", color=colour)
+    _mark(axes[0], "mean reward of an episode", PAPER_REWARD)
+    _mark(axes[1], "episode, decisions", PAPER_LENGTH)
+    axes[2].set_yticks(range(len(lessons)), lessons, fontsize=8 if len(lessons) > 5 else 10)
+    axes[2].set_ylabel("lesson")
+    axes[2].set_xlabel("decisions (millions)")
+    for panel in axes:
+        panel.grid(alpha=0.3)
+        panel.spines[["top", "right"]].set_visible(False)
+    lowest = min(row.mean_reward for rows in runs.values() for row in rows)
+    axes[0].set_ylim(bottom=min(0.0, lowest) - 0.5)
+    axes[1].set_ylim(bottom=0)
+    axes[2].set_xlim(left=0)
+    if note := mark_note(next(iter(runs.values()))[-1].lesson):
+        axes[0].set_title(note, fontsize=9)
+    if len(runs) > 1:
+        axes[0].legend(loc="lower right", bbox_to_anchor=(1, 0.1), fontsize=8)
+    else:
+        figure.suptitle(titles[0])
+    save_figure(figure, path)
+
+
+def mark_note(lesson: str) -> str:
+    """What to know of the paper's plateau beside a run that ends in this lesson; mostly nothing."""
+    if lesson in {one.name for one in LESSONS}:
+        return ""
+    return (
+        f"the last lesson, {lesson}, is harder than the paper's, whose plateau does not apply to it"
+    )
+
+
+def _mark(axes: Any, label: str, paper: float) -> None:
+    axes.axhline(paper, color=_PAPER, linestyle="--", linewidth=1)
+    axes.annotate(
+        f"paper's plateau {paper:g}",
+        (1, paper),
+        xycoords=("axes fraction", "data"),
+        ha="right",
+        va="bottom",
+        fontsize=8,
+        color="#666666",
+    )
+    axes.set_ylabel(label)

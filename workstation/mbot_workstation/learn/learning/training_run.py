@@ -1,0 +1,146 @@
+"""A training run, from nothing or from its last checkpoint, to its end."""
+
+import json
+import threading
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import torch
+from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
+
+from mbot_workstation.learn.drivers.guide import Guide
+from mbot_workstation.learn.learning.checkpoint import read_state, restore_learner
+from mbot_workstation.learn.learning.collection import Collection
+from mbot_workstation.learn.learning.git_state import git_state
+from mbot_workstation.learn.learning.guidance import GUIDE_REMEMBERS
+from mbot_workstation.learn.learning.learner import make_learner
+from mbot_workstation.learn.learning.processor import keep_freed_memory, prepare_gpu
+from mbot_workstation.learn.learning.progress_display import Display
+from mbot_workstation.learn.learning.run_directory import RunDirectory, write_json
+from mbot_workstation.learn.learning.training_callback import TrainingCallback
+from mbot_workstation.learn.learning.training_config import TrainingConfig
+from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.learn.worlds.rooms import training_rooms
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingResult:
+    """How a run ended; JSON as it is.
+
+    Attributes:
+        run: its folder.
+        reason: "steps", "target" or "interrupted".
+        step: decisions made.
+        wall_s: training time, over all resumptions.
+        lesson: reached.
+        mean_reward: of the latest 100 episodes, as the display shows it; None before the first.
+
+    """
+
+    run: str
+    reason: str
+    step: int
+    wall_s: float
+    lesson: str
+    mean_reward: float | None
+
+
+def begin_run(path: Path, config: TrainingConfig) -> RunDirectory:
+    """Make a new run's folder, with all that is known before it starts.
+
+    Raises:
+        ConfigurationError: the folder exists, or can't be made.
+
+    """
+    run = RunDirectory.create(path)
+    try:
+        write_json(run.config_file, config.resolved())
+        write_json(run.git_file, [])
+    except BaseException:
+        run.forget_unless_begun()
+        raise
+    return run
+
+
+def train(
+    run: RunDirectory, config: TrainingConfig, display: Display, stop: threading.Event
+) -> TrainingResult:
+    """Train until the steps are made, the target is reached or someone says stop.
+
+    A run goes on from its last checkpoint, if there is one. Weights, optimiser, lessons and the
+    learner's random numbers go on from there. The robots start new episodes, from a seed made of
+    the run's and the step: what 16 simulations are in the middle of is not kept.
+
+    Args:
+        run: its folder.
+        config: its configuration; steps and target may have changed since it began.
+        display: shows it; entered already.
+        stop: set it to end at the next decision, with a checkpoint.
+
+    """
+    keep_freed_memory()
+    prepare_gpu()
+    torch.set_num_threads(1)  # PicturePPO has threads of its own, the robots have processes
+    checkpoints = run.checkpoints()
+    start = read_state(checkpoints[-1]) if checkpoints else None
+    step = start.step if start else 0
+    _note_code(run, step)
+    environment = environment_of(config, start.curriculum.index if start else 0, step)
+    writer = TensorBoardOutputFormat(str(run.tensorboard))
+    try:
+        learner = make_learner(environment, config.learner, config.seed, config.device)
+        learner.collection = Collection(environment, guides_of(config), config.seed + step)
+        if start:
+            restore_learner(checkpoints[-1], learner, with_optimizer=True)
+            start.random.restore()
+            learner.num_timesteps = step
+        elif config.parent:
+            restore_learner(
+                Path(config.parent), learner, with_optimizer=False, turn_deg=config.hue_turn_deg
+            )
+        learner.set_logger(Logger(str(run.tensorboard), [writer]))
+        callback = TrainingCallback(run, config, environment, display, stop, start)
+        if step < config.steps:
+            learner.learn(config.steps - step, callback=callback, reset_num_timesteps=not start)
+            callback.save()
+        return TrainingResult(
+            run=str(run.path),
+            reason=callback.reason,
+            step=learner.num_timesteps,
+            wall_s=round(callback.wall_s, 1),
+            lesson=callback.lesson,
+            mean_reward=callback.mean_reward,
+        )
+    finally:
+        writer.close()
+        environment.close()
+
+
+def environment_of(config: TrainingConfig, stage: int = 0, step: int = 0) -> FetchVecEnv:
+    """Where a run learns from this lesson and this decision on."""
+    rooms = training_rooms(config.photographs, config.made_up_rooms, config.scene.objects)
+    return FetchVecEnv(
+        robots=config.robots,
+        seed=config.seed * config.robots + step,  # robots count up from it
+        preset=config.ranges(),
+        lesson=config.stages()[stage],
+        rooms=rooms,
+        workers=config.workers,
+        robot=config.robot,
+        scene=config.scene,
+    )
+
+
+def guides_of(config: TrainingConfig) -> Callable[[int], Guide] | None:
+    """Makes a run's guide for so many robots; None without one."""
+    if config.learner.guided_decisions <= 0:
+        return None
+    remembers = GUIDE_REMEMBERS if config.learner.memory_units else 0
+    return lambda robots: Guide(robots, config.ranges(), config.robot, remembers)
+
+
+def _note_code(run: RunDirectory, step: int) -> None:
+    """Add to git.json which code trains from this step on."""
+    sessions = json.loads(run.git_file.read_text())
+    write_json(run.git_file, [*sessions, {"from_step": step, **asdict(git_state())}])

@@ -1,0 +1,82 @@
+"""The robot's path from above, drawn from a trajectory file."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from mbot_protocol.drive.picture import Picture
+
+BACKGROUND, GRID, BORDER = (250, 250, 248), (228, 228, 224), (120, 120, 120)
+PATH, START, TOUCHED, OPEN = (30, 90, 200), (20, 130, 60), (200, 30, 35), (235, 170, 170)
+
+BORDER_M = 2.9
+MARGIN_M = 0.2
+CUBE_M = 0.10
+JUMP_M = 0.3
+"""A longer step between two points is the robot being put back: no line is drawn."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """A trajectory file: path and objects in metres.
+
+    Attributes:
+        path: shape (n, 2).
+        objects: where the objects lay, in order, each with whether it was touched.
+
+    """
+
+    path: np.ndarray
+    objects: list[tuple[float, float, bool]]
+
+
+def read_trajectory(path: Path) -> Trajectory:
+    """Read what `workstation virtual-robot --trajectory` wrote."""
+    points: list[tuple[float, float]] = []
+    objects: list[tuple[float, float, bool]] = []
+    current: tuple[float, float] | None = None
+    for line in path.read_text().splitlines():
+        entry = json.loads(line)
+        if "event" in entry:
+            if current is not None:
+                objects.append((*current, entry["event"] == "touch"))
+                current = None
+            continue
+        points.append((entry["x"], entry["y"]))
+        current = (entry["object"][0], entry["object"][1])
+    if current is not None:
+        objects.append((*current, False))
+    return Trajectory(np.array(points).reshape(-1, 2), objects)
+
+
+def draw_path(trajectory: Trajectory, side_px: int) -> Picture:
+    """Draw it: +x to the right, +y up, a line every metre. Shape (side_px, side_px, 3), RGB."""
+    half_m = BORDER_M + MARGIN_M
+    scale = side_px / (2 * half_m)
+
+    def pixel(x_m: float, y_m: float) -> tuple[int, int]:
+        return round((half_m + x_m) * scale), round((half_m - y_m) * scale)
+
+    picture = np.full((side_px, side_px, 3), BACKGROUND, np.uint8)
+    for metre in range(-2, 3):
+        cv2.line(picture, pixel(metre, -BORDER_M), pixel(metre, BORDER_M), GRID, 1)
+        cv2.line(picture, pixel(-BORDER_M, metre), pixel(BORDER_M, metre), GRID, 1)
+    cv2.rectangle(picture, pixel(-BORDER_M, BORDER_M), pixel(BORDER_M, -BORDER_M), BORDER, 2)
+    for before, after in zip(trajectory.path, trajectory.path[1:], strict=False):
+        if np.hypot(*(after - before)) < JUMP_M:
+            cv2.line(picture, pixel(*before), pixel(*after), PATH, 2, cv2.LINE_AA)
+    edge_px = max(4, round(CUBE_M * scale))
+    for number, (x_m, y_m, touched) in enumerate(trajectory.objects, 1):
+        column, row = pixel(x_m, y_m)
+        corner = (column - edge_px // 2, row - edge_px // 2)
+        opposite = (column + edge_px // 2, row + edge_px // 2)
+        cv2.rectangle(picture, corner, opposite, TOUCHED if touched else OPEN, -1)
+        label = (column + edge_px, row - edge_px // 2)
+        cv2.putText(
+            picture, str(number), label, cv2.FONT_HERSHEY_SIMPLEX, 0.45, BORDER, 1, cv2.LINE_AA
+        )
+    cv2.circle(picture, pixel(0, 0), 5, START, -1, cv2.LINE_AA)
+    return picture

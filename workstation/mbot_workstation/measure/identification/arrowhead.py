@@ -1,0 +1,79 @@
+"""What each run has to itself and what its maneuver's runs share, solved for inside a larger fit.
+
+In the columns of a maneuver each run's own stand in a block below one another, and the shared ones
+reach over all of them: an arrowhead matrix. Its basis is found block by block, and the shared
+columns' last.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from mbot_workstation.sim.track import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Block:
+    """One run's rows: a basis of its own columns, what makes it of them (an upper triangle), and
+    how much of it stands in each shared column."""
+
+    rows: slice
+    basis: Array
+    triangle: Array
+    shared: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Arrowhead:
+    """The columns of one maneuver, as an orthonormal basis."""
+
+    blocks: tuple[_Block, ...]
+    basis: Array
+    triangle: Array
+
+    @classmethod
+    def of(cls, runs: Sequence[tuple[Array, Array]], prior: Array) -> Self:
+        """Eliminate the runs' own columns from the shared ones.
+
+        Args:
+            runs: of each its own columns and the shared ones', shapes (n, own) and (n, shared).
+            prior: rows of the shared columns below all runs, shape (k, shared).
+
+        """
+        blocks: list[_Block] = []
+        left: list[Array] = []
+        row = 0
+        for own, shared in runs:
+            basis, triangle = np.linalg.qr(own)
+            inside = basis.T @ shared
+            blocks.append(_Block(slice(row, row + len(own)), basis, triangle, inside))
+            left.append(shared - basis @ inside)
+            row += len(own)
+        return cls(tuple(blocks), *np.linalg.qr(np.concatenate([*left, prior])))
+
+    def without(self, rows: Array) -> Array:
+        """What no such column can explain. Shape (rows,) or (rows, n), as is what comes back."""
+        left = rows.copy()
+        for block in self.blocks:
+            left[block.rows] -= block.basis @ (block.basis.T @ rows[block.rows])
+        return left - self.basis @ (self.basis.T @ left)
+
+    def solve(self, rows: Array) -> tuple[Array, Array]:
+        """How much of each column is in some rows: the shared ones', and each run's own.
+
+        Args:
+            rows: shape (rows,).
+
+        Returns:
+            Shapes (shared,) and (runs, own).
+
+        """
+        shared = solve_triangular(self.triangle, self.basis.T @ rows)
+        own = [
+            solve_triangular(one.triangle, one.basis.T @ rows[one.rows] - one.shared @ shared)
+            for one in self.blocks
+        ]
+        return np.asarray(shared, np.float64), np.asarray(own, np.float64)

@@ -1,0 +1,179 @@
+"""From recordings to runs that can be fitted: clocks guessed, unusable runs found and named."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mbot_protocol.drive.actions import WheelMaps
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.measure.identification.floor import flatten
+from mbot_workstation.measure.identification.increments import Observed, observe
+from mbot_workstation.measure.identification.initial import Kinematics, clocks, gain_of, kinematics
+from mbot_workstation.measure.identification.model import plans_of
+from mbot_workstation.measure.identification.prediction import SETTING, Noise
+from mbot_workstation.measure.identification.solver import Problem
+from mbot_workstation.measure.tracks.run import Recording
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.track import Array
+
+LEAST_COVERED = 0.85
+"""Of a run's driving that its track must cover."""
+
+SAME_CLOCK_S = 0.5
+"""Clocks said to be one may differ by what the wheels and the tracker take, not by more."""
+
+PLACE_WALK, HEADING_WALK = 0.002, 0.01
+"""What a robot does by chance, per root of a second [m, rad]: until the runs have told."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Data:
+    """Runs of all recordings.
+
+    Attributes:
+        runs: those that can be used.
+        robot: as far as it is known.
+        guessed: parameters by plain kinematics.
+        settings: first guess of each recording's, shape (recordings, 6).
+        free: which of them may move, same shape.
+        wheel_maps: of each recording.
+        left_out: by the run's name, why.
+
+    """
+
+    runs: tuple[Observed, ...]
+    robot: RobotParameters
+    guessed: Mapping[str, float]
+    settings: Array
+    free: Array
+    wheel_maps: tuple[WheelMaps, ...]
+    left_out: dict[str, str]
+
+    def problem(self, chosen: Sequence[int], names: Sequence[str]) -> Problem:
+        """The fit of some runs for some parameters."""
+        runs = tuple(self.runs[index] for index in chosen)
+        plans, which = plans_of(
+            [(run.flat.run.commands, self.wheel_maps[run.flat.recording]) for run in runs]
+        )
+        return Problem(
+            runs, tuple(plans), tuple(which), self.robot, self.settings, self.free, tuple(names)
+        )
+
+    def noise(self) -> list[Noise]:
+        """Of each recording, as far as its tracks show it by themselves."""
+        result: list[Noise] = []
+        for recording in range(len(self.settings)):
+            mine = [run.flat for run in self.runs if run.flat.recording == recording]
+            place_m = float(np.median([flat.place_noise_m for flat in mine])) if mine else 0.004
+            heading = float(np.median([f.heading_noise_rad for f in mine])) if mine else 0.005
+            result.append(Noise(max(place_m, 1e-4), max(heading, 1e-4), PLACE_WALK, HEADING_WALK))
+        return result
+
+    def without(self, stray: Mapping[int, str]) -> "Data":
+        """The same without these runs, by index, and why."""
+        kept = tuple(run for index, run in enumerate(self.runs) if index not in stray)
+        why = {self.named(self.runs[index]): text for index, text in stray.items()}
+        return replace(self, runs=kept, left_out=self.left_out | why)
+
+    def named(self, run: Observed) -> str:
+        """How messages call a run."""
+        return _named(run.flat.name, run.flat.recording, len(self.settings))
+
+
+def prepare(
+    recordings: Sequence[Recording], robot: RobotParameters, *, same_clock: bool = False
+) -> Data:
+    """Look at all recordings of one robot.
+
+    Args:
+        recordings: at least one.
+        robot: as far as it is known.
+        same_clock: the trackers' times are the robot's clock.
+
+    Raises:
+        ConfigurationError: nothing can be fitted, and why.
+
+    """
+    runs: list[Observed] = []
+    guesses: list[Kinematics] = []
+    left_out: dict[str, str] = {}
+    settings = np.zeros((len(recordings), len(SETTING)))
+    free = np.ones((len(recordings), len(SETTING)))
+    for index, recording in enumerate(recordings):
+        if same_clock:
+            _check_same_clock(recording)
+        usable, unusable = _observed(recording, index)
+        guess = kinematics(usable, robot, recording.wheel_maps)
+        for number in guess.stray:
+            unusable[usable[number].flat.name] = guess.stray[number]
+        runs += [run for number, run in enumerate(usable) if number not in guess.stray]
+        guesses.append(guess)
+        left_out |= {_named(n, index, len(recordings)): why for n, why in unusable.items()}
+        tracker = guess.tracker
+        settings[index, 2:5] = tracker.real, tracker.imag, guess.tracker_yaw_rad
+        own_clock = recording.tracker_ahead_s is None
+        free[index, 0], free[index, 1] = not own_clock, not own_clock and not same_clock
+    if not runs:
+        name, why = next(iter(left_out.items()))
+        raise ConfigurationError(f"none of the {len(left_out)} runs can be used; {name}: {why}")
+    maps = tuple(recording.wheel_maps for recording in recordings)
+    return Data(tuple(runs), robot, _guessed(guesses, robot), settings, free, maps, left_out)
+
+
+def _observed(recording: Recording, index: int) -> tuple[list[Observed], dict[str, str]]:
+    flat = flatten(recording, index)
+    own_clock = recording.tracker_ahead_s is None
+    begins_s = np.array([run.run.commands.start_s for run in flat])
+    names = np.array([run.run.maneuver for run in flat])
+    ahead_s, stray = clocks(flat, recording.tracker_ahead_s)
+    usable: list[Observed] = []
+    unusable: dict[str, str] = {}
+    for number, run in enumerate(flat):
+        mine = begins_s[names == run.run.maneuver]
+        middles_s = float(begins_s.mean()), float(mine.mean())
+        seen = observe(run, float(ahead_s[number]), middles_s, own_clock=own_clock)
+        why = stray.get(number) or _cut_short(seen)
+        if why is None:
+            usable.append(seen)
+        else:
+            unusable[run.name] = why
+    if not usable:
+        name, why = next(iter(unusable.items()))
+        raise ConfigurationError(f"none of the {len(flat)} runs can be used; {name}: {why}")
+    return usable, unusable
+
+
+def _cut_short(run: Observed) -> str | None:
+    share = run.covered_s / run.drive_s
+    if share >= LEAST_COVERED and run.seen.shape[1] > 1:
+        return None
+    return f"its track covers {max(share, 0):.0%} of the {run.drive_s:.1f} s that it drove"
+
+
+def _check_same_clock(recording: Recording) -> None:
+    ahead_s = recording.tracker_ahead_s
+    if ahead_s is None or abs(ahead_s) > SAME_CLOCK_S:
+        found = "unknown" if ahead_s is None else f"{ahead_s:.1f} s"
+        raise ConfigurationError(
+            f"--same-clock: the tracker's clock is ahead of the robot's by {found}, expected less "
+            f"than {SAME_CLOCK_S} s; leave the option away"
+        )
+
+
+def _guessed(guesses: Sequence[Kinematics], robot: RobotParameters) -> dict[str, float]:
+    """The mean of what the recordings say."""
+    result: dict[str, float] = {}
+    for side in ("left", "right"):
+        speeds = [getattr(guess, f"{side}_m_s") for guess in guesses]
+        known = [speed for speed in speeds if speed is not None]
+        if known:
+            result[f"{side}_gain"] = gain_of(float(np.mean(known)), robot)
+    tracks = [guess.track_m for guess in guesses if guess.track_m is not None]
+    if tracks:
+        result["track_m"] = float(np.mean(tracks))
+    return result
+
+
+def _named(name: str, recording: int, recordings: int) -> str:
+    return name if recordings == 1 else f"recording {recording + 1}, {name}"

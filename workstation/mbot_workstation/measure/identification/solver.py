@@ -1,0 +1,368 @@
+"""One least-squares problem: parameters and recordings' settings, all that runs have to themselves
+solved for inside.
+
+A run's own deviations, and what the model gets wrong in all runs of a maneuver, enter the
+increments linearly and only there; projecting them out leaves a problem in some twenty unknowns,
+whatever the number of runs (variable projection: Golub and Pereyra 1973; Kaufman's Jacobian).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from mbot_workstation.measure.identification.arrowhead import Arrowhead
+from mbot_workstation.measure.identification.increments import Observed, maneuvers
+from mbot_workstation.measure.identification.model import Plan, drive_plans
+from mbot_workstation.measure.identification.prediction import (
+    MISFIT,
+    OWN,
+    SETTING,
+    SETTING_SPREAD,
+    Noise,
+    Whitener,
+    predicted,
+    slopes,
+)
+from mbot_workstation.sim.body.parameter_table import BY_NAME, usual, value, with_values
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.track import Array
+
+Indices: TypeAlias = NDArray[np.intp]
+
+STEP = 0.05
+"""Of a parameter's spread, for differences: small against what matters, large against what the
+soft contacts of the simulation do by themselves."""
+
+OWN_CLOCK_S = 0.1
+"""How uncertain a run's beginning is when its clock is its own."""
+
+SLOW_CLOCK_S = 0.5
+"""Likewise of a slow run, which moves from a command on that nobody knows yet."""
+
+STEPS_A_ROUND = 8
+"""Of the solver, before what was linearised is looked at anew."""
+
+
+_NO_MISFIT = np.zeros((len(OWN), len(MISFIT)))
+
+
+@dataclass(frozen=True, slots=True)
+class Scatter:
+    """Standard deviations of what runs and maneuvers have to themselves.
+
+    Attributes:
+        battery: of both wheels' speeds alike, from run to run, as a share.
+        motor: of each wheel's speed by itself, from run to run, as a share.
+        sideways: from run to run, as a share of the faster wheel's speed.
+        moment_s: of a run's beginning, where the clocks are one.
+        misfit: of what the model gets wrong in all runs of a maneuver, as a share of the faster
+            wheel's speed.
+        start: likewise while the robot gets going: no model has quite the curve of a real start.
+
+    """
+
+    battery: float = 0.01
+    motor: float = 0.01
+    sideways: float = 0.01
+    moment_s: float = 0.005
+    misfit: float = 0.005
+    start: float = 0.03
+
+    def of_misfit(self) -> Array:
+        """Of `prediction.MISFIT`. Shape (5,)."""
+        return np.array([*[self.misfit] * 3, *[self.start] * 2])
+
+    def own_root(self, run: Observed) -> Array:
+        """Inverse root of the covariance of a run's own deviations. Shape (4, 4)."""
+        guessed_s = SLOW_CLOCK_S if run.flat.run.is_slow else OWN_CLOCK_S
+        moment_s = guessed_s if run.own_clock else self.moment_s
+        covariance = np.diag([self.motor**2, self.motor**2, self.sideways**2, moment_s**2])
+        covariance[:2, :2] += self.battery**2
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), np.float64)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """What is to be fitted.
+
+    Attributes:
+        runs: at least one.
+        plans: the different ones among them; which: each run's.
+        robot: as far as it is known; what driving can't tell stays.
+        guess: of the recordings' settings, shape (recordings, 6).
+        free: which of them may move, same shape.
+        names: of the parameters to fit.
+
+    """
+
+    runs: tuple[Observed, ...]
+    plans: tuple[Plan, ...]
+    which: tuple[int, ...]
+    robot: RobotParameters
+    guess: Array
+    free: Array
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """What the fit moves.
+
+    Attributes:
+        robot: with the parameters as they are now.
+        settings: shape (recordings, 6).
+        own: of each run, see `prediction.OWN`; shape (runs, 4).
+        misfit: of each maneuver, see `prediction.MISFIT`.
+
+    """
+
+    robot: RobotParameters
+    settings: Array
+    own: Array
+    misfit: dict[str, Array]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """A state at a minimum.
+
+    Attributes:
+        state: the state.
+        cost: half the sum of squares, priors included.
+        covariance: of the parameters, in units of their spread, whatever the settings; shape
+            (names, names).
+        setting_sd: standard deviations of the settings, shape (recordings, 6).
+        residuals: increments that nothing explains, of each run, shape (3, n).
+
+    """
+
+    state: State
+    cost: float
+    covariance: Array
+    setting_sd: Array
+    residuals: tuple[Array, ...]
+
+
+def spreads(problem: Problem, robot: RobotParameters) -> Array:
+    """A robot's parameters, in units of their spread from what is usual. Shape (names,)."""
+    return np.array(
+        [
+            (value(robot, name) - usual(problem.robot, name)) / BY_NAME[name].spread
+            for name in problem.names
+        ]
+    )
+
+
+class _Unknowns:
+    """Parameters in units of their spread from usual, then free settings in theirs from a guess."""
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        self.names = problem.names
+        self._usual = np.array([usual(problem.robot, name) for name in self.names])
+        self._spread = np.array([BY_NAME[name].spread for name in self.names])
+        self._free = np.flatnonzero(problem.free.ravel())
+        limits = [(BY_NAME[name].low, BY_NAME[name].high) for name in self.names]
+        low, high = np.array(limits, np.float64).reshape(len(limits), 2).T
+        unlimited = np.full(self._free.size, np.inf)
+        self.low = np.append((low - self._usual) / self._spread, -unlimited)
+        self.high = np.append((high - self._usual) / self._spread, unlimited)
+
+    def of(self, state: State) -> Array:
+        settings = (state.settings - self._problem.guess) / SETTING_SPREAD
+        return np.append(spreads(self._problem, state.robot), settings.ravel()[self._free])
+
+    def robot(self, unknowns: Array) -> RobotParameters:
+        values = self._usual + self._spread * unknowns[: len(self.names)]
+        pairs = zip(self.names, values.tolist(), strict=True)
+        return with_values(self._problem.robot, dict(pairs))
+
+    def settings(self, unknowns: Array) -> Array:
+        moved = np.zeros(self._problem.guess.size)
+        moved[self._free] = unknowns[len(self.names) :]
+        return self._problem.guess + moved.reshape(-1, len(SETTING)) * SETTING_SPREAD
+
+    def chosen_settings(self, recording: int) -> tuple[Indices, Indices]:
+        """Of a recording's settings those that are free, and where they stand among all."""
+        first = len(SETTING) * recording
+        mine = np.flatnonzero((self._free >= first) & (self._free < first + len(SETTING)))
+        return self._free[mine] - first, len(self.names) + mine
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Group:
+    """The runs of one maneuver, and all that is theirs alone. In its rows each run's increments
+    are followed by the priors of its own, and what the maneuver's share is last."""
+
+    runs: tuple[int, ...]
+    theirs: Arrowhead
+
+
+class Solver:
+    """Solves one problem from some state on, with given scatter and noise."""
+
+    def __init__(self, problem: Problem, scatter: Scatter, noise: Sequence[Noise]) -> None:
+        self.problem, self._scatter = problem, scatter
+        self._unknowns = _Unknowns(problem)
+        self._white = [Whitener(run, noise[run.flat.recording]) for run in problem.runs]
+
+    def solve(self, state: State, rounds: int) -> Solution:
+        """Descend; each round linearises anew what runs have to themselves."""
+        result = None
+        for _ in range(rounds):
+            later = state.own[:, OWN.index("later")]
+            groups = self._groups(state)
+            if not self._unknowns.low.size:
+                state, residuals = self._state(np.zeros(0), groups, later)
+                result = self._solution(state, 0.0, np.zeros((0, 0)), residuals)
+                continue
+            found = least_squares(
+                lambda u, g=groups, later=later: self._rows(u, g, later),
+                np.clip(self._unknowns.of(state), self._unknowns.low, self._unknowns.high),
+                jac=lambda u, g=groups, later=later: self._slopes(u, g, later),  # pyright: ignore
+                bounds=(self._unknowns.low, self._unknowns.high),
+                max_nfev=STEPS_A_ROUND,
+                xtol=1e-4,
+                ftol=1e-5,
+                x_scale=1.0,
+            )
+            state, residuals = self._state(found.x, groups, later)
+            result = self._solution(state, float(found.cost), found.jac, residuals)
+        if result is None:
+            raise ValueError(f"rounds is {rounds}, expected at least 1")
+        return result
+
+    def _groups(self, state: State) -> list[_Group]:
+        (paths,) = drive_plans([state.robot], self.problem.plans)
+        groups: list[_Group] = []
+        for members in maneuvers(self.problem.runs).values():
+            columns: list[tuple[Array, Array]] = []
+            for index in members:
+                run = self.problem.runs[index]
+                found = slopes(
+                    run,
+                    paths[self.problem.which[index]],
+                    state.settings[run.flat.recording],
+                    float(state.own[index, -1]),
+                    state.robot.track_m,
+                )
+                own = self._whiten(index, found.own).T
+                shared = self._whiten(index, found.misfit).T
+                prior = self._scatter.own_root(run)
+                columns.append((np.vstack([own, prior]), np.vstack([shared, _NO_MISFIT])))
+            shared_prior = np.diag(1 / self._scatter.of_misfit())
+            groups.append(_Group(tuple(members), Arrowhead.of(columns, shared_prior)))
+        return groups
+
+    def _whiten(self, index: int, increments: Array) -> Array:
+        """Of shape (..., 3, n) to (..., 3 n)."""
+        white = self._white[index].whiten(increments)
+        return white.reshape(*white.shape[:-2], white.shape[-2] * white.shape[-1])
+
+    def _rows(self, unknowns: Array, groups: Sequence[_Group], later: Array) -> Array:
+        whole = self._aims(unknowns, groups, later)
+        parts = [group.theirs.without(aim) for group, aim in zip(groups, whole, strict=True)]
+        return np.concatenate([unknowns, *parts])
+
+    def _aims(self, unknowns: Array, groups: Sequence[_Group], later: Array) -> list[Array]:
+        """Of each group what is left of its rows before anything is explained."""
+        (paths,) = drive_plans([self._unknowns.robot(unknowns)], self.problem.plans)
+        settings = self._unknowns.settings(unknowns)
+        aims: list[Array] = []
+        for group in groups:
+            parts: list[Array] = []
+            for index in group.runs:
+                run = self.problem.runs[index]
+                path, setting = paths[self.problem.which[index]], settings[run.flat.recording]
+                off = run.seen - predicted(run, path, setting, float(later[index]))
+                now = np.array([0, 0, 0, later[index]])
+                parts += [self._whiten(index, off), -self._scatter.own_root(run) @ now]
+            aims.append(np.concatenate([*parts, np.zeros(len(MISFIT))]))
+        return aims
+
+    def _slopes(self, unknowns: Array, groups: Sequence[_Group], later: Array) -> Array:
+        names, robot = self._unknowns.names, self._unknowns.robot(unknowns)
+        settings = self._unknowns.settings(unknowns)
+        # Away from a limit.
+        signs = [
+            -1.0 if unknowns[i] + STEP > self._unknowns.high[i] else 1.0 for i in range(len(names))
+        ]
+        moved = [
+            self._unknowns.robot(unknowns + sign * STEP * np.eye(unknowns.size)[i])
+            for i, sign in enumerate(signs)
+        ]
+        driven = drive_plans([robot, *moved], self.problem.plans)
+        stacked = [np.stack(paths) for paths in zip(*driven, strict=True)]
+        parts = [np.eye(unknowns.size)]
+        for group in groups:
+            rows: list[Array] = []
+            for index in group.runs:
+                run = self.problem.runs[index]
+                recording = run.flat.recording
+                setting, moment = settings[recording], float(later[index])
+                paths = stacked[self.problem.which[index]]
+                found = predicted(run, paths, setting, moment)
+                by_name = (found[1:] - found[0]) / (STEP * np.array(signs)[:, None, None])
+                by_setting = slopes(run, paths[0], setting, moment, robot.track_m).settings
+                chosen, places = self._unknowns.chosen_settings(recording)
+                mine = np.zeros((unknowns.size, by_name.shape[-2] * by_name.shape[-1]))
+                mine[: len(names)] = self._whiten(index, by_name)
+                scaled = by_setting[chosen] * SETTING_SPREAD[chosen][:, None, None]
+                mine[places] = self._whiten(index, scaled)
+                rows += [-mine.T, np.zeros((len(OWN), unknowns.size))]
+            rows.append(np.zeros((len(MISFIT), unknowns.size)))
+            parts.append(group.theirs.without(np.concatenate(rows)))
+        return np.concatenate(parts)
+
+    def _state(
+        self, unknowns: Array, groups: Sequence[_Group], later: Array
+    ) -> tuple[State, tuple[Array, ...]]:
+        own = np.zeros((len(self.problem.runs), len(OWN)))
+        misfit: dict[str, Array] = {}
+        residuals: list[Array] = [np.zeros(0)] * len(own)
+        aims = self._aims(unknowns, groups, later)
+        for group, aim in zip(groups, aims, strict=True):
+            shared, solved = group.theirs.solve(aim)
+            misfit[self.problem.runs[group.runs[0]].maneuver] = shared
+            left = group.theirs.without(aim)
+            for block, index, mine in zip(group.theirs.blocks, group.runs, solved, strict=True):
+                own[index] = mine + np.array([0, 0, 0, later[index]])
+                of_run = left[block.rows][: -len(OWN)].reshape(3, -1)
+                residuals[index] = self._white[index].undo(of_run)
+        robot, settings = self._unknowns.robot(unknowns), self._unknowns.settings(unknowns)
+        return State(robot, settings, own, misfit), tuple(residuals)
+
+    def _solution(
+        self, state: State, cost: float, jacobian: Array, residuals: tuple[Array, ...]
+    ) -> Solution:
+        covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian), np.float64)
+        count = len(self._unknowns.names)
+        setting_sd = np.zeros(self.problem.guess.size)
+        free = np.flatnonzero(self.problem.free.ravel())
+        setting_sd[free] = np.sqrt(np.diag(covariance)[count:])
+        return Solution(
+            state,
+            cost,
+            covariance[:count, :count],
+            setting_sd.reshape(self.problem.guess.shape) * SETTING_SPREAD,
+            residuals,
+        )
+
+    def judge(self, state: State) -> Solution:
+        """The same state with the covariance that this solver's scatter and noise make of it."""
+        later, groups = state.own[:, OWN.index("later")], self._groups(state)
+        unknowns = self._unknowns.of(state)
+        cost = 0.5 * float((self._rows(unknowns, groups, later) ** 2).sum())
+        jacobian = self._slopes(unknowns, groups, later)
+        _, residuals = self._state(unknowns, groups, later)
+        return self._solution(state, cost, jacobian, residuals)
+
+
+def begun(problem: Problem, robot: RobotParameters) -> State:
+    """The state before anything is fitted."""
+    runs = len(problem.runs)
+    return State(robot, problem.guess.copy(), np.zeros((runs, len(OWN))), {})

@@ -1,0 +1,115 @@
+"""The virtual robot and its daemon, up for as long as maneuvers are driven."""
+
+import json
+import socket
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from mbot_protocol.errors import UnreachableError
+from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.measure.rehearsal.command_line import CommandLine
+from mbot_workstation.virtual.child import Child
+
+ROBOT_ID = "virtual-mbot"
+READY_TIMEOUT_S = 90.0
+
+TRACKER_AHEAD_MM, TRACKER_LEFT_MM = -32.0, 11.0
+"""Where the tracker sits on the robot: nowhere in particular, and nobody tells `identify`."""
+
+CONFIGURATION = """\
+robot_id = "{robot_id}"
+[camera]
+source = "{camera}"
+[board]
+port = "{board}"
+accept_no_deadman = true
+[models]
+directory = "{models}"
+[network]
+listen = ["tcp/{address}"]
+"""
+
+
+@contextmanager
+def robot_pair(line: CommandLine, truth: Path, track: str) -> Iterator[str]:
+    """Start both, uncalibrated daemon and true robot, and end them afterwards.
+
+    Args:
+        line: shows the commands.
+        truth: the calibration folder the robot is made from.
+        track: file in the line's folder for what a tracker on it would write.
+
+    Yields:
+        The daemon's address for `--robot`.
+
+    Raises:
+        MbotError: one of them did not start.
+
+    """
+    folder = line.folder
+    address = f"127.0.0.1:{_free_port()}"
+    with ExitStack() as stack:
+        state = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        ready = folder / "ready.json"
+        options = [
+            *("--free-floor", "--plain", "--frame-rate", "10", "--camera-port", "0"),
+            *("--truth-offset", f"{TRACKER_AHEAD_MM:g}", f"{TRACKER_LEFT_MM:g}"),
+        ]
+        line.show(
+            [
+                *("workstation", "virtual-robot", "--calibration", "TRUTH"),
+                *("--truth-track", track, *options),
+            ],
+            " &",
+        )
+        robot = stack.enter_context(
+            Child(
+                "workstation",
+                [
+                    *("virtual-robot", "--calibration", str(truth), *options),
+                    *("--truth-track", str(folder / track), "--board", str(state / "board")),
+                    *("--ready-file", str(ready)),
+                ],
+                folder / "log" / "virtual-robot.log",
+            )
+        )
+        robot.wait_until(ready.exists, READY_TIMEOUT_S, "the virtual robot did not start")
+        configuration = _write_configuration(folder, state / "models", address, ready)
+        line.show(["mbot-agent", "run", "--config", configuration.name], " &")
+        agent = stack.enter_context(
+            Child(
+                "mbot-agent",
+                ["run", "--config", str(configuration)],
+                folder / "log" / "mbot-agent.log",
+            )
+        )
+        agent.wait_until(lambda: _drives(address), READY_TIMEOUT_S, "the daemon is not ready")
+        yield address
+
+
+def _write_configuration(folder: Path, models: Path, address: str, ready: Path) -> Path:
+    """robot.toml for the daemon of the virtual robot that has written its ready file."""
+    path = folder / "robot.toml"
+    places = json.loads(ready.read_text())
+    path.write_text(
+        CONFIGURATION.format(robot_id=ROBOT_ID, models=models, address=address, **places)
+    )
+    return path
+
+
+def _drives(address: str) -> bool:
+    """Whether the daemon answers and has its board."""
+    try:
+        with RobotLink(address) as link:
+            faults = [fault.kind for fault in link.status().faults]
+    except UnreachableError:
+        return False
+    return not any(kind.startswith(("board", "camera")) for kind in faults)
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]

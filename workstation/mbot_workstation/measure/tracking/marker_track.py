@@ -1,0 +1,105 @@
+"""The whole way from a video or a camera to a track file."""
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from mbot_protocol.drive.camera_model import CameraModel
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.measure.tracking.marker_watch import FindFloor, Watch, frames, watch_marker
+from mbot_workstation.measure.tracking.overhead_track import OverheadTrack, overhead_track
+from mbot_workstation.measure.tracks.track_tum import write_tum
+from mbot_workstation.pictures.video_source import VideoSource
+
+SAVE_EVERY_S = 20.0
+"""A live camera's track is worked out and written this often: so much can be lost."""
+
+
+@dataclass(frozen=True, slots=True)
+class MarkerSettings:
+    """What is known beforehand.
+
+    Attributes:
+        marker_id: on the robot.
+        edge_m: of its black square.
+        height_m: of it above the floor.
+        camera_for: the camera's model for pictures of a width and height.
+        camera_is_known: whether that is calibrated.
+        find_floor: looks for what lies on the floor; None: the marker itself tells.
+
+    """
+
+    marker_id: int
+    edge_m: float
+    height_m: float
+    camera_for: Callable[[int, int], CameraModel]
+    camera_is_known: bool
+    find_floor: FindFloor | None = None
+
+
+def track_marker(
+    source: str,
+    output: Path,
+    settings: MarkerSettings,
+    stop: threading.Event,
+    report: Callable[[Watch], None] = lambda _watch: None,
+) -> OverheadTrack:
+    """Follow the marker until the film ends or `stop`, and write the track.
+
+    Args:
+        source: as `VideoSource` takes it.
+        output: TUM file, written whole or not at all; of a live camera again and again.
+        settings: see there.
+        stop: ends it.
+        report: hears of every picture.
+
+    Raises:
+        UnreachableError: the camera can't be opened or has stopped; what was seen is written.
+        ConfigurationError: the pictures don't show what they should.
+
+    """
+    watch = Watch(0, [])
+    is_live = not Path(source).is_file()
+    saved_s = time.monotonic()
+    with VideoSource(source) as video:
+        looks = watch_marker(
+            frames(video), settings.marker_id, settings.camera_for, settings.find_floor
+        )
+        try:
+            for watch in looks:
+                report(watch)
+                if stop.is_set():
+                    break
+                if is_live and time.monotonic() - saved_s > SAVE_EVERY_S:
+                    # Too little yet, or too little of the floor: the end will tell.
+                    with suppress(ConfigurationError):
+                        write_tum(output, _solve(watch, settings).track)
+                    saved_s = time.monotonic()
+        except Exception:
+            with suppress(ConfigurationError):
+                write_tum(output, _solve(watch, settings).track)
+            raise
+    result = _solve(watch, settings)
+    write_tum(output, result.track)
+    return result
+
+
+def _solve(watch: Watch, settings: MarkerSettings) -> OverheadTrack:
+    if watch.camera is None:
+        raise ConfigurationError("there was no picture")
+    if settings.find_floor is not None and watch.floor is None:
+        raise ConfigurationError(
+            f"what should lie on the floor is in none of the {watch.pictures} pictures; it must be "
+            "whole in view until it has been found, which takes one picture"
+        )
+    return overhead_track(
+        watch.sights,
+        watch.camera,
+        settings.edge_m,
+        settings.height_m,
+        camera_is_known=settings.camera_is_known,
+        floor=watch.floor,
+    )

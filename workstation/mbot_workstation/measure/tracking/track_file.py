@@ -1,0 +1,82 @@
+"""A track that grows: what was written survives whatever ends the program."""
+
+import time
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.measure.tracks.track_tum import HEADER
+from mbot_workstation.sim.track import Array
+
+FLUSH_EVERY_S = 0.5
+
+
+class TrackFile:
+    """Writes a new TUM file pose by pose; a context manager.
+
+    Attributes:
+        poses: written so far.
+
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Create the file.
+
+        Raises:
+            ConfigurationError: it exists already, or can't be written.
+
+        """
+        check_new(path)
+        self.poses = 0
+        self._path = path
+        self._flushed_s = time.monotonic()
+        try:
+            self._file = path.open("x", encoding="utf-8")
+        except OSError as error:
+            raise ConfigurationError(f"can't write {path}: {error.strerror}") from None
+        self._file.write(f"# {HEADER}\n")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+
+    def add(self, time_s: float, position_m: Array, quaternion_wxyz: Array) -> None:
+        """Append a pose: z up, shapes (3,) and (4,).
+
+        Raises:
+            ConfigurationError: the disk is full or gone.
+
+        """
+        numbers = [*position_m, *np.roll(quaternion_wxyz, -1)]
+        text = " ".join(f"{number:.6f}" for number in numbers)
+        try:
+            self._file.write(f"{time_s:.6f} {text}\n")
+            if time.monotonic() - self._flushed_s > FLUSH_EVERY_S:
+                self._file.flush()
+                self._flushed_s = time.monotonic()
+        except OSError as error:
+            raise ConfigurationError(
+                f"can't write {self._path}: {error.strerror}; what was saved can be read"
+            ) from None
+        self.poses += 1
+
+
+def check_new(path: Path) -> None:
+    """Find out before anything is recorded whether this file can be made; makes its folder.
+
+    Raises:
+        ConfigurationError: it exists, has another ending, or its folder can't be made.
+
+    """
+    if path.suffix not in (".tum", ".txt"):
+        raise ConfigurationError(f"{path} ends in {path.suffix!r}, expected .tum: a TUM track")
+    if path.exists():
+        raise ConfigurationError(f"{path} exists already; choose another name")
+    try:
+        path.absolute().parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(f"can't make {path.parent}: {error.strerror}") from None

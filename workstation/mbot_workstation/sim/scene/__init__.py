@@ -1,0 +1,1 @@
+"""What stands around a robot: floor, walls, rooms, objects, and how they look."""

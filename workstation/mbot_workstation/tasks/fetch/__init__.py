@@ -1,0 +1,1 @@
+"""The paper's task: touch the object, again and again."""
