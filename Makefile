@@ -23,7 +23,7 @@ IDLE := $(if $(shell command -v setsid),setsid sh -c '{ echo 19 > /proc/self/aut
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 .DEFAULT_GOAL := help
-.PHONY: help dist deb pins demo calibrate-demo demo-firmware test test-all test-bookworm test-pi test-kernel check protocol firmware benchmark reliability reliability-quick policy-pages mutants mutants-all fuzz lock clean
+.PHONY: help dist deb pins demo calibrate-demo demo-firmware test test-all test-bookworm test-pi test-kernel check size protocol firmware benchmark reliability reliability-quick policy-pages mutants mutants-all fuzz lock clean
 
 help: ## Show this help
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -74,6 +74,9 @@ check: $(VENV)/.all ## Lint, format, types, imports
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 	PYTHONPATH= $(BIN)/lint-imports
+
+size: ## Lines and modules of each room beside its budget; fails beyond one
+	@$(PYTHON) benchmarks/size.py
 
 protocol: $(VENV)/.all ## Generate the messages' Python code from the .proto file
 	$(BIN)/python shared/protocol/generate.py

@@ -29,7 +29,7 @@ from mbot_workstation.look.demo.demo_run import (
     drive,
     run_demo,
 )
-from mbot_workstation.tasks.fetch.run import FetchResult, Happening
+from mbot_workstation.tasks.fetch.episode import Happening
 from mbot_workstation.virtual.live_world import TaskEvent
 from mbot_workstation.virtual.trajectory import TrajectoryWriter
 
@@ -165,9 +165,7 @@ def test_it_drives_for_its_time_and_records_what_it_saw(robot: FakeRobot, tmp_pa
 def test_ten_objects_are_enough(robot: FakeRobot, tmp_path: Path) -> None:
     with TrajectoryWriter(tmp_path / "trajectory.jsonl") as writer:
         for happening in (Happening.TIME_OUT, *[Happening.TOUCH] * ENOUGH_TOUCHES):
-            writer.add_event(
-                TaskEvent(1.0, happening, 0.0, FetchResult(0, (), 0, 0, False, 0, 0, 0))
-            )
+            writer.add_event(TaskEvent(1.0, happening, 0.0, {}))
     with stage(robot, tmp_path) as made:
         began_s = time.monotonic()
         made.drive(LIMIT_S, quiet())

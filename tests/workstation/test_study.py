@@ -18,7 +18,6 @@ from mbot_workstation.learn.studies.study_plans import (
 )
 from mbot_workstation.learn.studies.study_run import Condition, run_study
 from mbot_workstation.learn.studies.tolerance_map import ToleranceMap
-from mbot_workstation.learn.worlds.lessons import lesson
 from mbot_workstation.sim.calibrated.calibration_folder import (
     CalibrationFiles,
     read_files,
@@ -26,6 +25,8 @@ from mbot_workstation.sim.calibrated.calibration_folder import (
 )
 from mbot_workstation.sim.effects.perturbed_robot import perturbed_robot
 from mbot_workstation.sim.effects.presets import NOMINAL
+from mbot_workstation.tasks.fetch.task import TASK
+from mbot_workstation.tasks.lesson import lesson_named
 
 from .calibrations import LIGHT, MOTION
 from .called import output_of
@@ -147,6 +148,6 @@ def test_what_cannot_be_studied_is_named(tmp_path: Path) -> None:
     ):
         with pytest.raises(ConfigurationError, match=message):
             invoke(*arguments, "-o", str(tmp_path))
-    trial = Trial(lesson("1"), NOMINAL, [], 1)
+    trial = Trial(lesson_named(TASK.lessons, "1"), NOMINAL, [], 1)
     with pytest.raises(ConfigurationError, match="needs the package 'ray'"):
         run_study([], [], trial, backend="ray")

@@ -8,7 +8,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.cli.link_options import json_option
 from mbot_workstation.cli.options import argument, option, output_file, with_options
 from mbot_workstation.cli.output_paths import PICTURES
-from mbot_workstation.cli.simulation_options import calibration_option, object_option
+from mbot_workstation.cli.simulation_options import calibration_option, object_option, task_option
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from mbot_workstation.learn.evaluation.episodes import EpisodeResult, Trial
     from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
     from mbot_workstation.sim.effects.effects import EffectRanges
-
-"""Characters."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +28,10 @@ class EvaluateOptions:
         metavar="MODEL...",
     )
     episodes: int = option(100, "For each of them.", min=1)
-    lesson: str = option("10", "1 to 10, or blur.", metavar="NAME")
+    task: str = task_option()
+    lesson: str | None = option(
+        None, "Of the task; of fetch 1 to 10, blur or rough, 10 if not given.", metavar="NAME"
+    )
     preset: list[str] | None = option(
         None,
         "Robots to try it on: ideal, nominal, randomised, or a perturbed one such as "
@@ -136,11 +137,13 @@ def _drive(options: EvaluateOptions) -> None:
     from mbot_workstation.learn.worlds.rooms import evaluation_rooms
     from mbot_workstation.sim.calibrated.calibration_folder import files_to_simulate
     from mbot_workstation.sim.scene.object_file import read_objects
+    from mbot_workstation.tasks.find import find_task, full_reference
 
     check_contestants(options.contestants)
+    task = find_task(options.task)
     files = files_to_simulate(options.calibration)
     scene = replace(files.scene, objects=read_objects(options.object))
-    stage = find_lesson(options.lesson)
+    stage = find_lesson(options.lesson, options.task)
     robots = _presets(options.preset or ["nominal"], files if options.calibration else None)
     panorama = photographs(options.panorama, options.calibration)
     titles = _titles(options.contestants)
@@ -156,6 +159,7 @@ def _drive(options: EvaluateOptions) -> None:
             options.workers,
             files.robot,
             scene,
+            full_reference(options.task),
         )
         for name, effects in robots.items()
     }
@@ -169,15 +173,15 @@ def _drive(options: EvaluateOptions) -> None:
         contestants = {title: contestant for contestant, title in titles.items()}
         film_episode(contestants, next(iter(trials.values())), options.film)
     if options.plot is not None:
-        draw(lines, options.plot, ten_objects=stage.objects == 10)
+        draw(lines, options.plot, next(iter(trials.values())))
     if options.as_json:
-        print(json.dumps([fields(line, lines) for line in lines]))
+        print(json.dumps([fields(line, lines, task) for line in lines]))
     else:
         heading = (
-            f"lesson {options.lesson}, {options.episodes} episodes each, {len(rooms)} rooms, "
+            f"lesson {stage.name}, {options.episodes} episodes each, {len(rooms)} rooms, "
             f"seed {options.seed}"
         )
-        _print_table(table(lines, heading))
+        _print_table(table(lines, heading, task))
 
 
 def _print_table(made: "Table") -> None:

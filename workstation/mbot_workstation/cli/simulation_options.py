@@ -8,7 +8,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.cli.options import option
 
 if TYPE_CHECKING:
-    from mbot_workstation.learn.worlds.lessons import Lesson
+    from mbot_workstation.tasks.lesson import Lesson
 
 DEFAULT_CALIBRATION = Path("calibration/mbot-1")
 
@@ -35,6 +35,17 @@ def object_option() -> Any:
     )
 
 
+def task_option(panel: str = "") -> Any:
+    """--task for commands that simulate a robot at work."""
+    return option(
+        "fetch",
+        "What robots are to do: fetch, or a task of your own, FILE.py, which is run.",
+        "--task",
+        metavar="NAME|FILE.py",
+        panel=panel,
+    )
+
+
 def calibration_output_option() -> Any:
     """--calibration for commands that measure a robot."""
     return option(
@@ -52,16 +63,18 @@ def photographs(panoramas: Sequence[Path] | None, calibration: Path | None) -> l
     return [*(panoramas or ()), *(room_pictures(calibration) if calibration else ())]
 
 
-def find_lesson(name: str) -> "Lesson":
-    """The lesson that --lesson names.
+def find_lesson(name: str | None, task: str) -> "Lesson":
+    """The lesson of a task that --lesson names, or the last of its course.
 
     Raises:
-        ConfigurationError: there is none.
+        ConfigurationError: there is none, or no such task.
 
     """
-    from mbot_workstation.learn.worlds.lessons import lesson
+    from mbot_workstation.tasks.find import find_task
+    from mbot_workstation.tasks.lesson import lesson_named
 
+    found = find_task(task)
     try:
-        return lesson(name)
+        return lesson_named(found.lessons, name or found.course(guided=False, further=False)[-1])
     except ValueError as error:
         raise ConfigurationError(f"--lesson: {error}") from None

@@ -8,7 +8,7 @@ from mbot_protocol.did_you_mean import did_you_mean
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.files import atomic_file
 from mbot_workstation.cli.options import argument, option, output_folder, with_options
-from mbot_workstation.cli.simulation_options import calibration_option
+from mbot_workstation.cli.simulation_options import calibration_option, task_option
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -39,7 +39,10 @@ class StudyOptions:
     episodes: int | None = option(
         None, "For each of them under each condition; 50, or 12 for tolerance.", min=1
     )
-    lesson: str = option("10", "1 to 10, or blur.", metavar="NAME")
+    task: str = task_option()
+    lesson: str | None = option(
+        None, "Of the task; of fetch 1 to 10, blur or rough, 10 if not given.", metavar="NAME"
+    )
     calibration: Path | None = calibration_option()
     panorama: list[Path] | None = option(
         None, "Room to try it in; may be given several times.", metavar="FILE"
@@ -82,19 +85,19 @@ def study(options: StudyOptions) -> None:
     from mbot_workstation.learn.worlds.rooms import evaluation_rooms
     from mbot_workstation.sim.calibrated.calibration_folder import files_to_simulate
     from mbot_workstation.sim.effects.presets import preset
+    from mbot_workstation.tasks.find import full_reference
 
     _check_name(options.name)
     check_contestants(options.contestants)
-    stage = find_lesson(options.lesson)
+    stage = find_lesson(options.lesson, options.task)
     files = files_to_simulate(options.calibration)
     robots = files.ranges if options.calibration else preset
     photos = photographs(options.panorama, options.calibration)
     rooms = evaluation_rooms(photos)
     number = options.episodes or (12 if options.name == TOLERANCE else 50)
-    trial = Trial(
-        stage, robots("nominal"), rooms, number, options.seed, robot=files.robot, scene=files.scene
-    )
-    how = _how(options, number, len(rooms), photographed=bool(photos))
+    task, nominal = full_reference(options.task), robots("nominal")
+    trial = Trial(stage, nominal, rooms, number, options.seed, None, files.robot, files.scene, task)
+    how = _how(options, stage.name, number, len(rooms), photographed=bool(photos))
 
     def run(conditions: "Sequence[Condition]", drivers: "Sequence[str]") -> "list[Line]":
         words = f"{options.name}: {len(conditions)} conditions"
@@ -110,7 +113,7 @@ def study(options: StudyOptions) -> None:
     else:
         plan = study_plan(options.name, robots)
         lines = run(plan.conditions, options.contestants)
-        page = write_report(plan, lines, folder, how, ten_objects=stage.objects == 10)
+        page = write_report(plan, lines, folder, how, trial)
     print(f"wrote {page}")
 
 
@@ -126,7 +129,9 @@ def _beside(contestants: "Sequence[str]") -> Path:
     return (files[0].parent if files else Path()) / "studies"
 
 
-def _how(options: StudyOptions, episodes: int, rooms: int, *, photographed: bool) -> str:
+def _how(
+    options: StudyOptions, lesson: str, episodes: int, rooms: int, *, photographed: bool
+) -> str:
     """How it was tried, for the page."""
     from mbot_workstation.learn.evaluation.provenance import provenance
 
@@ -135,7 +140,7 @@ def _how(options: StudyOptions, episodes: int, rooms: int, *, photographed: bool
     seen = "" if options.calibration else " never trained in"
     robot = f" Nominal here is the robot of {options.calibration}." if options.calibration else ""
     return (
-        f"Lesson {options.lesson}, {episodes} episodes a line, {rooms} {kind} rooms{seen}, seed "
+        f"Lesson {lesson}, {episodes} episodes a line, {rooms} {kind} rooms{seen}, seed "
         f"{options.seed}; "
         f"intervals of 95 %.{robot}\n\n{provenance(options.contestants)}"
     )

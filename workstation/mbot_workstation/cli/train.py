@@ -7,12 +7,17 @@ from typing import TYPE_CHECKING
 from mbot_protocol.errors import ConfigurationError, InterruptedByUserError
 from mbot_workstation.cli.link_options import json_option
 from mbot_workstation.cli.options import option, with_options
-from mbot_workstation.cli.simulation_options import calibration_option, object_option
+from mbot_workstation.cli.simulation_options import (
+    calibration_option,
+    object_option,
+    task_option,
+)
 
 if TYPE_CHECKING:
     from mbot_workstation.learn.learning.run_directory import RunDirectory
     from mbot_workstation.learn.learning.training_config import TrainingConfig
     from mbot_workstation.learn.learning.training_run import TrainingResult
+    from mbot_workstation.tasks.task import Task
 
 MEMORY_UNITS = 128
 """`learning/memory_policy.py` says the same; importing it takes seconds."""
@@ -46,6 +51,7 @@ class TrainOptions:
         "--steps, --target-reward, --workers and --device can be given anew.",
         metavar="RUN",
     )
+    task: str = task_option(_WHAT)
     lesson: list[str] | None = option(
         None,
         "One, a range such as 1-10, or several. If not given, 10 and then rough (any robot, also "
@@ -146,6 +152,7 @@ def train(options: TrainOptions) -> None:
     - `workstation train --panorama kitchen.jpg --panorama hall.jpg --seed 3`
     - `workstation train --calibration calibration/mbot-1`
     - `workstation train --object models/objects/green-ball.toml --from models/red-cube-run`
+    - `workstation train --task my_task.py`
     - `workstation train --resume runs/first --steps 2000000`
     - `workstation train --name paper --guide 0 --memory 0`
     - `workstation train --lesson blur --from runs/first --steps 300000`
@@ -245,18 +252,18 @@ def _begun(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
 def _configured(options: TrainOptions) -> "TrainingConfig":
     """A new run's configuration."""
     from mbot_workstation.cli.simulation_options import photographs
+    from mbot_workstation.learn.learning.curriculum import GUIDED_MARK
     from mbot_workstation.learn.learning.learner import FINE_TUNING, GUIDED
     from mbot_workstation.learn.learning.training_config import TrainingConfig
-    from mbot_workstation.learn.worlds.lessons import GUIDED_MARK
     from mbot_workstation.sim.calibrated.calibration_folder import files_to_simulate
+    from mbot_workstation.tasks.find import find_task, full_reference
 
     rooms = photographs(options.panorama, options.calibration)
     default = TrainingConfig()
     further = options.parent is not None
     new_object = further and options.object is not None
-    guided = options.guide
-    if guided is None:
-        guided = NEW_OBJECT_GUIDED if new_object else 0 if further else GUIDED_DECISIONS
+    task = find_task(options.task)
+    guided = _guided(task, options.guide, new_object=new_object, further=further)
     learner, steps = default.learner, default.steps
     if options.parent:
         learner, steps = FINE_TUNING, STEPS
@@ -275,9 +282,10 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
         preset=options.preset,
         calibration=files_to_simulate(options.calibration) if options.calibration else None,
         object_file=str(options.object.resolve()) if options.object else "",
-        lessons=_lessons(options.lesson)
+        task=full_reference(options.task),
+        lessons=_lessons(task, options.lesson)
         if options.lesson
-        else (("rough",) if further else ("10", "rough") if guided else default.lessons),
+        else task.course(guided=guided > 0, further=further),
         pass_mark=GUIDED_MARK if guided else default.pass_mark,
         panoramas=tuple(str(path.resolve()) for path in rooms),
         shipped_photographs=not rooms,
@@ -290,12 +298,25 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
     )
     if options.parent is not None:
         return _from_parent(config, options.parent)
-    if config.lessons[0] in ("blur", "rough") and not guided:
+    if config.stages()[0].needs_training and not guided:
         raise ConfigurationError(
             f"--lesson {config.lessons[0]} without a guide trains a trained model on: add --from "
             "RUN, such as runs/first, or --guide 400000"
         )
     return config
+
+
+def _guided(task: "Task", asked: int | None, *, new_object: bool, further: bool) -> int:
+    """For how many decisions the task's guide is learned from."""
+    from mbot_workstation.sim.body.robot_parameters import RobotParameters
+    from mbot_workstation.sim.effects.presets import NOMINAL
+
+    has_guide = task.guide(1, NOMINAL, RobotParameters(), 0) is not None
+    if asked and not has_guide:
+        raise ConfigurationError(f"--guide: the task {task.name} has none; leave it out")
+    if asked is not None or not has_guide:
+        return asked or 0
+    return NEW_OBJECT_GUIDED if new_object else 0 if further else GUIDED_DECISIONS
 
 
 def _from_parent(config: "TrainingConfig", parent: Path) -> "TrainingConfig":
@@ -314,16 +335,13 @@ def _from_parent(config: "TrainingConfig", parent: Path) -> "TrainingConfig":
     )
 
 
-def _lessons(selection: list[str]) -> tuple[str, ...]:
-    from mbot_workstation.learn.worlds.lessons import lesson, named
+def _lessons(task: "Task", selection: list[str]) -> tuple[str, ...]:
+    from mbot_workstation.tasks.lesson import lessons_named
 
     try:
-        names = named(selection)
-        for name in names:
-            lesson(name)
+        return lessons_named(task.lessons, selection)
     except ValueError as error:
         raise ConfigurationError(f"--lesson: {error}") from None
-    return names
 
 
 def _device(name: str) -> str:
@@ -346,6 +364,7 @@ def _train_until_stopped(run: "RunDirectory", config: "TrainingConfig") -> "Trai
     from mbot_workstation.learn.learning.progress_display import display
     from mbot_workstation.learn.learning.progress_log import read_progress
     from mbot_workstation.learn.learning.training_run import train
+    from mbot_workstation.tasks.find import find_task
 
     with stop_signals() as stop, display() as shown:
         result = train(run, config, shown, stop)
@@ -353,5 +372,5 @@ def _train_until_stopped(run: "RunDirectory", config: "TrainingConfig") -> "Trai
             choose_checkpoint(run, config, shown, stop)
     rows = read_progress(run.progress_file)
     if rows:
-        draw_curves({run.path.resolve().name: rows}, run.curve_file)
+        draw_curves({run.path.resolve().name: rows}, find_task(config.task), run.curve_file)
     return result

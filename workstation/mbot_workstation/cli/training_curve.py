@@ -41,6 +41,7 @@ def training_curve(options: TrainingCurveOptions) -> None:
     )
     from mbot_workstation.learn.learning.run_directory import RunDirectory
     from mbot_workstation.learn.learning.training_config import read_config
+    from mbot_workstation.tasks.find import find_task
 
     runs = {str(path): RunDirectory.open(path) for path in options.runs}
     if len(runs) == 1:
@@ -62,6 +63,7 @@ def training_curve(options: TrainingCurveOptions) -> None:
             more = f"{step:,} of {steps:,} decisions made, {left} of training to go"
         said.append(f"{name}: {more}" if len(runs) > 1 else more)
         drawn[name] = rows
+    first = read_config(next(iter(runs.values())).config_file)
     path = options.output or next(iter(runs.values())).curve_file
-    draw_curves(drawn, path)
+    draw_curves(drawn, find_task(first.task), path)
     print(f"wrote {path}: {'; '.join(said)}")

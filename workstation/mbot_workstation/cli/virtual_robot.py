@@ -5,7 +5,11 @@ from enum import StrEnum
 from pathlib import Path
 
 from mbot_workstation.cli.options import option, output_file, with_options
-from mbot_workstation.cli.simulation_options import calibration_option, object_option
+from mbot_workstation.cli.simulation_options import (
+    calibration_option,
+    object_option,
+    task_option,
+)
 
 _TASK, _ROBOT, _CAMERA = "Task", "Robot", "Camera"
 _OUTPUT = "What is left of it"
@@ -39,13 +43,17 @@ class VirtualRobotOptions:
     )
     seconds: float = option(0.0, "End after so long; 0: run until Ctrl-C.", min=0)
     seed: int = option(0, "Of the room, the objects and the noise.")
-    radius: float = option(
-        1.2,
-        "How far from the middle objects appear, 0.45 to 2.8; the paper's last lesson is 2.5.",
+    task: str = task_option(_TASK)
+    radius: float | None = option(
+        None,
+        "How far from the middle objects appear, 0.45 to 2.8; 1.2 if not given. The paper's last "
+        "lesson is 2.5.",
         panel=_TASK,
         metavar="METRES",
     )
-    objects: int = option(0, "End after so many objects; 0: no end.", panel=_TASK, min=0)
+    objects: int | None = option(
+        None, "End after so many objects; no end if not given, or 0.", panel=_TASK, min=0
+    )
     end_on_failure: bool = option(
         False,
         "End at the border or when an object's 66.8 s are up, as training does, instead "

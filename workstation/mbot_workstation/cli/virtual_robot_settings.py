@@ -5,6 +5,7 @@ import os
 from dataclasses import fields, replace
 from pathlib import Path
 
+import numpy as np
 from msgspec import structs
 
 from mbot_protocol.drive.camera_model import CameraModel
@@ -23,7 +24,9 @@ from mbot_workstation.sim.scene.object_file import read_objects
 from mbot_workstation.sim.scene.room import load_room
 from mbot_workstation.sim.scene.room_generator import generate_room
 from mbot_workstation.sim.scene.scene_parameters import SceneParameters
-from mbot_workstation.tasks.fetch.rules import FetchRules
+from mbot_workstation.tasks.episode import Setting
+from mbot_workstation.tasks.find import find_task, full_reference
+from mbot_workstation.tasks.lesson import Lesson
 from mbot_workstation.virtual.camera_stream import CameraSettings
 from mbot_workstation.virtual.replay_session import ReplaySettings
 from mbot_workstation.virtual.stand_in import VirtualRobotSettings
@@ -79,21 +82,13 @@ def robot_settings(options: VirtualRobotOptions, files: CalibrationFiles) -> Vir
     scene = replace(files.scene, objects=read_objects(options.object))
     rooms = room_pictures(options.calibration) if options.calibration else ()
     panorama = options.panorama or (rooms[0] if rooms else None)
-    try:
-        rules = FetchRules(
-            spawn_farthest_m=options.radius,
-            objects=options.objects,
-            ends_on_failure=options.end_on_failure,
-            touch_radius_m=robot.touch_radius_m,
-            footprints=tuple(thing.footprint for thing in scene.objects),
-        )
-    except ValueError as error:
-        raise ConfigurationError(f"--radius: {error}") from None
+    lesson = _lesson(options, scene, robot)
     return VirtualRobotSettings(
         robot=robot,
         scene=_free(scene) if options.free_floor else scene,
         room_picture=load_room(panorama) if panorama else generate_room(options.seed),
-        rules=rules,
+        task=full_reference(options.task),
+        lesson=lesson,
         camera=_camera(options, robot.camera, files.effects),
         camera_port=options.camera_port,
         board_link=options.board or _default_board(),
@@ -103,6 +98,23 @@ def robot_settings(options: VirtualRobotOptions, files: CalibrationFiles) -> Vir
         seed=options.seed,
         free_floor=options.free_floor,
     )
+
+
+def _lesson(options: VirtualRobotOptions, scene: SceneParameters, robot: RobotParameters) -> Lesson:
+    """The task as the options have it; refused if nothing can be placed so."""
+    task = find_task(options.task)
+    scene = task.scene(scene)
+    setting = Setting(
+        robot.touch_radius_m,
+        scene.arena.border_m,
+        tuple(thing.footprint for thing in scene.objects),
+    )
+    try:
+        lesson = task.play(options.radius, options.objects, ends_on_failure=options.end_on_failure)
+        task.begin(lesson, setting, np.random.default_rng(options.seed))
+    except ValueError as error:
+        raise ConfigurationError(f"--radius: {error}") from None
+    return lesson
 
 
 def _camera(

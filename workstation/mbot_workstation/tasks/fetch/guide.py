@@ -21,10 +21,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mbot_workstation.learn.drivers.onnx_policy import Actions
-from mbot_workstation.learn.drivers.oracle import Oracle, middle
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.effects.effects import EffectRanges
+from mbot_workstation.tasks.fetch.oracle import Actions, Oracle, middle
 
 SEARCH_SPEED = 0.32
 """Of both wheels in the search turn, share of full speed: about 47 degrees a decision, so that the
@@ -39,7 +38,7 @@ IN_VIEW_RAD = math.radians(27.0)
 """Half the camera's horizontal field of view."""
 
 
-class Guide:
+class FetchGuide:
     """Drives a number of robots.
 
     Args:
@@ -66,21 +65,21 @@ class Guide:
         """Say what the robots are like: BODY_RECORD, shape (robots,)."""
         self._oracle.become(bodies)
 
-    def act(self, situations: NDArray[np.void]) -> Actions:
+    def act(self, facts: NDArray[np.void]) -> Actions:
         """Both wheels of every robot, shape (robots, 2).
 
         In shares of full speed, up to 2 where a turn comes on top of it. NaN for robots whose
         target is unknown, or whose picture still shows the one that they have touched.
 
         Args:
-            situations: STEP_RECORD, shape (robots,). Where observations show the objects counts,
+            facts: FACTS, shape (robots,). Where observations show the objects counts,
                 though a robot may have turned past one since.
 
         """
-        targets = np.stack([situations["target_ahead_m"], situations["target_left_m"]], axis=1)
-        seen = shown(situations)
-        another = situations["time_left_s"] > self._time_left_s  # each object has its own time
-        self._time_left_s = situations["time_left_s"].copy()
+        targets = np.stack([facts["target_ahead_m"], facts["target_left_m"]], axis=1)
+        seen = self.shows(facts)
+        another = facts["time_left_s"] > self._time_left_s  # each object has its own time
+        self._time_left_s = facts["time_left_s"].copy()
         self._noticed &= ~another
         self._unseen_for[~self._noticed] = self._remembers + 1
         self._unseen_for = np.where(seen, 0, self._unseen_for + 1)
@@ -92,11 +91,15 @@ class Guide:
         turn = np.where(begins, SEARCH_BEGINS * SEARCH_SPEED, SEARCH_SPEED)
         blind = self._oracle.commands(turn, -turn)
         actions[lost] = blind[lost]
-        stale = np.isnan(situations["seen_left_rad"])
+        stale = np.isnan(facts["seen_left_rad"])
         actions[np.isnan(targets[:, 0]) | stale] = np.nan
         self._driven, self._blind, self._noticed = actions, blind, self._noticed & ~lost
         at_full_speed = actions + 1 - actions.mean(axis=1, keepdims=True)
         return np.where(lost[:, None], actions, at_full_speed)
+
+    def shows(self, facts: NDArray[np.void]) -> NDArray[np.bool_]:
+        """Whether each picture shows the object; FACTS, shape (n,)."""
+        return np.abs(facts["seen_left_rad"]) <= IN_VIEW_RAD
 
     def forget(self, who: NDArray[np.bool_]) -> None:
         """These, shape (robots,), remember no object from now on."""
@@ -110,11 +113,6 @@ class Guide:
         """
         self._oracle.drove(actions)
         self._noticed |= _distance(actions, self._driven) < _distance(actions, self._blind)
-
-
-def shown(situations: NDArray[np.void]) -> NDArray[np.bool_]:
-    """Whether each picture shows the object; STEP_RECORD, shape (n,)."""
-    return np.abs(situations["seen_left_rad"]) <= IN_VIEW_RAD
 
 
 def _distance(one: Actions, other: Actions) -> NDArray[np.float32]:

@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbot_protocol.drive.mcore import SPEED_LIMIT
-from mbot_workstation.learn.drivers.onnx_policy import Actions
-from mbot_workstation.learn.worlds.robot_body import BODY_RECORD, body_record
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.effects.body_record import BODY_RECORD, body_record
 from mbot_workstation.sim.effects.effects import EffectRanges, RealWorldEffects
-from mbot_workstation.tasks.fetch.rules import DECISION_S
+from mbot_workstation.tasks.episode import DECISION_S
+
+Actions = NDArray[np.float32]
+"""Shape (robots, 2): left and right wheel in [-1, 1]."""
 
 Targets = NDArray[np.float64]
 """Where each robot's object is: shape (robots, 2), metres ahead of the axle and to its left; NaN

@@ -1,4 +1,4 @@
-"""`MBot/FetchObject-v0`: the paper's task as a Gymnasium environment.
+"""A task as a Gymnasium environment; `MBot/FetchObject-v0` is the paper's.
 
 Import this module, then `gymnasium.make("MBot/FetchObject-v0", preset="nominal", lesson="10")`.
 """
@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from mbot_protocol.drive.picture import Picture
 from mbot_protocol.policy.policy_contract import OBSERVATION_SIDE_PX
-from mbot_workstation.learn.worlds.fetch_info import fetch_info
-from mbot_workstation.learn.worlds.fetch_world import FetchWorld
-from mbot_workstation.learn.worlds.lessons import Lesson
 from mbot_workstation.learn.worlds.robot_eye import RobotEye
+from mbot_workstation.learn.worlds.world import World
 from mbot_workstation.learn.worlds.world_settings import world_settings
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.effects.effects import EffectRanges
 from mbot_workstation.sim.scene.scene_parameters import SceneParameters
+from mbot_workstation.tasks.find import DEFAULT_TASK, find_task
+from mbot_workstation.tasks.lesson import Lesson
 
 ENV_ID = "MBot/FetchObject-v0"
 
@@ -37,15 +37,14 @@ def action_space() -> Box[Any]:
     return Box(-1.0, 1.0, (2,), np.float32)
 
 
-class FetchEnv(gymnasium.Env[Any, Any]):
+class TaskEnv(gymnasium.Env[Any, Any]):
     """One robot. A step is a decision of 0.4 s.
 
-    Border contact, a time-out and the last touch all terminate the episode, as in the paper:
-    the timer is a part of the task, with a penalty of its own, not a limit of the simulation. So
-    nothing is ever truncated.
+    Whatever ends an episode terminates it, a time-out too, as in the paper: the timer is a part of
+    the task, with a penalty of its own, not a limit of the simulation. So nothing is truncated.
 
     Attributes:
-        world: robot, object and task.
+        world: robot, arena and task.
         lesson: of the next episode.
 
     """
@@ -55,29 +54,32 @@ class FetchEnv(gymnasium.Env[Any, Any]):
     def __init__(
         self,
         preset: str | EffectRanges = "nominal",
-        lesson: str | Lesson = "10",
+        lesson: str | Lesson | None = None,
         rooms: Sequence[Picture] | None = None,
         robot: RobotParameters | None = None,
         scene: SceneParameters | None = None,
         render_mode: str | None = None,
+        task: str = DEFAULT_TASK,
     ) -> None:
         """Build the world.
 
         Args:
             preset: the effects, by name or as ranges.
-            lesson: by name or as itself; the paper's last one if not given.
+            lesson: by name or as itself; if not given the last one of its course.
             rooms: panoramas, shape (h, 2 h, 3), RGB; generated when None.
             robot: what the effects start from; the nominal one when None.
             scene: what is around it; likewise.
             render_mode: "rgb_array" renders the last observation.
+            task: by its name or file.
 
         """
-        settings = world_settings(preset, lesson, rooms, robot, scene)
+        lesson = lesson or find_task(task).course(guided=False, further=False)[-1]
+        settings = world_settings(preset, lesson, rooms, robot, scene, task)
         self.observation_space = observation_space()
         self.action_space = action_space()
         self.render_mode = render_mode
         self.lesson = settings.lesson
-        self.world = FetchWorld(settings)
+        self.world = World(settings)
         self._eye = RobotEye(settings.rooms, settings.robot, settings.scene, settings.floors)
         self._observation: Picture | None = None
         self._is_seeded = False
@@ -91,7 +93,7 @@ class FetchEnv(gymnasium.Env[Any, Any]):
             self.world.seed(self.np_random)
             self._is_seeded = True
         self.world.begin(self.lesson)
-        return self._observe(), fetch_info(self.world)
+        return self._observe(), self.world.info()
 
     def step(self, action: Action) -> tuple[Picture, float, bool, bool, dict[str, Any]]:
         """Drive for 0.4 s.
@@ -105,7 +107,7 @@ class FetchEnv(gymnasium.Env[Any, Any]):
         """
         left, right = (float(wheel) for wheel in action)
         outcome = self.world.decide(left, right)
-        info = fetch_info(self.world, outcome.happening)
+        info = self.world.info(outcome)
         return self._observe(), outcome.reward, outcome.ended, False, info
 
     def render(self) -> Picture | None:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -121,4 +123,4 @@ class FetchEnv(gymnasium.Env[Any, Any]):
         return self._observation
 
 
-gymnasium.register(ENV_ID, entry_point=f"{__name__}:FetchEnv")
+gymnasium.register(ENV_ID, entry_point=f"{__name__}:TaskEnv")

@@ -14,27 +14,27 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
 from mbot_protocol.drive.picture import Picture
-from mbot_workstation.learn.worlds.fetch_env import action_space, observation_space
-from mbot_workstation.learn.worlds.fetch_info import HAPPENINGS
-from mbot_workstation.learn.worlds.fetch_worker import Drive, Hire, Reset, Step, Teach
-from mbot_workstation.learn.worlds.lessons import Lesson, lesson
+from mbot_workstation.learn.worlds.segment import Decisions, Pilot, Segment, SegmentPlan
 from mbot_workstation.learn.worlds.shared_arrays import SLOTS
-from mbot_workstation.learn.worlds.worker_pilot import Pilot
+from mbot_workstation.learn.worlds.task_env import action_space, observation_space
+from mbot_workstation.learn.worlds.worker import DriveSegment, Reset, SetLesson, SetPilot, Step
 from mbot_workstation.learn.worlds.worker_pool import WorkerPool
+from mbot_workstation.learn.worlds.world import info_of
 from mbot_workstation.learn.worlds.world_settings import world_settings
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.effects.effects import EffectRanges
 from mbot_workstation.sim.scene.scene_parameters import SceneParameters
-from mbot_workstation.tasks.fetch.run import Happening
+from mbot_workstation.tasks.find import DEFAULT_TASK, find_task
+from mbot_workstation.tasks.lesson import Lesson, lesson_named
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sight:
+class Observations:
     """What all robots see, and what is true at the moment that it shows.
 
     Attributes:
         pictures: uint8, shape (n, 64, 64, 3).
-        situations: STEP_RECORD, shape (n,).
+        situations: step records, shape (n,).
         bodies: BODY_RECORD of the robots that they come from, shape (n,).
 
     """
@@ -44,37 +44,15 @@ class Sight:
     bodies: NDArray[np.void]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Arrival:
-    """Some decisions in a row of all robots; shapes (decisions, n, ...).
-
-    Attributes:
-        pictures: uint8, what was seen; overwritten when robots drive the next stretch but one.
-        situations, bodies: STEP_RECORD and BODY_RECORD at the moment that it shows.
-        rewards: of the decisions.
-        ended: whether they ended episodes; what is seen next is of other ones.
-        infos: for each decision those of the episodes that it ended.
-        notes: of each worker's pilot.
-
-    """
-
-    pictures: NDArray[np.uint8]
-    situations: NDArray[np.void]
-    bodies: NDArray[np.void]
-    rewards: NDArray[np.float32]
-    ended: NDArray[np.bool_]
-    infos: list[list[dict[str, Any]]]
-    notes: list[Any]
-
-
-class FetchVecEnv(VecEnv):
-    """`FetchEnv` many times over; robot i is `FetchEnv` reset with `seed` + i, bit for bit.
+class TaskVecEnv(VecEnv):
+    """`TaskEnv` many times over; robot i is `TaskEnv` reset with `seed` + i, bit for bit.
 
     Close it, or use it in a `with`. A worker that dies or fails makes the next call raise, as
     `WorkerPool.wait` does.
 
     Attributes:
         shares: the rows of each worker.
+        task: what the robots are to do.
 
     """
 
@@ -88,6 +66,7 @@ class FetchVecEnv(VecEnv):
         workers: int | None = None,
         robot: RobotParameters | None = None,
         scene: SceneParameters | None = None,
+        task: str = DEFAULT_TASK,
     ) -> None:
         """Start the workers.
 
@@ -100,11 +79,13 @@ class FetchVecEnv(VecEnv):
             workers: processes; one for each core this process may use when None.
             robot: what the effects start from; the nominal one when None.
             scene: what is around it; likewise.
+            task: by its name or file.
 
         """
         if robots < 1:
             raise ValueError(f"robots is {robots}, expected at least 1")
-        settings = world_settings(preset, lesson, rooms, robot, scene)
+        settings = world_settings(preset, lesson, rooms, robot, scene, task)
+        self.task = find_task(task)
         workers = len(os.sched_getaffinity(0)) if workers is None else workers
         self._pool = WorkerPool(robots, max(1, min(workers, robots)), settings)
         self._arrays = self._pool.arrays
@@ -118,10 +99,10 @@ class FetchVecEnv(VecEnv):
         super().__init__(robots, observation_space(), action_space())
         self.seed(seed)
 
-    def sight(self) -> Sight:
+    def observations(self) -> Observations:
         """What the robots see now: copied; they must not be driving."""
         arrays = self._arrays
-        return Sight(arrays.frames.copy(), arrays.now.copy(), arrays.bodies.copy())
+        return Observations(arrays.frames.copy(), arrays.now.copy(), arrays.bodies.copy())
 
     @property
     def lesson(self) -> Lesson:
@@ -133,11 +114,15 @@ class FetchVecEnv(VecEnv):
 
         `info["lesson"]` says which lesson an episode belonged to.
         """
-        new = lesson(lesson_or_name) if isinstance(lesson_or_name, str) else lesson_or_name
+        new = (
+            lesson_named(self.task.lessons, lesson_or_name)
+            if isinstance(lesson_or_name, str)
+            else lesson_or_name
+        )
         if new == self.lesson:
             return
         self._lessons.append(new)
-        self._pool.ask([Teach(new, len(self._lessons) - 1)] * len(self.shares))
+        self._pool.ask([SetLesson(new, len(self._lessons) - 1)] * len(self.shares))
 
     def reset(self) -> NDArray[np.uint8]:
         """Start new episodes with all robots. Shape (robots, 64, 64, 3)."""
@@ -171,35 +156,35 @@ class FetchVecEnv(VecEnv):
         # A copy: stable-baselines3 still needs these when the next ones are written.
         return self._arrays.frames.copy(), rewards, ended, infos
 
-    def hire(self, pilot: Pilot) -> None:
+    def set_pilot(self, pilot: Pilot) -> None:
         """Give each worker a pilot of its own, made as this one is."""
-        self._pool.ask([Hire(pilot)] * len(self.shares))
+        self._pool.ask([SetPilot(pilot)] * len(self.shares))
 
-    def drive(self, decisions: int, tasks: Sequence[Any]) -> None:
-        """Let pilots drive, STRETCH decisions at most; what comes of it `arrive` tells later.
+    def drive(self, decisions: int, plans: Sequence[SegmentPlan]) -> None:
+        """Let pilots drive, SEGMENT decisions at most; what comes of it `arrive` tells later.
 
         Args:
             decisions: how many.
-            tasks: for each worker's pilot.
+            plans: for each worker's pilot.
 
         """
         if len(self._driving) == SLOTS:
-            raise RuntimeError(f"{SLOTS} stretches are being driven already: arrive first")
-        requests = [Drive(decisions, self._slot, task) for task in tasks]
+            raise RuntimeError(f"{SLOTS} segments are being driven already: arrive first")
+        requests = [DriveSegment(decisions, self._slot, plan) for plan in plans]
         self._driving.append((self._pool.ask(requests), decisions, self._slot))
         self._slot = (self._slot + 1) % SLOTS
 
-    def arrive(self) -> Arrival:
-        """Wait for the first of the stretches that are being driven."""
+    def arrive(self) -> Segment:
+        """Wait for the first of the segments that are being driven."""
         number, decisions, slot = self._driving.popleft()
-        stretches = self._pool.wait(number)
+        shares = self._pool.wait(number)
         situations, bodies, outcomes = (
-            np.concatenate([getattr(stretch, name) for stretch in stretches], axis=1)
+            np.concatenate([getattr(share, name) for share in shares], axis=1)
             for name in ("situations", "bodies", "outcomes")
         )
         rewards, ended = outcomes["reward"], outcomes["ended"]
-        return Arrival(
-            pictures=self._arrays.stretches[slot, :decisions],
+        return Segment(
+            pictures=self._arrays.segments[slot, :decisions],
             situations=situations,
             bodies=bodies,
             rewards=rewards,
@@ -211,7 +196,7 @@ class FetchVecEnv(VecEnv):
                 ]
                 for decision in range(decisions)
             ],
-            notes=[stretch.notes for stretch in stretches],
+            decisions=Decisions.beside([share.decisions for share in shares]),
         )
 
     def halt(self) -> None:
@@ -264,25 +249,16 @@ class FetchVecEnv(VecEnv):
         """The last observations."""
         return list(self._arrays.frames.copy())
 
-    def __enter__(self) -> "FetchVecEnv":
+    def __enter__(self) -> "TaskVecEnv":
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
     def _info(self, record: tuple[Any, ...]) -> dict[str, Any]:
-        _, _, happening, touches, time_left_s, ahead_m, left_m, seen_rad, lesson_number, *_ = record
-        what = HAPPENINGS[happening]
-        return {
-            "touches": touches,
-            "time_left_s": time_left_s,
-            "happening": what.value,
-            "border": what is Happening.BORDER,
-            "lesson": self._lessons[lesson_number].name,
-            "target_ahead_m": ahead_m,
-            "target_left_m": left_m,
-            "seen_left_rad": seen_rad,
-        }
+        _, _, happening, lesson, *facts = record
+        what = self.task.happenings[happening]
+        return info_of(self.task, facts, what, self._lessons[lesson].name)
 
     def _end_episode(self, row: int) -> dict[str, Any]:
         episode = {

@@ -13,21 +13,14 @@ import cv2
 import numpy as np
 
 from mbot_protocol.errors import MbotError
-from mbot_workstation.learn.worlds.fetch_info import (
-    HAPPENINGS,
-    seen_left_rad,
-    target_from_robot,
-)
-from mbot_workstation.learn.worlds.fetch_world import FetchWorld, Outcome
-from mbot_workstation.learn.worlds.lessons import Lesson
-from mbot_workstation.learn.worlds.robot_body import BODY_RECORD
 from mbot_workstation.learn.worlds.robot_eye import RobotEye
-from mbot_workstation.learn.worlds.shared_arrays import STEP_RECORD, SharedArrays, SharedMemory
-from mbot_workstation.learn.worlds.worker_pilot import Pilot, Stretch
+from mbot_workstation.learn.worlds.segment import Pilot, SegmentPlan, SegmentShare
+from mbot_workstation.learn.worlds.shared_arrays import SharedArrays, SharedMemory
+from mbot_workstation.learn.worlds.world import Outcome, World
 from mbot_workstation.learn.worlds.world_settings import WorldSettings
-from mbot_workstation.tasks.fetch.run import Happening
-
-NOTHING_YET = Outcome(0.0, Happening.NOTHING, ended=False)
+from mbot_workstation.sim.effects.body_record import BODY_RECORD
+from mbot_workstation.tasks.find import find_task
+from mbot_workstation.tasks.lesson import Lesson
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +29,7 @@ class Step:
 
 
 @dataclass(frozen=True, slots=True)
-class Hire:
+class SetPilot:
     """Have a pilot from now on.
 
     Attributes:
@@ -48,19 +41,19 @@ class Hire:
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
-    """Let the pilot drive; the reply tells a Stretch.
+class DriveSegment:
+    """Let the pilot drive; the reply tells a SegmentShare.
 
     Attributes:
-        decisions: how many, STRETCH at most.
+        decisions: how many, SEGMENT at most.
         slot: of the shared memory, for pictures.
-        task: what the pilot is told.
+        plan: what the pilot is told.
 
     """
 
     decisions: int
     slot: int
-    task: Any
+    plan: SegmentPlan
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +69,7 @@ class Reset:
 
 
 @dataclass(frozen=True, slots=True)
-class Teach:
+class SetLesson:
     """Start episodes with another lesson from now on.
 
     Attributes:
@@ -94,7 +87,8 @@ class Quit:
     """End."""
 
 
-Request = Step | Hire | Drive | Reset | Teach | Quit
+Order = Step | SetPilot | DriveSegment | Reset | SetLesson
+Request = Order | Quit
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,11 +96,11 @@ class Done:
     """The request has been carried out.
 
     Attributes:
-        told: what came of it, where there is anything to be told.
+        segment: that it has driven, if that was the request.
 
     """
 
-    told: Stretch | None = None
+    segment: SegmentShare | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,8 +122,8 @@ def run_worker(pipe: Connection, memory: SharedMemory, robots: range) -> None:
     """Serve requests until told to quit or left alone.
 
     Args:
-        pipe: WorldSettings in, then requests; a reply to each out, the first when the worlds are
-            built.
+        pipe: the task's reference in, WorldSettings, then requests; a reply to each of these and
+            one when the worlds are built.
         memory: shared.
         robots: which rows of the memory are this worker's.
 
@@ -137,6 +131,7 @@ def run_worker(pipe: Connection, memory: SharedMemory, robots: range) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # also if a thread has started it
     cv2.setNumThreads(1)  # small pictures: handing them to threads costs more than the work
     try:
+        find_task(pipe.recv())  # its classes may be of a user's file, which must be loaded first
         settings: WorldSettings = pipe.recv()
         with RobotEye(settings.rooms, settings.robot, settings.scene, settings.floors) as eye:
             share = _Share(eye, memory.arrays(), robots, settings)
@@ -159,43 +154,45 @@ class _Share:
     ) -> None:
         self._eye, self._arrays, self._robots = eye, arrays, robots
         self._rows = slice(robots.start, robots.stop)
-        self._worlds = [FetchWorld(settings) for _ in robots]
+        self._worlds = [World(settings) for _ in robots]
         self._pilot: Pilot | None = None
         self._lesson, self._lesson_number = settings.lesson, 0
         self._episode_lesson = [0] * len(robots)
 
-    def carry_out(self, request: Step | Hire | Drive | Reset | Teach) -> Stretch | None:
+    def carry_out(
+        self, request: Step | SetPilot | DriveSegment | Reset | SetLesson
+    ) -> SegmentShare | None:
         """Do what is asked, and say what there is to be told of it."""
         match request:
             case Step():
                 self._step_all()
-            case Hire(pilot):
+            case SetPilot(pilot):
                 self._pilot = pilot
-            case Drive(decisions, slot, task):
-                return self._drive(decisions, slot, task)
+            case DriveSegment(decisions, slot, plan):
+                return self._drive(decisions, slot, plan)
             case Reset(seeds):
                 for index, seed in enumerate(seeds):
                     if seed is not None:
                         self._worlds[index].seed(np.random.default_rng(seed))
                     self._begin(index)
                 self._observe()
-            case Teach(lesson, number):
+            case SetLesson(lesson, number):
                 self._lesson, self._lesson_number = lesson, number
             case _:
                 assert_never(request)
         return None
 
-    def _drive(self, decisions: int, slot: int, task: Any) -> Stretch:
+    def _drive(self, decisions: int, slot: int, plan: SegmentPlan) -> SegmentShare:
         """All by itself: whoever waits for all robots at every decision waits for the slowest."""
         pilot, arrays, rows = self._pilot, self._arrays, self._rows
         if pilot is None:
-            raise RuntimeError("nobody was hired to drive")
+            raise RuntimeError("there is no pilot to drive: SetPilot first")
         pictures, records = arrays.frames[rows], arrays.records[rows]
-        seen = arrays.stretches[slot, :, rows]
+        seen = arrays.segments[slot, :, rows]
         shape = (decisions, len(self._robots))
-        situations, outcomes = (np.empty(shape, STEP_RECORD) for _ in range(2))
+        situations, outcomes = (np.empty(shape, arrays.records.dtype) for _ in range(2))
         bodies = np.empty(shape, BODY_RECORD)
-        pilot.start(task)
+        pilot.start(plan)
         for now in range(decisions):
             seen[now], situations[now], bodies[now] = (
                 pictures,
@@ -206,7 +203,7 @@ class _Share:
             self._step_all()
             outcomes[now] = records
             pilot.arrive(outcomes[now]["ended"])
-        return Stretch(situations, bodies, outcomes, pilot.notes())
+        return SegmentShare(situations, bodies, outcomes, pilot.decisions())
 
     def _step_all(self) -> None:
         # All physics first, then all pictures: a processor's cache holds one of the two.
@@ -232,18 +229,11 @@ class _Share:
         self._worlds[index].begin(self._lesson)
         self._episode_lesson[index] = self._lesson_number
         row = self._robots[index]
-        self._arrays.now[row] = self._record(index, NOTHING_YET)
+        self._arrays.now[row] = self._record(index, Outcome())
         self._arrays.bodies[row] = self._worlds[index].body
 
-    def _record(self, index: int, outcome: Outcome) -> tuple[float, ...]:
+    def _record(self, index: int, outcome: Outcome) -> tuple[Any, ...]:
         world = self._worlds[index]
-        return (
-            outcome.reward,
-            outcome.ended,
-            HAPPENINGS.index(outcome.happening),
-            world.touches,
-            world.time_left_s,
-            *target_from_robot(world),
-            seen_left_rad(world),
-            self._episode_lesson[index],
-        )
+        happening = world.task.happenings.index(outcome.happening)
+        lesson = self._episode_lesson[index]
+        return (outcome.reward, outcome.ended, happening, lesson, *world.facts())

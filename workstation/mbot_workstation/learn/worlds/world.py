@@ -1,4 +1,4 @@
-"""One robot fetching objects, decision by decision, with every effect on the way.
+"""One robot at its task, decision by decision, with every effect on the way.
 
 Time runs as on the robot: at a decision's tick the newest picture is already a latency old, and
 the command reaches the wheels a latency later. Nothing is drawn here: a world says which moment
@@ -7,7 +7,9 @@ the policy sees, so only such moments cost a picture.
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +17,6 @@ from mbot_protocol.drive.actions import to_steps
 from mbot_protocol.policy.policy_contract import FULL_VIEW
 from mbot_workstation.learn.worlds.body_swap import robot_geoms, swap_body
 from mbot_workstation.learn.worlds.fast_physics import PLACEHOLDER, hasten, hide, placeholders
-from mbot_workstation.learn.worlds.lessons import Lesson
-from mbot_workstation.learn.worlds.robot_body import body_record
 from mbot_workstation.learn.worlds.robot_camera import Glimpse, RobotCamera
 from mbot_workstation.learn.worlds.world_settings import WorldSettings
 from mbot_workstation.sim.body.motor import duties
@@ -24,6 +24,7 @@ from mbot_workstation.sim.body.own_view import parts_in_view
 from mbot_workstation.sim.body.robot_mjcf import part_name
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.camera.frame_edges import FrameEdges
+from mbot_workstation.sim.effects.body_record import body_record
 from mbot_workstation.sim.effects.effects import IDEAL, RealWorldEffects
 from mbot_workstation.sim.effects.perturbed_robot import (
     observing_camera,
@@ -34,11 +35,13 @@ from mbot_workstation.sim.effects.scene_looks import draw_look
 from mbot_workstation.sim.pose import ORIGIN, Pose
 from mbot_workstation.sim.scene.scene_look import SceneDresser, SceneLook, nominal_look
 from mbot_workstation.sim.simulation import Simulation
-from mbot_workstation.tasks.fetch.rules import DECISION_S, way_to_contact_m
-from mbot_workstation.tasks.fetch.run import FetchTask, Happening
+from mbot_workstation.tasks.episode import DECISION_S, NOTHING, Moment, Setting
+from mbot_workstation.tasks.find import find_task
+from mbot_workstation.tasks.lesson import Lesson
+from mbot_workstation.tasks.task import Task
 
 CONTACT_GRID_S = 0.020
-"""Near the object or the border contacts are looked for this often: every 8 mm at full speed."""
+"""Where something can happen it is looked for this often: every 8 mm at full speed."""
 
 FASTEST_M_S = 0.6
 """No robot of any preset drives faster: until that speed can bridge the gap, nothing is met. A
@@ -63,29 +66,31 @@ class Outcome:
 
     Attributes:
         reward: sum of the task's scores.
-        happening: the last thing that happened in it.
+        happening: the last thing that happened in it, in the task's words.
         ended: whether the episode is over.
 
     """
 
-    reward: float
-    happening: Happening
-    ended: bool
+    reward: float = 0.0
+    happening: str = NOTHING
+    ended: bool = False
 
 
-class FetchWorld:
-    """Robot, object and task of one environment; `seed` and `begin` it before anything else.
+class World:
+    """Robot, arena and task of one environment; `seed` and `begin` it before anything else.
 
     Attributes:
+        task: what the robot is to do.
+        episode: of it.
         room: index of the room around the robot.
         lesson: of the episode.
-        touches: objects touched in the episode.
         glimpse: the moment the next observation shows.
         camera: makes the observation of it.
 
     """
 
     def __init__(self, settings: WorldSettings) -> None:
+        self.task = find_task(settings.task)
         self._ranges = settings.ranges
         self._rooms = len(settings.rooms)
         # The robot's daemon knows its calibrated camera: what the policy sees is free of it, but
@@ -120,20 +125,18 @@ class FetchWorld:
         self.lesson = lesson
         self.room = int(self._rng.integers(self._rooms))
         self.camera.begin(self._rng.uniform(0, 2 * math.pi))
-        rules = replace(
-            lesson.rules,
-            touch_radius_m=self._nominal.touch_radius_m,
+        setting = Setting(
+            contact_radius_m=self._nominal.touch_radius_m,
+            border_m=self.simulation.scene.arena.border_m,
             footprints=tuple(
                 thing.footprint.scaled(worn.scale)
                 for thing, worn in zip(self._objects, look.objects, strict=True)
             ),
-            border_m=self.simulation.scene.arena.border_m,
         )
-        self._task = FetchTask(rules, self._rng)
-        self.touches = 0
+        self.episode = self.task.begin(lesson, setting, self._rng)
         self._pose = ORIGIN
         self.simulation.place_robot(ORIGIN)
-        self._place_object()
+        self._place_objects()
         self._decisions = 0
         self._now_s = 0.0
         self._commands: deque[tuple[float, float, float]] = deque()
@@ -149,32 +152,26 @@ class FetchWorld:
         return self._body
 
     @property
-    def time_left_s(self) -> float:
-        """Until the object's time is up."""
-        return self._task.rules.time_limit_s - self._task.object_s
-
-    @property
-    def glimpse_shows_target(self) -> bool:
-        """Whether the object was there already when the camera looked.
-
-        Pictures are old: after a touch they may still show the object that was touched.
-        """
-        return self.glimpse.time_s > self._now_s - self._task.object_s - SLACK_S
-
-    @property
     def robot(self) -> Pose:
         """Where the robot is."""
         return self._pose
 
-    @property
-    def target(self) -> Pose:
-        """Where the object is."""
-        return self._task.target
+    def facts(self) -> tuple[Any, ...]:
+        """What the task says of itself now: its `facts`."""
+        return self.episode.facts(
+            Moment(
+                robot=self._pose,
+                now_s=self._now_s,
+                seen_from=self.glimpse.state.robot,
+                seen_s=self.glimpse.time_s,
+                camera_ahead_m=self.simulation.robot.camera_mount.ahead_m,
+            )
+        )
 
-    @property
-    def kind(self) -> int:
-        """Which of the scene's objects it is."""
-        return self._task.kind
+    def info(self, outcome: Outcome | None = None) -> dict[str, Any]:
+        """What an environment says beside observation and reward: see `info_of`."""
+        happening = NOTHING if outcome is None else outcome.happening
+        return info_of(self.task, self.facts(), happening, self.lesson.name)
 
     def decide(self, left: float, right: float) -> Outcome:
         """Carry out one decision of 0.4 s.
@@ -183,18 +180,18 @@ class FetchWorld:
             left, right: the policy's action; beyond [-1, 1] is clipped.
 
         """
-        if self._task.ended:
+        if self.episode.ended:
             raise RuntimeError("the episode has ended: begin() another one")
         if self._change is not None and self._decisions == self._change[0]:
             self._embody(self._change[1])
         end_s = (self._decisions + 1) * DECISION_S
         self._command(left, right)
-        reward, happening = 0.0, Happening.NOTHING
+        reward, happening = 0.0, NOTHING
         while self._now_s < end_s - SLACK_S:
             score, event = self._advance(min(end_s, self._next_s()))
             reward += score
-            happening = happening if event is Happening.NOTHING else event
-            if self._task.ended:
+            happening = happening if event == NOTHING else event
+            if self.episode.ended:
                 self.glimpse = self._look()
                 return Outcome(reward, happening, ended=True)
             self._obey_if_due()
@@ -270,27 +267,26 @@ class FetchWorld:
     def _next_s(self) -> float:
         return min(self._look_s, self._commands[0][0]) if self._commands else self._look_s
 
-    def _advance(self, until_s: float) -> tuple[float, Happening]:
+    def _advance(self, until_s: float) -> tuple[float, str]:
         """Drive until then, or until the episode ends; the scores and what happened last."""
-        task, score, happening = self._task, 0.0, Happening.NOTHING
+        episode, score, happening = self.episode, 0.0, NOTHING
         while (left_s := until_s - self._now_s) > SLACK_S:
-            way_m = way_to_contact_m(self._pose, task.target, task.footprint, task.rules)
+            way_m = episode.free_way_m(self._pose)
             step_s = min(left_s, max(CONTACT_GRID_S, way_m / self._fastest_m_s))
             self.simulation.step(step_s)
             self._now_s += step_s
             self._pose = self.simulation.pose
-            step = task.advance(self._pose, step_s)
-            if step.happening is not Happening.NOTHING:
-                score += step.score
+            step = episode.advance(self._pose, step_s)
+            score += step.score
+            if step.happening != NOTHING:
                 happening = step.happening
-                self.touches += step.happening is Happening.TOUCH
                 if step.ended:
                     break
-                self._place_object()
+                self._place_objects()
         return score, happening
 
-    def _place_object(self) -> None:
-        self.simulation.place_object(self._task.target, self._task.kind)
+    def _place_objects(self) -> None:
+        self.simulation.place_objects(self.episode.places())
         self.simulation.turn_room(self._rng.uniform(-math.pi, math.pi))
 
     @property
@@ -298,3 +294,10 @@ class FetchWorld:
         if self._effects is None:
             raise RuntimeError("begin() an episode first")
         return self._effects
+
+
+def info_of(task: Task, facts: Sequence[Any], happening: str, lesson: str) -> dict[str, Any]:
+    """The info dictionary after a step: the task's facts, what happened, the lesson's name."""
+    assert task.facts.names is not None
+    known = dict(zip(task.facts.names, facts, strict=True))
+    return {**known, "happening": str(happening), "lesson": lesson}
