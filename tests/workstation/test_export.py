@@ -30,10 +30,10 @@ from mbot_workstation.learn.learning.checkpoint import (
 )
 from mbot_workstation.learn.learning.curriculum import CurriculumState
 from mbot_workstation.learn.learning.full_speed import KEEPS_TURNS, within_full_speed
-from mbot_workstation.learn.learning.golden_answers import check_golden_frames, golden_property
 from mbot_workstation.learn.learning.learner import LearnerSettings, make_learner
 from mbot_workstation.learn.learning.memory_policy import ACTIONS, PolicyInput
 from mbot_workstation.learn.learning.picture_ppo import PicturePPO
+from mbot_workstation.learn.learning.policy_export import check_golden_frames, golden_property
 from mbot_workstation.learn.learning.policy_graph import graph_weights, policy_graph
 from mbot_workstation.learn.learning.run_directory import RunDirectory, write_json
 from mbot_workstation.learn.learning.trained_policy import PROVENANCE, trained_policy

@@ -16,7 +16,12 @@ from mbot_workstation.learn.learning.policy_source import find_source
 from mbot_workstation.learn.learning.progress_log import ProgressRow
 from mbot_workstation.learn.learning.run_directory import RunDirectory
 from mbot_workstation.learn.studies.study_report import make_folder, markdown
-from mbot_workstation.learn.worlds.robot_camera import Glimpse, RobotCamera
+from mbot_workstation.learn.worlds.robot_camera import (
+    NOISE_SHARE,
+    Glimpse,
+    RobotCamera,
+    observation_processor,
+)
 from mbot_workstation.learn.worlds.rooms import (
     CHOICE_ROOMS,
     EVALUATION_ROOMS,
@@ -26,7 +31,6 @@ from mbot_workstation.learn.worlds.rooms import (
     gather_rooms,
     training_rooms,
 )
-from mbot_workstation.learn.worlds.sensor import NOISE_SHARE, observation_processor
 from mbot_workstation.learn.worlds.shared_arrays import SharedMemory
 from mbot_workstation.learn.worlds.worker import Done, Quit, Reset, Step, run_worker
 from mbot_workstation.sim.body.robot_parameters import RobotParameters

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 
 from mbot_protocol.errors import MbotError, UnreachableError
 from mbot_protocol.v1.messages_pb2 import MotorMap, Status
-from mbot_workstation.fleet.link.address import Endpoint
-from mbot_workstation.fleet.link.destination import Destination
+from mbot_workstation.fleet.link.address import Destination, Endpoint
 from mbot_workstation.fleet.link.robot_link import RobotLink
 from mbot_workstation.fleet.link.robot_session import alive_robots, open_session
 from mbot_workstation.fleet.link.security import LinkSecurity

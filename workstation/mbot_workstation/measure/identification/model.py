@@ -17,8 +17,7 @@ from mbot_workstation.measure.tracks.run import CommandSeries, Run
 from mbot_workstation.sim.body.motor import duties, wheel_voltages
 from mbot_workstation.sim.body.robot_mjcf import add_floor_contacts, add_robot
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
-from mbot_workstation.sim.engine import MjModel, mujoco
-from mbot_workstation.sim.timestep import TIMESTEP_S
+from mbot_workstation.sim.engine import TIMESTEP_S, MjModel, mujoco
 from mbot_workstation.sim.track import Array, Track
 
 STOPPING_S = 0.6

@@ -12,7 +12,7 @@ from scipy.linalg import cholesky_banded, solve_banded
 
 from mbot_workstation.measure.identification.floor import Plane
 from mbot_workstation.measure.identification.increments import STARTING_S, Observed
-from mbot_workstation.sim.timestep import TIMESTEP_S
+from mbot_workstation.sim.engine import TIMESTEP_S
 from mbot_workstation.sim.track import Array
 
 SETTING = ("clock", "drift", "ahead", "left", "yaw", "drain")

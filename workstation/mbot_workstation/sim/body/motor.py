@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from mbot_protocol.drive.mcore import Joystick
 from mbot_workstation.sim.body.robot_parameters import MotorParameters, RobotParameters
-from mbot_workstation.sim.timestep import TIMESTEP_S
+from mbot_workstation.sim.engine import TIMESTEP_S
 
 ROTOR_INERTIA_KG_M2 = 2e-5
 """Of the motor's rotor behind the 1:48 gear, at the wheel; assumed, 4 % of what the wheel has to

@@ -15,7 +15,7 @@ from mbot_workstation.sim.body.robot_mjcf import (
     add_robot,
 )
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
-from mbot_workstation.sim.engine import MjModel, MjSpec, mujoco
+from mbot_workstation.sim.engine import TIMESTEP_S, MjModel, MjSpec, mujoco
 from mbot_workstation.sim.scene.floor_textures import FloorTexture, vinyl
 from mbot_workstation.sim.scene.material_mjcf import add_material
 from mbot_workstation.sim.scene.object_mjcf import add_distractors, add_object
@@ -27,7 +27,6 @@ from mbot_workstation.sim.scene.scene_parameters import (
     Room,
     SceneParameters,
 )
-from mbot_workstation.sim.timestep import TIMESTEP_S
 
 FLOOR, ROOM, OVERHEAD_CAMERA = "floor", "room", "overhead camera"
 WALL_THICKNESS_M = 0.02
