@@ -56,7 +56,7 @@ def run(configuration: Configuration, last_words: Callable[[], None]) -> None:
     closing = threading.Event()
     with ExitStack() as parts:
         # The board comes first: whatever a crashed predecessor left it doing is stopped now.
-        motors = parts.enter_context(Motors(configuration.board))
+        motors = parts.enter_context(Motors(configuration.board, configuration.motors))
         termination.watch(lambda: _stop_for_good(motors), closing)
         termination.end_with_any_thread(lambda: _stop_for_good(motors), last_words)
         try:
@@ -280,11 +280,11 @@ def _telemetry(
     from mbot_agent.network.telemetry_publisher import Telemetry
     from mbot_agent.network.wire_messages import wire_decision
 
-    robot_id = configuration.robot_id
+    robot_id, wheels = configuration.robot_id, configuration.motors
     telemetry = parts.enter_context(
         Telemetry(
             link,
-            lambda tick: wire_decision(tick, robot_id, session_id, notices()),
+            lambda tick: wire_decision(tick, robot_id, session_id, notices(), wheels),
             configuration.telemetry,
             camera.glance,
         )
@@ -303,6 +303,7 @@ def _recorder(
     from mbot_agent.recording.robot_facts import robot_facts
 
     robot_id, settings = configuration.robot_id, configuration.recording
+    wheels = configuration.motors
     directory = RecordingDirectory(configuration.recordings_path, settings)
     service = RecordingService(robot_id, directory, enabled=settings.enabled)
     link.serve(service.answers)
@@ -312,7 +313,7 @@ def _recorder(
         Recorder(
             directory,
             robot_facts(configuration, session_id),
-            lambda tick: wire_decision(tick, robot_id, session_id, ()),
+            lambda tick: wire_decision(tick, robot_id, session_id, (), wheels),
         )
     )
 
