@@ -119,13 +119,8 @@ def _board(configuration: Configuration) -> Finding:
     from mbot_agent.board.board_kinds import opener
 
     board = configuration.board
-    never, keep_open = os.pipe()
-    try:
-        with opener(board)(board, never) as session:
-            session.handshake(lambda: False)
-    finally:
-        os.close(never)
-        os.close(keep_open)
+    with opener(board)(board, None) as session:
+        session.handshake(lambda: False)
     firmware = session.firmware
     found = f"{session.path}: firmware {firmware.version}"
     if firmware.mistaken:

@@ -22,7 +22,7 @@ from mbot_protocol.drive.wheel_command import Duties
 
 
 class LineSession:
-    def __init__(self, board: Board, wake_fd: int) -> None:
+    def __init__(self, board: Board, wake_fd: int | None) -> None:
         self.path, self.firmware, self._heard = board.port, Firmware(), b""
         self._line = SerialLine(board.port, board.baud_rate, wake_fd)
 

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mbot_agent.board import board_kinds
 from mbot_agent.board import motors as motors_module
 from mbot_agent.board.mcore import mcore_port, mcore_session
 from mbot_agent.board.mcore.mcore_session import McoreSession
@@ -681,12 +682,13 @@ def test_a_thread_that_stumbles_opens_the_board_anew(
 
 
 def test_a_thread_that_stumbles_again_and_again_pauses_between(
-    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     def stumble(*_: object) -> McoreSession:
         raise ZeroDivisionError
 
-    with Motors(Board(), open_board=stumble):
+    monkeypatch.setitem(board_kinds.KINDS, "stumbling", stumble)
+    with Motors(Board(kind="stumbling")):
         time.sleep(0.5)
     assert 1 <= caplog.text.count("the motor thread stumbled") < 10
 

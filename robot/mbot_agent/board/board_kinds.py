@@ -7,9 +7,9 @@ from mbot_agent.board.mcore.mcore_session import McoreSession
 from mbot_agent.configuration import Board
 from mbot_protocol.errors import ConfigurationError
 
-Opener = Callable[[Board, int], BoardSession]
+Opener = Callable[[Board, int | None], BoardSession]
 """Finds and opens the port of a board as configured; nothing is sent yet. The number is a pipe
-that interrupts `BoardSession.wait`. Raises UnreachableError."""
+that interrupts `BoardSession.wait`, if somebody may want to. Raises UnreachableError."""
 
 KINDS: dict[str, Opener] = {"mcore": McoreSession.open}
 """By what `board.kind` says. A table, and no import by a name in a file: what can drive the wheels

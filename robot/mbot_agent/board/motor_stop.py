@@ -1,7 +1,6 @@
 """`mbot-agent stop-motors`: what systemd runs after the daemon has ended, however it ended."""
 
 import logging
-import os
 import time
 
 from mbot_agent.board import board_kinds
@@ -29,19 +28,14 @@ def stop_motors(board: Board) -> None:
     """
     open_board = board_kinds.KINDS.get(board.kind, board_kinds.KINDS[Board().kind])
     end_s = time.monotonic() + TIME_LIMIT_S
-    never, keep_open = os.pipe()
-    try:
-        while True:
-            try:
-                with open_board(board, never) as session:
-                    if session.handshake(lambda: time.monotonic() > end_s):
-                        log.info("motors stopped (%s, %s)", session.path, session.firmware.version)
-                        return
-                    raise UnreachableError(f"{session.path} does not confirm that the motors stand")
-            except UnreachableError:
-                if time.monotonic() + PAUSE_S > end_s:
-                    raise
-                time.sleep(PAUSE_S)
-    finally:
-        os.close(never)
-        os.close(keep_open)
+    while True:
+        try:
+            with open_board(board, None) as session:
+                if session.handshake(lambda: time.monotonic() > end_s):
+                    log.info("motors stopped (%s, %s)", session.path, session.firmware.version)
+                    return
+                raise UnreachableError(f"{session.path} does not confirm that the motors stand")
+        except UnreachableError:
+            if time.monotonic() + PAUSE_S > end_s:
+                raise
+            time.sleep(PAUSE_S)

@@ -52,13 +52,8 @@ class Motors:
 
     """
 
-    def __init__(
-        self,
-        board: Board,
-        wheels: WheelMaps = AS_BUILT,
-        open_board: board_kinds.Opener | None = None,
-    ) -> None:
-        """`wheels` say which motor is reversed; `open_board` is what the kind of board has.
+    def __init__(self, board: Board, wheels: WheelMaps = AS_BUILT) -> None:
+        """`wheels` say which motor is reversed.
 
         Raises:
             ConfigurationError: nobody knows this kind of board.
@@ -66,7 +61,7 @@ class Motors:
         """
         self._board = board
         self._wheels = wheels
-        self._open = open_board or board_kinds.opener(board)
+        self._open = board_kinds.opener(board)
         self._news = threading.Condition()
         self._command: WheelCommand | None = None
         self._fresh = False  # the command has not been written yet

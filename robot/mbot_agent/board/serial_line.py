@@ -27,8 +27,8 @@ class SerialLine:
 
     """
 
-    def __init__(self, path: str, baud_rate: int, wake_fd: int) -> None:
-        """Open the port; `wake_fd` is a pipe that interrupts a wakeable `read`.
+    def __init__(self, path: str, baud_rate: int, wake_fd: int | None) -> None:
+        """Open the port; `wake_fd` is a pipe that interrupts a wakeable `read`, if there is one.
 
         Raises:
             UnreachableError: no port, no permission, or in use.
@@ -62,7 +62,9 @@ class SerialLine:
             BoardLostError: the port broke.
 
         """
-        fds = [self._fd, self._wake_fd] if wakeable else [self._fd]
+        fds = [self._fd]
+        if wakeable and self._wake_fd is not None:
+            fds.append(self._wake_fd)
         try:
             ready, _, _ = select.select(fds, [], [], max(0.0, timeout_s))
             if self._fd not in ready:

@@ -61,7 +61,7 @@ class McoreSession:
         self._parser = ReplyParser()
 
     @classmethod
-    def open(cls, board: Board, wake_fd: int) -> "McoreSession":
+    def open(cls, board: Board, wake_fd: int | None) -> "McoreSession":
         """Find and open the port, which resets a real board. Nothing has been sent yet.
 
         Raises:
