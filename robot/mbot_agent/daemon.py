@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbot_agent.arming import Mode, Orders, State
+from mbot_agent.board.board_kinds import opener
 from mbot_agent.board.motors import Motors
 from mbot_agent.configuration import Access, Configuration, state_directory
 from mbot_agent.faults import Notice
@@ -88,6 +89,7 @@ def rehearse(configuration: Configuration) -> str:
     from mbot_agent.network import zenoh_link
     from mbot_protocol.policy.golden_frames import check_deviation
 
+    opener(configuration.board)  # a kind of board that this release does not know
     parts = (command_service, stop_service, control_loop, model_service, zenoh_link)
     words = f"{len(parts)} parts are there"
     models = configuration.models
