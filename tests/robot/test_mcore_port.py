@@ -8,7 +8,7 @@ from serial.tools.list_ports_common import ListPortInfo
 
 from mbot_agent.board.mcore import mcore_port
 from mbot_agent.board.mcore.mcore_port import find_port
-from mbot_agent.board.serial_line import open_port
+from mbot_agent.board.serial_port import open_port
 from mbot_protocol.errors import UnreachableError
 
 
