@@ -27,7 +27,8 @@ from mbot_agent.recording.recording_directory import RecordingDirectory
 from mbot_agent.recording.robot_facts import robot_facts
 from mbot_agent.tick import Action, Memory, Tick
 from mbot_protocol.drive.actions import to_steps
-from mbot_protocol.drive.mcore import Joystick
+from mbot_protocol.drive.wheel_command import Duties
+from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.fleet.recorded.recorded_drive import read_drive
 
 CHECKOUT = Path(__file__).parents[1]
@@ -66,7 +67,7 @@ def ticks(count: int) -> list[Tick]:
         found.append(
             Tick(
                 number, 0, 0, 0, orders, (), "a" * 64, 1, picture + np.uint8(number % 7), 2,
-                Memory(state, steps.action), Action(0.5, 0.25), 3, steps, Joystick(-147, 93),
+                Memory(state, steps.action), Action(0.5, 0.25), 3, steps, Duties(0.58, 0.36),
                 Delivery(4, 5),
             )
         )  # fmt: skip
@@ -82,7 +83,10 @@ def measure_robot(folder: Path, rate_hz: float, seconds: float) -> dict[str, flo
     begun_mb = resident_mb()
     from mbot_agent.recording.recorder import Recorder  # its memory counts
 
-    with Recorder(directory, facts, lambda tick: wire_decision(tick, "mbot-1", 1, ())) as recorder:
+    def decision(tick: Tick) -> Decision:
+        return wire_decision(tick, "mbot-1", 1, (), facts.wheels)
+
+    with Recorder(directory, facts, decision) as recorder:
         began_s, cpu_s = time.monotonic(), thread_cpu_s("recording")
         for number in range(round(seconds * rate_hz)):
             now_ns = time.monotonic_ns()

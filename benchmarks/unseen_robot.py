@@ -21,7 +21,7 @@ from steady_rates import Rates, steady_rates
 from mbot_protocol.drive.actions import WheelMaps, to_steps
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS
 from mbot_workstation.measure.tracks.run import CommandSeries, Recording, Run
-from mbot_workstation.sim.body.motor import duties
+from mbot_workstation.sim.body.motor import pwm_duties
 from mbot_workstation.sim.track import Array
 from tests.workstation.planar_robot import Session, Tracker, put_down
 
@@ -211,7 +211,7 @@ def _plan(session: Session, rng: np.random.Generator) -> list[Drive]:
 
 def duty_of(one: Drive, maps: WheelMaps) -> tuple[float, float]:
     """Forward-positive duty of both motors while the run lasts."""
-    return duties(maps.to_board(to_steps(one.left, one.right)))
+    return pwm_duties(maps.duties(to_steps(one.left, one.right)))
 
 
 def torque_about(points: Plane, force: Plane) -> Array:

@@ -1,7 +1,10 @@
 """What the source promises of its own shape: rooms, sizes, a test for every module."""
 
 import ast
+import io
+import re
 import subprocess
+import tokenize
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -87,6 +90,22 @@ def test_every_module_is_imported_by_a_test() -> None:
     imported = {name for test in (CHECKOUT / "tests").rglob("*.py") for name in imports(test)}
     named = [dotted(p) for p in modules() if p.name not in ("__init__.py", "__main__.py")]
     assert not [name for name in named if name not in imported]
+
+
+def test_one_kind_of_board_is_known_where_it_is_spoken_to() -> None:
+    """By its names; words for people may say which board they mean."""
+    known = ("mbot_agent.board.mcore", "mbot_agent.board.board_kinds", "mbot_protocol.drive.mcore")
+    known += ("mbot_workstation.virtual", "mbot_workstation.fleet.firmware")
+    known += ("mbot_workstation.cli.flash",)
+    tells = re.compile(r"(?i:mcore|joystick)|\bm[12]\b")
+    found = [
+        f"{path.relative_to(CHECKOUT)}:{token.start[0]} {token.string}"
+        for path in modules()
+        if not dotted(path).startswith(known)
+        for token in tokenize.generate_tokens(io.StringIO(path.read_text()).readline)
+        if token.type == tokenize.NAME and tells.search(token.string)
+    ]
+    assert not found
 
 
 def test_nothing_names_this_machine() -> None:

@@ -7,7 +7,8 @@ ROOT = Path(__file__).parents[2]
 _ROBOT, _PROTOCOL, _WORKSTATION = "robot", "shared/protocol", "workstation"
 _FILES = (
     (_ROBOT, "mbot_agent", "arming helm control_loop metronome"),
-    (_ROBOT, "mbot_agent/board", "board_session motors motor_stop"),
+    (_ROBOT, "mbot_agent/board", "motors motor_stop serial_line"),
+    (_ROBOT, "mbot_agent/board/mcore", "mcore_session"),
     (_ROBOT, "mbot_agent/camera", "capture picture_check stuck"),
     (_ROBOT, "mbot_agent/commands", "command_service stop_service"),
     (_ROBOT, "mbot_agent/models", "activation confinement model_keeper nonces pilot"),

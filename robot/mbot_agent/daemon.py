@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbot_agent.arming import Mode, Orders, State
+from mbot_agent.board.board_kinds import opener
 from mbot_agent.board.motors import Motors
 from mbot_agent.configuration import Access, Configuration, state_directory
 from mbot_agent.faults import Notice
@@ -56,7 +57,7 @@ def run(configuration: Configuration, last_words: Callable[[], None]) -> None:
     closing = threading.Event()
     with ExitStack() as parts:
         # The board comes first: whatever a crashed predecessor left it doing is stopped now.
-        motors = parts.enter_context(Motors(configuration.board))
+        motors = parts.enter_context(Motors(configuration.board, configuration.motors))
         termination.watch(lambda: _stop_for_good(motors), closing)
         termination.end_with_any_thread(lambda: _stop_for_good(motors), last_words)
         try:
@@ -88,6 +89,7 @@ def rehearse(configuration: Configuration) -> str:
     from mbot_agent.network import zenoh_link
     from mbot_protocol.policy.golden_frames import check_deviation
 
+    opener(configuration.board)  # a kind of board that this release does not know
     parts = (command_service, stop_service, control_loop, model_service, zenoh_link)
     words = f"{len(parts)} parts are there"
     models = configuration.models
@@ -280,11 +282,11 @@ def _telemetry(
     from mbot_agent.network.telemetry_publisher import Telemetry
     from mbot_agent.network.wire_messages import wire_decision
 
-    robot_id = configuration.robot_id
+    robot_id, wheels = configuration.robot_id, configuration.motors
     telemetry = parts.enter_context(
         Telemetry(
             link,
-            lambda tick: wire_decision(tick, robot_id, session_id, notices()),
+            lambda tick: wire_decision(tick, robot_id, session_id, notices(), wheels),
             configuration.telemetry,
             camera.glance,
         )
@@ -303,6 +305,7 @@ def _recorder(
     from mbot_agent.recording.robot_facts import robot_facts
 
     robot_id, settings = configuration.robot_id, configuration.recording
+    wheels = configuration.motors
     directory = RecordingDirectory(configuration.recordings_path, settings)
     service = RecordingService(robot_id, directory, enabled=settings.enabled)
     link.serve(service.answers)
@@ -312,7 +315,7 @@ def _recorder(
         Recorder(
             directory,
             robot_facts(configuration, session_id),
-            lambda tick: wire_decision(tick, robot_id, session_id, ()),
+            lambda tick: wire_decision(tick, robot_id, session_id, (), wheels),
         )
     )
 

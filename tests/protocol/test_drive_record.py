@@ -11,6 +11,7 @@ from mbot_protocol.beat.drive_record import (
     drive_record_schema,
     topic,
 )
+from mbot_protocol.drive.actions import MotorMap, WheelMaps
 from mbot_protocol.v1.messages_pb2 import Decision, State, Steps, Wheels
 
 FACTS = RobotFacts(
@@ -19,12 +20,7 @@ FACTS = RobotFacts(
     software_version="0.1.0",
     processor="aarch64",
     decision_rate_hz=2.5,
-    left_reversed=True,
-    left_trim=0.9,
-    left_dead_band=41,
-    right_reversed=False,
-    right_trim=1.0,
-    right_dead_band=0,
+    wheels=WheelMaps(MotorMap(trim=0.9, dead_band=41), MotorMap(dead_band=0)),
 )
 
 
@@ -51,8 +47,14 @@ def test_a_standing_wheel_is_a_number_and_what_did_not_happen_is_left_out() -> N
 
 
 def test_the_robot_is_told_in_strings() -> None:
-    assert RobotFacts.from_strings(FACTS.to_strings()) == FACTS
-    with pytest.raises(ValueError, match="left_trim"):
+    told = FACTS.to_strings()
+    assert (told["left_reversed"], told["left_trim"], told["right_dead_band"]) == (
+        "True",
+        "0.9",
+        "0",
+    )
+    assert RobotFacts.from_strings(told | {"of_a_later_release": "x"}) == FACTS
+    with pytest.raises(ValueError, match=r"wheels\.left\.trim"):
         RobotFacts.from_strings(FACTS.to_strings() | {"left_trim": "much"})
     with pytest.raises(ValueError, match="robot_id"):
         RobotFacts.from_strings({})
@@ -73,6 +75,7 @@ def test_a_beat_of_telemetry_becomes_the_same_numbers() -> None:
         steps=Steps(left=125, right=-62),
         board_m1=-130,
         board_m2=-70,
+        duty=Wheels(left=130 / 255, right=-70 / 255),
         missed_ticks=7,
         stop_count=8,
         dropped_records=9,
@@ -83,6 +86,9 @@ def test_a_beat_of_telemetry_becomes_the_same_numbers() -> None:
     assert (record.action_left, record.action_right) == (0.5, -0.25)
     assert (record.steps_left, record.steps_right) == (125, -62)
     assert (record.board_m1, record.board_m2) == (-130, -70)
+    assert (record.duty_left, record.duty_right) == (0.509804, -0.27451)
+    decision.ClearField("duty")  # of a release of before
+    assert drive_record(decision).duty_left is msgspec.UNSET
     assert (record.missed_ticks, record.stop_count, record.dropped_records) == (7, 8, 9)
     assert (record.picture_age_ms, record.late_ms, record.observe_ms) == (40, 1, 2.5)
     assert (record.decide_ms, record.write_ms, record.acknowledge_ms) == (2.5, 0.25, 2.75)

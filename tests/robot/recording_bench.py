@@ -29,7 +29,7 @@ def directory(path: Path, **settings: Any) -> RecordingDirectory:
 
 
 def to_message(tick: Tick) -> Decision:
-    return wire_decision(tick, "mbot-1", 42, ())
+    return wire_decision(tick, "mbot-1", 42, (), FACTS.wheels)
 
 
 class Drive:

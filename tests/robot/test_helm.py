@@ -3,14 +3,13 @@ import time
 import pytest
 
 from mbot_agent.arming import Mode, Orders
-from mbot_agent.hardware import DriveCommand
 from mbot_agent.helm import MOST_SENDERS, Helm, Press
-from mbot_protocol.drive.mcore import Joystick
+from mbot_protocol.drive.wheel_command import Duties, WheelCommand
 from mbot_protocol.errors import RefusedError
 
 from .loop_bench import HAND, ObedientBoard
 
-FORWARD = Joystick(-100, 100)
+FORWARD = Duties(0.4, 0.4)
 
 
 @pytest.fixture
@@ -31,7 +30,7 @@ def test_a_decision_begun_before_a_stop_never_reaches_the_motors(motors: Obedien
     helm.run(helm.orders.stop.count)
     orders = helm.orders
     helm.stop()
-    assert helm.steer_by_policy(orders, DriveCommand(FORWARD, 0)) is None
+    assert helm.steer_by_policy(orders, WheelCommand(FORWARD, 0)) is None
     assert motors.asked == ["stop"]
 
 
@@ -42,8 +41,8 @@ def test_a_decision_begun_before_stop_and_run_again_is_outdated_too(
     orders = helm.orders
     helm.stop()
     helm.run(helm.orders.stop.count)
-    assert helm.steer_by_policy(orders, DriveCommand(FORWARD, 0)) is None
-    assert helm.steer_by_policy(helm.orders, DriveCommand(FORWARD, 0)) is not None
+    assert helm.steer_by_policy(orders, WheelCommand(FORWARD, 0)) is None
+    assert helm.steer_by_policy(helm.orders, WheelCommand(FORWARD, 0)) is not None
 
 
 def test_resting_for_old_orders_does_not_stop_a_hand(motors: ObedientBoard) -> None:

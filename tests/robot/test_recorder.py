@@ -10,7 +10,8 @@ import pytest
 from mbot_agent.recording import recorder as module
 from mbot_agent.recording.recorder import BACKLOG, Recorder
 from mbot_agent.recording.segment import Segment
-from mbot_protocol.drive.mcore import Joystick
+from mbot_protocol.drive.actions import AS_BUILT
+from mbot_protocol.drive.wheel_command import Duties
 
 from ..until import until
 from .recording_bench import FACTS, Drive, directory, to_message, written
@@ -40,7 +41,7 @@ def test_a_drive_is_recorded_exactly_from_arming_to_the_stop(tmp_path: Path) -> 
     assert [record["sequence"] for record in found["drive"]] == [tick.sequence for tick in driven]
     for record, picture, tick in zip(found["drive"], found["observation"], driven, strict=True):
         assert np.array_equal(picture, tick.observation)  # pyright: ignore[reportArgumentType]
-        assert (record["board_m1"], record["board_m2"]) == (tick.joystick.m1, tick.joystick.m2)
+        assert (record["board_m1"], record["board_m2"]) == AS_BUILT.levels(tick.duties)
         assert record["armed"] is tick.orders.is_armed
         assert (record["view_horizontal_deg"], record["view_vertical_deg"]) == (55.3, 42.9)
     assert [record["began_anew"] for record in found["drive"]] == [True, *[False] * 5]
@@ -56,7 +57,7 @@ def test_a_drive_is_recorded_exactly_from_arming_to_the_stop(tmp_path: Path) -> 
 def test_what_a_hand_told_the_board_is_recorded(tmp_path: Path) -> None:
     drive = Drive()
     with recorder_in(tmp_path) as recorder:
-        drive.bench.hold(Joystick(-100, 90))
+        drive.bench.hold(Duties(100 / 255, 90 / 255))
         recorder.offer(drive.tick())
         drive.bench.helm.stop()
         recorder.offer(drive.tick())

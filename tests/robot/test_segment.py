@@ -10,7 +10,7 @@ from mbot_agent.recording.beat_log import BeatLog
 from mbot_agent.recording.robot_facts import processor_name
 from mbot_agent.recording.segment import Segment
 from mbot_protocol.beat.drive_record import ROBOT_METADATA, RobotFacts
-from mbot_protocol.drive.mcore import STOP
+from mbot_protocol.drive.wheel_command import STOP
 from mbot_workstation.fleet.recorded.whole_chunks import WholeChunks
 
 from .recording_bench import FACTS, Drive, to_message, written
@@ -45,7 +45,8 @@ from pathlib import Path
 sys.modules |= {"lz4": None, "zstandard": None}
 from mbot_agent.recording.segment import Segment
 from mbot_protocol.beat.drive_record import RobotFacts
-facts = RobotFacts("mbot-1", 1, "0", "arm64", 2.5, False, 1.0, 0, False, 1.0, 0)
+from mbot_protocol.drive.actions import WheelMaps
+facts = RobotFacts("mbot-1", 1, "0", "arm64", 2.5, WheelMaps())
 segment = Segment(Path(sys.argv[1]), facts)
 segment.write_log(1, "now running", 7)
 segment.close()

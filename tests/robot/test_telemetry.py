@@ -13,6 +13,7 @@ from mbot_agent.faults import Notice
 from mbot_agent.network.telemetry_publisher import BACKLOG, Telemetry
 from mbot_agent.network.wire_messages import wire_decision
 from mbot_agent.tick import Tick
+from mbot_protocol.drive.actions import AS_BUILT
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_protocol.wire.keys import CAMERA, DECISION, OBSERVATION, Topic
 
@@ -45,7 +46,7 @@ def tick(sequence: int, observation: np.ndarray | None = None) -> Tick:
 
 
 def to_message(tick: Tick) -> Decision:
-    return wire_decision(tick, "mbot-1", 42, (NOTICE,))
+    return wire_decision(tick, "mbot-1", 42, (NOTICE,), AS_BUILT)
 
 
 def telemetry_to(wire: Wire, **settings: Any) -> Telemetry:

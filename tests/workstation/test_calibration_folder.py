@@ -193,7 +193,7 @@ def test_simulation_and_daemon_are_told_the_same(folder: Path) -> None:
     daemon = calibrated(
         Configuration("mbot-1", calibration="mbot-1"), folder.parent / "config.toml"
     )
-    assert daemon.motors.to_maps() == robot.wheel_maps
+    assert daemon.motors == robot.wheel_maps
     assert daemon.camera.model_at(320, 240) == robot.camera.scaled_to(320, 240)
 
 
@@ -304,7 +304,7 @@ def test_the_wheels_keep_their_differences_under_effects(folder: Path) -> None:
 def test_a_motor_map_keeps_room_for_driving() -> None:
     weak = WEAK.wheel_maps()
     maps = perturbed_wheel_maps(weak, replace(KNOWN, compensation_scale=20.0))
-    assert maps.left.to_board(250) != 0
+    assert maps.left.duty(250) != 0
     assert maps.left.dead_band < 255 * 0.2
 
 

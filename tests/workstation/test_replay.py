@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from mbot_protocol.drive.actions import AS_BUILT, Steps
 from mbot_protocol.errors import ConfigurationError, MbotError
 from mbot_protocol.policy.policy_contract import FULL_VIEW, FieldOfView, PolicyMetadata
 from mbot_workstation.cli.replay import DIFFERS
@@ -48,6 +49,19 @@ def test_a_recording_is_read_beat_by_beat(drive: RecordedDrive) -> None:
     seen = drive.beats[0].observation
     assert seen is not None
     assert seen.shape == (64, 64, 3)
+
+
+def test_a_recording_of_before_duties_tells_the_same_speeds(drive: RecordedDrive) -> None:
+    beat = drive.beats[10]
+    assert not beat.decision.HasField("duty")
+    assert beat.record is not None
+    assert (beat.record.board_m1, beat.record.board_m2) == (54, 255)
+    assert drive.facts is not None
+    assert drive.facts.wheels == AS_BUILT
+    steps = beat.decision.steps
+    told = AS_BUILT.duties(Steps(steps.left, steps.right))
+    assert AS_BUILT.levels(told) == (54, 255)
+    assert AS_BUILT.of_levels(54, 255) == told
 
 
 def test_the_daemon_decides_the_same_again(drive: RecordedDrive) -> None:

@@ -93,7 +93,7 @@ def test_gaps_are_counted_and_a_new_session_begins_anew() -> None:
 def test_the_view_shows_everything_a_person_asks_for() -> None:
     text = drawn(window_of(20))
     for expected in (
-        "mbot-1", "running", "+0.500", "step +125", "M1 -147", "20, 10.00/s, missed 3",
+        "mbot-1", "running", "+0.500", "step +125", "motor -147", "20, 10.00/s, missed 3",
         "lost 0, dropped by the robot 2", "aaaaaaaaaaaa", "52 °C", "load 0.75", "200 MiB",
         "p99 ms", "frame to motors", "60.0", "▀",
     ):  # fmt: skip
@@ -188,7 +188,7 @@ def test_json_names_are_stable() -> None:
         "written_ms", "acknowledged_ms", "action_left", "action_right", "step_left",
         "step_right", "board_m1", "board_m2", "model_sha256", "missed_ticks",
         "cpu_temperature_c", "load_1min", "resident_memory_bytes", "dropped_records",
-            "notices",
+            "notices", "duty_left", "duty_right",
     ]  # fmt: skip
     assert fields["session_id"] == "0000000000000001"
     assert fields["captured_ms"] == -30.0

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from mbot_agent.arming import State, Stop
 from mbot_agent.faults import Fault, Notice
 from mbot_agent.tick import Tick
-from mbot_protocol.drive.actions import MotorMap
+from mbot_protocol.drive.actions import MotorMap, WheelMaps
 from mbot_protocol.v1 import messages_pb2 as messages
 from mbot_protocol.wire.schema import SCHEMA_VERSION
 
@@ -30,7 +30,9 @@ def wire_notices(notices: Iterable[Notice]) -> list[messages.Notice]:
 
 def wire_motor(motor: MotorMap) -> messages.MotorMap:
     """One wheel's mapping."""
-    return messages.MotorMap(reversed=motor.reversed, trim=motor.trim, dead_band=motor.dead_band)
+    return messages.MotorMap(
+        reversed=bool(motor.reversed), trim=motor.trim, dead_band=motor.dead_band
+    )
 
 
 def wire_stop(stop: Stop) -> messages.LastStop:
@@ -39,9 +41,11 @@ def wire_stop(stop: Stop) -> messages.LastStop:
 
 
 def wire_decision(
-    tick: Tick, robot_id: str, session_id: int, notices: Iterable[Notice]
+    tick: Tick, robot_id: str, session_id: int, notices: Iterable[Notice], wheels: WheelMaps
 ) -> messages.Decision:
     """One tick, whether or not the policy drove."""
+    duties = tick.at_wheels
+    board_m1, board_m2 = wheels.levels(duties)
     decision = messages.Decision(
         schema_version=SCHEMA_VERSION,
         robot_id=robot_id,
@@ -55,8 +59,9 @@ def wire_decision(
         captured_monotonic_ns=tick.captured_ns,
         observed_monotonic_ns=tick.observed_ns,
         decided_monotonic_ns=tick.decided_ns,
-        board_m1=tick.at_board.m1,
-        board_m2=tick.at_board.m2,
+        board_m1=board_m1,
+        board_m2=board_m2,
+        duty=messages.Wheels(left=duties.left, right=duties.right),
         missed_ticks=tick.missed_ticks,
         model_sha256=tick.model_sha256,
         stop_count=tick.stop_count,

@@ -13,7 +13,7 @@ import numpy as np
 
 from mbot_protocol.drive.mcore import Joystick
 from mbot_workstation.pacer import Pacer
-from mbot_workstation.sim.body.motor import duties
+from mbot_workstation.sim.body.motor import pwm_duties
 from mbot_workstation.sim.pose import ORIGIN, Pose
 from mbot_workstation.sim.simulation import Simulation
 from mbot_workstation.tasks.episode import NOTHING, Setting
@@ -225,7 +225,7 @@ class LiveWorld:
         simulation = self._simulation
         motors = self._motors_at(moment_s)
         self._underway.append(motors)
-        simulation.set_duty(*duties(self._underway.popleft()))
+        simulation.set_duty(*pwm_duties(self._underway.popleft().duties))
         simulation.step(SLICE_S)
         self._driven = self._driven or not motors.is_stop
         if self._driven:

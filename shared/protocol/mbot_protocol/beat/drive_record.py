@@ -22,6 +22,8 @@ POSE_TOPIC = "pose"
 ROBOT_METADATA = "mbot.robot"
 """The metadata record of a recording that says which robot it was: `RobotFacts` as strings."""
 
+_SIDES = ("left", "right")
+
 
 class DriveRecord(msgspec.Struct, frozen=True):
     """One beat. What is left out did not happen.
@@ -31,7 +33,9 @@ class DriveRecord(msgspec.Struct, frozen=True):
         state: idle, running, stopped, manual, fault.
         action_left, action_right: what the policy answered, not yet clipped.
         steps_left, steps_right: the same in motor steps, -250..250.
-        board_m1, board_m2: what the board was given, by the policy or by hand, -255..255.
+        duty_left, duty_right: what the wheels were told, by the policy or by hand, in [-1, 1];
+            releases of before do not tell.
+        board_m1, board_m2: the same at the motors, in 255ths (`WheelMaps.levels`).
         acknowledged: whether the board has confirmed that in time.
         picture_age_ms: of the frame when the beat began.
         late_ms, observe_ms, decide_ms, write_ms, acknowledge_ms: how long each stage took.
@@ -54,6 +58,8 @@ class DriveRecord(msgspec.Struct, frozen=True):
     action_right: float | UnsetType = UNSET
     steps_left: int | UnsetType = UNSET
     steps_right: int | UnsetType = UNSET
+    duty_left: float | UnsetType = UNSET
+    duty_right: float | UnsetType = UNSET
     board_m1: int = 0
     board_m2: int = 0
     acknowledged: bool = False
@@ -82,6 +88,7 @@ class DriveRecord(msgspec.Struct, frozen=True):
 def drive_record(decision: Decision) -> DriveRecord:
     """A beat's numbers, as far as telemetry tells of it."""
     asked, moved = decision.HasField("action"), decision.HasField("steps")
+    told = decision.HasField("duty")
     started_ns, captured_ns = decision.started_monotonic_ns, decision.captured_monotonic_ns
     observed_ns, decided_ns = decision.observed_monotonic_ns, decision.decided_monotonic_ns
     written_ns = decision.written_monotonic_ns
@@ -92,6 +99,8 @@ def drive_record(decision: Decision) -> DriveRecord:
         action_right=decision.action.right if asked else UNSET,
         steps_left=decision.steps.left if moved else UNSET,
         steps_right=decision.steps.right if moved else UNSET,
+        duty_left=round(decision.duty.left, 6) if told else UNSET,
+        duty_right=round(decision.duty.right, 6) if told else UNSET,
         board_m1=decision.board_m1,
         board_m2=decision.board_m2,
         acknowledged=decision.acknowledged_monotonic_ns != 0,
@@ -128,8 +137,7 @@ class RobotFacts(msgspec.Struct, frozen=True):
         software_version: of mbot-agent.
         processor: what has computed; another one may differ in the last digits.
         decision_rate_hz: beats a second.
-        left_reversed, left_trim, left_dead_band: `drive.actions.MotorMap`, left wheel.
-        right_reversed, right_trim, right_dead_band: the right one.
+        wheels: how steps became the motors' duties; "left_trim" and the like in a file.
 
     """
 
@@ -138,24 +146,16 @@ class RobotFacts(msgspec.Struct, frozen=True):
     software_version: str
     processor: str
     decision_rate_hz: float
-    left_reversed: bool
-    left_trim: float
-    left_dead_band: int
-    right_reversed: bool
-    right_trim: float
-    right_dead_band: int
+    wheels: WheelMaps
 
     def to_strings(self) -> dict[str, str]:
         """As MCAP keeps metadata."""
-        return {name: str(getattr(self, name)) for name in self.__struct_fields__}
-
-    @property
-    def wheels(self) -> WheelMaps:
-        """How both wheels' steps became the board's speeds."""
-        return WheelMaps(
-            MotorMap(self.left_reversed, self.left_trim, self.left_dead_band),
-            MotorMap(self.right_reversed, self.right_trim, self.right_dead_band),
-        )
+        fields = msgspec.structs.asdict(self)
+        for side in _SIDES:
+            motor = msgspec.structs.asdict(getattr(self.wheels, side))
+            fields |= {f"{side}_{name}": value for name, value in motor.items()}
+        del fields["wheels"]
+        return {name: str(value) for name, value in fields.items()}
 
     @classmethod
     def from_strings(cls, strings: dict[str, str]) -> "RobotFacts":
@@ -165,14 +165,19 @@ class RobotFacts(msgspec.Struct, frozen=True):
             ValueError: a value is missing or of another kind; it says which.
 
         """
-        return msgspec.convert(
-            {
-                key: value.lower() if value in ("True", "False") else value
-                for key, value in strings.items()
-            },
-            cls,
-            strict=False,
-        )
+        fields = {
+            key: value.lower() if value in ("True", "False") else value
+            for key, value in strings.items()
+        }
+        wheels = {
+            side: {
+                name: fields[key]
+                for name in MotorMap.__struct_fields__
+                if (key := f"{side}_{name}") in fields
+            }
+            for side in _SIDES
+        }
+        return msgspec.convert(fields | {"wheels": wheels}, cls, strict=False)
 
 
 def topic(robot_id: str, name: str) -> str:

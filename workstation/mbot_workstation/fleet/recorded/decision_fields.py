@@ -13,7 +13,7 @@ def decision_fields(decision: Decision) -> dict[str, Field]:
     Times of stages are in ms after the tick's start: the frame's capture is negative. The
     session is hexadecimal text, because it has more digits than JSON readers keep of a number.
     """
-    asked = decision.HasField("action")
+    asked, told = decision.HasField("action"), decision.HasField("duty")
     return {
         "robot_id": decision.robot_id,
         "session_id": f"{decision.session_id:016x}",
@@ -41,4 +41,6 @@ def decision_fields(decision: Decision) -> dict[str, Field]:
         ),
         "dropped_records": decision.dropped_records,
         "notices": [{"kind": n.kind, "detail": n.detail} for n in decision.notices],
+        "duty_left": round(decision.duty.left, 6) if told else None,
+        "duty_right": round(decision.duty.right, 6) if told else None,
     }

@@ -101,14 +101,14 @@ def _facts(decision: Decision, window: TelemetryWindow) -> Table:
     word = decision_state(decision)
     table.add_row("state", Text(word, style=_STATE_STYLES.get(decision.state, "bold")))
     wheels = (
-        ("left", decision.action.left, decision.steps.left, decision.board_m1, "M1"),
-        ("right", decision.action.right, decision.steps.right, decision.board_m2, "M2"),
+        ("left", decision.action.left, decision.steps.left, decision.board_m1),
+        ("right", decision.action.right, decision.steps.right, decision.board_m2),
     )
     asked = decision.HasField("action")
-    for name, action, step, board, motor in wheels:
+    for name, action, step, level in wheels:
         drawn = bar(action if asked else step / STEP_LIMIT)
         number = f"{action:+.3f}" if asked else "     -"
-        table.add_row(name, f"{drawn} {number}  step {step:+4d}  {motor} {board:+4d}")
+        table.add_row(name, f"{drawn} {number}  step {step:+4d}  motor {level:+4d}")
     rate_hz = window.decisions_per_s
     rate = "-" if rate_hz is None else f"{rate_hz:.2f}/s"
     table.add_row("decisions", f"{decision.sequence + 1}, {rate}, missed {decision.missed_ticks}")

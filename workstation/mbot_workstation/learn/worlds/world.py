@@ -19,7 +19,7 @@ from mbot_workstation.learn.worlds.body_swap import robot_geoms, swap_body
 from mbot_workstation.learn.worlds.fast_physics import PLACEHOLDER, hasten, hide, placeholders
 from mbot_workstation.learn.worlds.robot_camera import Glimpse, RobotCamera
 from mbot_workstation.learn.worlds.world_settings import WorldSettings
-from mbot_workstation.sim.body.motor import duties
+from mbot_workstation.sim.body.motor import pwm_duties
 from mbot_workstation.sim.body.own_view import parts_in_view
 from mbot_workstation.sim.body.robot_mjcf import part_name
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
@@ -233,12 +233,12 @@ class World:
 
     def _command(self, left: float, right: float) -> None:
         effects = self._known_effects
-        board = self._wheels.to_board(to_steps(left, right))
+        told = self._wheels.duties(to_steps(left, right))
         wait_ms = effects.action_latency_ms + self._rng.random() * effects.action_jitter_ms
         due_s = self._decisions * DECISION_S + wait_ms / 1000
         if self._commands:  # a line keeps its order
             due_s = max(due_s, self._commands[-1][0])
-        self._commands.append((due_s, *duties(board)))
+        self._commands.append((due_s, *pwm_duties(told)))
         self._obey_if_due()
 
     def _obey_if_due(self) -> None:

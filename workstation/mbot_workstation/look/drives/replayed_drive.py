@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mbot_protocol.drive.actions import Steps
-from mbot_protocol.drive.mcore import Joystick
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.policy.policy_contract import FieldOfView
 from mbot_protocol.policy.replay_step import ReplayAnswer, ReplayGreeting, ReplayStep
@@ -32,8 +31,8 @@ class Redecided:
         beat: as recorded.
         since_s: from the recording's begin.
         action: what comes out now; before, it was `beat.decision.action`.
-        motor_bytes: the frame that the board would be sent now.
-        motor_bytes_then: the one it was sent.
+        levels: what the motors would be told now, in 255ths.
+        levels_then: what they were told.
         same_memory: whether the policy went on with the very memory it had then.
         failure: why there is no action now; empty: there is one.
 
@@ -42,8 +41,8 @@ class Redecided:
     beat: Beat
     since_s: float
     action: Wheels
-    motor_bytes: bytes
-    motor_bytes_then: bytes
+    levels: tuple[int, int]
+    levels_then: tuple[int, int]
     same_memory: bool
     failure: str = ""
 
@@ -62,7 +61,7 @@ class Redecided:
     @property
     def is_exact(self) -> bool:
         """To the last bit: action, motor bytes, and what the policy remembered."""
-        same = self.action == self.action_then and self.motor_bytes == self.motor_bytes_then
+        same = self.action == self.action_then and self.levels == self.levels_then
         return same and self.same_memory and not self.failure
 
 
@@ -99,7 +98,7 @@ class Replay:
     @property
     def same_motor_bytes(self) -> int:
         """In how many the board would be sent the same."""
-        return sum(one.motor_bytes == one.motor_bytes_then for one in self.decisions)
+        return sum(one.levels == one.levels_then for one in self.decisions)
 
     @property
     def largest_difference(self) -> float:
@@ -243,15 +242,15 @@ def _compared(
     assert record is not None
     assert facts is not None
     wheels = facts.wheels
-    then = Joystick(record.board_m1, record.board_m2)
-    if then.is_stop:  # a stop came in between: what the policy wanted of the motors
-        then = wheels.to_board(Steps(decision.steps.left, decision.steps.right))
+    then = record.board_m1, record.board_m2
+    if not any(then):  # a stop came in between: what the policy wanted of the motors
+        then = wheels.levels(wheels.duties(Steps(decision.steps.left, decision.steps.right)))
     return Redecided(
         beat,
         drive.since_s(beat),
         answer.action,
-        wheels.to_board(Steps(*answer.steps)).to_bytes(),
-        then.to_bytes(),
+        wheels.levels(wheels.duties(Steps(*answer.steps))),
+        then,
         not same_model or answer.memory == record.memory,
         answer.failure,
     )

@@ -19,7 +19,7 @@ from mbot_protocol.drive.actions import WheelMaps, to_steps
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.identification.floor import FlatRun
 from mbot_workstation.measure.identification.increments import Observed, driving
-from mbot_workstation.sim.body.motor import duties, motor_voltage
+from mbot_workstation.sim.body.motor import motor_voltage, pwm_duties
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.track import Array
 
@@ -182,7 +182,7 @@ def _steady(run: Observed, chosen: NDArray[np.bool_]) -> tuple[complex, complex]
 def _volt_shares(
     left: float, right: float, robot: RobotParameters, maps: WheelMaps
 ) -> tuple[float, float]:
-    told = duties(maps.to_board(to_steps(left, right)))
+    told = pwm_duties(maps.duties(to_steps(left, right)))
     motors = (robot.left_motor, robot.right_motor)
     shares = (motor_voltage(d, m, 1.0) / m.gain for d, m in zip(told, motors, strict=True))
     left_share, right_share = shares

@@ -11,7 +11,6 @@ from mbot_workstation.measure.tracks.plausibility import check_runs
 from mbot_workstation.measure.tracks.recording_toml import (
     RecordingInfo,
     read_info,
-    recorded_motor,
     write_info,
 )
 from mbot_workstation.measure.tracks.run import Recording, Run
@@ -81,9 +80,7 @@ def write_recording(
 
     """
     maps = wheel_maps or WheelMaps()
-    info = RecordingInfo(
-        robot_id, made_on, left=recorded_motor(maps.left), right=recorded_motor(maps.right)
-    )
+    info = RecordingInfo(robot_id, made_on, left=maps.left, right=maps.right)
     commanded = (CommandedRun(r.number, r.maneuver, r.repetition, r.commands) for r in runs)
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from mbot_protocol.drive.actions import MotorMap
-from mbot_protocol.drive.mcore import SPEED_LIMIT
+from mbot_protocol.drive.actions import LEVELS, MotorMap
 from mbot_workstation.sim.body.robot_parameters import MotorParameters, RobotParameters
 from mbot_workstation.sim.effects.effects import RealWorldEffects
 from mbot_workstation.sim.effects.perturbed_robot import perturbed_robot
@@ -41,7 +40,7 @@ def body_record(effects: RealWorldEffects, robot: RobotParameters) -> tuple[floa
     known = {
         "left_gain": _trimmed_gain(left, maps.left),
         "right_gain": _trimmed_gain(right, maps.right),
-        "dead_band": SPEED_LIMIT * (left.dead_band + right.dead_band) / 2,
+        "dead_band": LEVELS * (left.dead_band + right.dead_band) / 2,
         "dead_band_compensation": effects.compensation_scale
         * (maps.left.dead_band + maps.right.dead_band)
         / 2,
@@ -54,5 +53,5 @@ def _trimmed_gain(motor: MotorParameters, own: MotorMap) -> float:
     """What a trim takes away counts as a weaker motor. Exact at full speed."""
     if own.trim >= 1:
         return motor.gain
-    dead_band = SPEED_LIMIT * motor.dead_band
-    return motor.gain * max(SPEED_LIMIT * own.trim - dead_band, 1.0) / (SPEED_LIMIT - dead_band)
+    dead_band = LEVELS * motor.dead_band
+    return motor.gain * max(LEVELS * own.trim - dead_band, 1.0) / (LEVELS - dead_band)

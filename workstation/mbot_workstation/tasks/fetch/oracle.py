@@ -10,7 +10,7 @@ from dataclasses import astuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mbot_protocol.drive.mcore import SPEED_LIMIT
+from mbot_protocol.drive.actions import LEVELS
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.effects.body_record import BODY_RECORD, body_record
 from mbot_workstation.sim.effects.effects import EffectRanges, RealWorldEffects
@@ -120,8 +120,8 @@ class Oracle:
     ) -> NDArray[np.float64]:
         """The action that gives a wheel this speed, beyond both dead bands."""
         dead_band, compensation = self._bodies["dead_band"], self._bodies["dead_band_compensation"]
-        board = dead_band + (SPEED_LIMIT - dead_band) * np.abs(wheel) / gain
-        step = (board - compensation) / (SPEED_LIMIT - compensation)
+        board = dead_band + (LEVELS - dead_band) * np.abs(wheel) / gain
+        step = (board - compensation) / (LEVELS - compensation)
         size = np.where(np.abs(wheel) < 1e-3, 0.0, np.clip(step, 0.0, 1.0))
         return np.copysign(size, wheel)
 
@@ -129,6 +129,6 @@ class Oracle:
         """The speed that an action gives a wheel, as `_command` the other way round."""
         dead_band, compensation = self._bodies["dead_band"], self._bodies["dead_band_compensation"]
         size = np.minimum(np.abs(action), 1.0)
-        board = compensation + (SPEED_LIMIT - compensation) * size
-        share = np.where(size > 0, (board - dead_band) / (SPEED_LIMIT - dead_band), 0.0)
+        board = compensation + (LEVELS - compensation) * size
+        share = np.where(size > 0, (board - dead_band) / (LEVELS - dead_band), 0.0)
         return np.copysign(gain * np.maximum(share, 0.0), action)

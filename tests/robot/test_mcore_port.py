@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 from serial.tools.list_ports_common import ListPortInfo
 
-from mbot_agent.board import board_port
-from mbot_agent.board.board_port import find_port, open_port
+from mbot_agent.board.mcore import mcore_port
+from mbot_agent.board.mcore.mcore_port import find_port
+from mbot_agent.board.serial_port import open_port
 from mbot_protocol.errors import UnreachableError
 
 
@@ -24,8 +25,8 @@ def plugged(monkeypatch: pytest.MonkeyPatch, folder: Path, *ids: str, ports: str
         path, name = ports.split()
         found.append(ListPortInfo(path))
         found[0].vid, found[0].pid = int(name[:4], 16), int(name[5:], 16)
-    monkeypatch.setattr(board_port, "_USB_DEVICES", folder)
-    monkeypatch.setattr(board_port.list_ports, "comports", lambda: found)
+    monkeypatch.setattr(mcore_port, "_USB_DEVICES", folder)
+    monkeypatch.setattr(mcore_port.list_ports, "comports", lambda: found)
 
 
 @pytest.mark.parametrize(
