@@ -9,15 +9,16 @@ import pytest
 
 from mbot_agent.recording import recorder as module
 from mbot_agent.recording.recorder import BACKLOG, Recorder
-from mbot_agent.recording.segment import Segment
+from mbot_agent.recording.robot_facts import processor_name
+from mbot_protocol.beat.writer import BeatWriter
 from mbot_protocol.drive.mcore import Joystick
 
 from ..until import until
-from .recording_bench import FACTS, Drive, directory, to_message, written
+from .recording_bench import FACTS, Drive, directory, to_beat, written
 
 
 def recorder_in(path: Path, **settings: Any) -> Recorder:
-    return Recorder(directory(path, **settings), FACTS, to_message)
+    return Recorder(directory(path, **settings), FACTS, to_beat)
 
 
 def files(path: Path) -> list[Path]:
@@ -133,14 +134,14 @@ def test_whatever_goes_wrong_is_told_and_recording_goes_on_later(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception, words: str
 ) -> None:
     drive, broken = Drive(), True
-    sync = Segment.sync
+    sync = BeatWriter.sync
 
-    def sync_if_whole(segment: Segment) -> None:
+    def sync_if_whole(segment: BeatWriter) -> None:
         if broken:
             raise error
         sync(segment)
 
-    monkeypatch.setattr(Segment, "sync", sync_if_whole)
+    monkeypatch.setattr(BeatWriter, "sync", sync_if_whole)
     monkeypatch.setattr(module, "TRY_AGAIN_S", 0.05)
     drive.bench.run()
     with recorder_in(tmp_path) as recorder:
@@ -184,3 +185,10 @@ def test_a_long_drive_is_several_files_of_one_recording(
     assert [path.name for path in found] == ["000.mcap", "001.mcap", "002.mcap"]
     assert [written(path)["drive"][0]["sequence"] for path in found] == [0, 1, 2]
     assert len({path.parent for path in found}) == 1
+
+
+def test_the_processor_is_named(tmp_path: Path) -> None:
+    cpuinfo = tmp_path / "cpuinfo"
+    cpuinfo.write_text("processor\t: 0\nmodel name\t: Fast One\n\nprocessor\t: 1\n")
+    assert processor_name(cpuinfo).endswith(" Fast One")
+    assert processor_name(tmp_path / "none")

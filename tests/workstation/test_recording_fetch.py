@@ -13,8 +13,7 @@ from mbot_agent.recording.recording_service import RecordingService
 from mbot_protocol.errors import ConfigurationError, RefusedError
 from mbot_protocol.v1.recordings_pb2 import RecordedDrive, RecordingList
 from mbot_workstation.cli.recordings import app
-from mbot_workstation.fleet.link.robot_link import RobotLink
-from mbot_workstation.fleet.recorded.recording_fetch import (
+from mbot_workstation.fleet.link.recording_fetch import (
     PART,
     choose,
     fetch,
@@ -22,6 +21,7 @@ from mbot_workstation.fleet.recorded.recording_fetch import (
     list_recordings,
     remove,
 )
+from mbot_workstation.fleet.link.robot_link import RobotLink
 
 from .fake_robot import ROBOT_ID, FakeRobot
 

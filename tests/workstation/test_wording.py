@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_protocol.v1.messages_pb2 import STATE_RUNNING, Fault
+from mbot_protocol.v1.messages_pb2 import Fault
 from mbot_workstation.wording import (
     LONGEST_TEXT,
     degrees,
@@ -19,7 +19,6 @@ from mbot_workstation.wording import (
     seconds,
     short_digest,
     size_words,
-    state_word,
     typed,
     waiting_words,
 )
@@ -33,8 +32,6 @@ def test_any_text_becomes_one_printable_line(text: str) -> None:
 
 
 def test_values_become_words() -> None:
-    assert state_word(STATE_RUNNING) == "running"
-    assert state_word(77) == "state-77"
     assert short_digest("ab" * 32) == "abababababab"
     assert short_digest("") == "none"
     assert (size_words(4600), size_words(2_410_000)) == ("4.6 kB", "2.41 MB")

@@ -1,10 +1,10 @@
-"""How values are written for people: lengths and shares, states, digests, texts from the wire."""
+"""How values are written for people: lengths and shares, digests, texts from the wire."""
 
 import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from mbot_protocol.v1.messages_pb2 import Decision, Fault, Notice, State, Status
+from mbot_protocol.v1.messages_pb2 import Fault, Notice, Status
 
 LONGEST_TEXT = 400
 """Longer texts from the wire are cut: an error is one line a person reads."""
@@ -50,21 +50,9 @@ def seconds(value_s: float) -> str:
     return f"{value_s:.3g} s"
 
 
-def state_word(state: int) -> str:
-    """`State` in one lower-case word; a state this software does not know by its number."""
-    if state not in State.values():
-        return f"state-{state}"
-    return State.Name(State.ValueType(state)).removeprefix("STATE_").lower()
-
-
 def short_digest(sha256: str) -> str:
     """The first 12 digits of a digest: enough to tell models apart, and for a roll-back."""
     return one_line(sha256)[:12] or "none"
-
-
-def decision_state(decision: Decision) -> str:
-    """A beat's state, and why it stands if a hand has let go."""
-    return state_word(decision.state) + (" (the hand let go)" if decision.hand_let_go else "")
 
 
 def size_words(size_bytes: int) -> str:

@@ -7,6 +7,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from mbot_protocol.beat.changes import decision_state
 from mbot_protocol.drive.actions import STEP_LIMIT
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision, State
@@ -14,7 +15,7 @@ from mbot_workstation.fleet.telemetry.stream import LinkState
 from mbot_workstation.fleet.telemetry.window import TelemetryWindow
 from mbot_workstation.pictures.half_blocks import half_blocks
 from mbot_workstation.pictures.picture_file import decode_picture
-from mbot_workstation.wording import decision_state, fault_lines, one_line, short_digest
+from mbot_workstation.wording import fault_lines, one_line, short_digest
 
 PICTURE_COLUMNS = 32
 BAR_CELLS = 10

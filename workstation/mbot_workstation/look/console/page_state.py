@@ -1,5 +1,6 @@
 """What the page shows of a robot: its own words for everything, so that the page only draws."""
 
+from mbot_protocol.beat.fields import state_word
 from mbot_protocol.drive.actions import STEP_LIMIT
 from mbot_protocol.v1.messages_pb2 import Decision, State, Status
 from mbot_workstation.fleet.telemetry.window import TelemetryWindow
@@ -9,7 +10,6 @@ from mbot_workstation.wording import (
     one_line,
     short_digest,
     standing_words,
-    state_word,
     stop_words,
 )
 

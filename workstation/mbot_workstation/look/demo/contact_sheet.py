@@ -6,13 +6,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 
+from mbot_protocol.beat.recorded_drive import read_drive
 from mbot_protocol.drive.actions import STEP_LIMIT
 from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.fleet.recorded.drive_mcap import read_recording
 from mbot_workstation.pictures.film_tile import (
     INK,
     TILE_PX,
@@ -22,7 +21,7 @@ from mbot_workstation.pictures.film_tile import (
     draw_tile,
     write,
 )
-from mbot_workstation.pictures.picture_file import decode_picture
+from mbot_workstation.pictures.picture_file import observation
 
 COLUMNS, ROWS = 6, 4
 CAPTION_PX = caption_px(bars=2)
@@ -40,22 +39,11 @@ class Moment:
 
 def moments(recording: Path) -> list[Moment]:
     """The recorded decisions in which the policy was asked, each with its picture."""
-    pictures: dict[int, bytes] = {}
-    decisions: list[Decision] = []
-    for _, message in read_recording(recording):
-        if isinstance(message, CompressedImage):
-            pictures[message.timestamp.ToNanoseconds()] = message.data
-        elif message.HasField("action"):
-            decisions.append(message)
-    found: list[Moment] = []
-    for decision in decisions:
-        jpeg = pictures.get(decision.unix_time_ns)
-        if jpeg is None:
-            continue
-        picture = decode_picture(jpeg)
-        if picture is not None:
-            found.append(Moment(picture, decision))
-    return found
+    return [
+        Moment(picture, beat.decision)
+        for beat in read_drive(recording).decided
+        if (picture := observation(beat)) is not None
+    ]
 
 
 def contact_sheet(seen: Sequence[Moment], path: Picture | None, title: str) -> Picture:

@@ -16,9 +16,9 @@ from mbot_workstation.fleet.link.remote_control import RemoteControl
 from mbot_workstation.fleet.link.robot_link import RobotLink
 from mbot_workstation.fleet.models.push import push
 from mbot_workstation.fleet.models.signing_key import SigningKey
-from mbot_workstation.fleet.recorded.drive_mcap import Recording
 from mbot_workstation.fleet.telemetry.output import Output
 from mbot_workstation.fleet.telemetry.stream import Sample, TelemetryStream
+from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
 from mbot_workstation.fresh_folder import make_fresh
 from mbot_workstation.look.demo.contact_sheet import contact_sheet, moments, path_side_px, save
 from mbot_workstation.look.demo.demo_result import DemoResult, summarise
@@ -113,7 +113,7 @@ def run_demo(settings: DemoSettings, output: Output) -> DemoResult:
         push(link, settings.model, lambda _: key)
         push_s = time.monotonic() - started_s
         board = link.status()
-        recording = stack.enter_context(Recording(folder / "recording.mcap", link.robot_id))
+        recording = stack.enter_context(TelemetryFile(folder / "recording.mcap", link.robot_id))
         stream = stack.enter_context(TelemetryStream(link))
         stack.enter_context(output)
         cpu_before_s, began_s = agent.cpu_s, time.monotonic()
@@ -163,7 +163,7 @@ def _daemons_part(calibration: Path | None) -> str:
 def drive(
     link: RobotLink,
     stream: TelemetryStream,
-    recording: Recording,
+    recording: TelemetryFile,
     output: Output,
     settings: DemoSettings,
     folder: Path,

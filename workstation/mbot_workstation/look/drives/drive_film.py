@@ -7,12 +7,14 @@ from typing import cast
 import cv2
 from PIL import Image
 
+from mbot_protocol.beat.beat import Beat
+from mbot_protocol.beat.changes import decision_state
+from mbot_protocol.beat.recorded_drive import RecordedDrive
 from mbot_protocol.drive.actions import STEP_LIMIT
 from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.fleet.recorded.recorded_drive import Beat, RecordedDrive
 from mbot_workstation.pictures.film_tile import INK, Bar, blank, caption_px, draw_tile, write
-from mbot_workstation.wording import decision_state
+from mbot_workstation.pictures.picture_file import observation
 
 RATE_HZ = 10
 """A beat is shown for as long as it lasted; 20 beats a second are shown every other one."""
@@ -94,7 +96,7 @@ def _lasts_s(beat: Beat, following: Beat | None, drive: RecordedDrive) -> float:
 def _frame(drive: RecordedDrive, beat: Beat) -> Picture:
     """One picture of the film, RGB; the same size for each beat."""
     decision = beat.decision
-    seen = beat.observation
+    seen = observation(beat)
     steps = decision.steps
     bars = [Bar("L", steps.left / STEP_LIMIT), Bar("R", steps.right / STEP_LIMIT)]
     small = blank(128 + caption_px(2), 128)
