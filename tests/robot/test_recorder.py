@@ -45,6 +45,7 @@ def test_a_drive_is_recorded_exactly_from_arming_to_the_stop(tmp_path: Path) -> 
         assert record["armed"] is tick.orders.is_armed
         assert (record["view_horizontal_deg"], record["view_vertical_deg"]) == (55.3, 42.9)
     assert [record["began_anew"] for record in found["drive"]] == [True, *[False] * 5]
+    assert all(record["resident_memory_bytes"] > 1e6 for record in found["drive"])
     third = found["drive"][2]
     before, then = driven[1].steps, driven[2].action
     assert before is not None

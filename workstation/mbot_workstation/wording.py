@@ -4,7 +4,7 @@ import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from mbot_protocol.v1.messages_pb2 import Fault, Notice, Status
+from mbot_protocol.v1.messages_pb2 import Decision, Fault, Notice, Status
 
 LONGEST_TEXT = 400
 """Longer texts from the wire are cut: an error is one line a person reads."""
@@ -53,6 +53,18 @@ def seconds(value_s: float) -> str:
 def short_digest(sha256: str) -> str:
     """The first 12 digits of a digest: enough to tell models apart, and for a roll-back."""
     return one_line(sha256)[:12] or "none"
+
+
+def computer_words(decision: Decision) -> str:
+    """How the robot's computer is, as far as it tells: "52 °C, load 0.75, 200 MiB"."""
+    known: list[str] = []
+    if decision.HasField("cpu_temperature_c"):
+        known.append(f"{decision.cpu_temperature_c:.0f} °C")
+    if decision.HasField("load_1min"):
+        known.append(f"load {decision.load_1min:.2f}")
+    if decision.HasField("resident_memory_bytes"):
+        known.append(f"{decision.resident_memory_bytes / 2**20:.0f} MiB")
+    return ", ".join(known)
 
 
 def size_words(size_bytes: int) -> str:

@@ -7,7 +7,6 @@ import logging
 import queue
 import threading
 from collections.abc import Callable
-from dataclasses import asdict
 from typing import Protocol, Self
 
 import cv2
@@ -15,7 +14,6 @@ import numpy as np
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 
 from mbot_agent import configuration
-from mbot_agent.network.health import read_health
 from mbot_agent.tick import Tick
 from mbot_protocol.beat.beat import Beat
 from mbot_protocol.drive.picture import Picture
@@ -101,10 +99,6 @@ class Telemetry:
 
     def _send(self, tick: Tick) -> None:
         decision = self._to_beat(tick).decision
-        # A field of Health is a field of Decision; None where this machine does not tell.
-        for name, value in asdict(read_health()).items():
-            if value is not None:
-                setattr(decision, name, value)
         decision.dropped_records = self._dropped
         self._publisher.publish(DECISION, decision.SerializeToString())
         if tick.observation is not None and self._shows_pictures():

@@ -2,12 +2,14 @@
 
 import time
 from collections.abc import Iterable
+from dataclasses import asdict
 
 import numpy as np
 from msgspec import UNSET
 
 from mbot_agent.arming import State, Stop
 from mbot_agent.faults import Fault, Notice
+from mbot_agent.network.health import read_health
 from mbot_agent.tick import Tick
 from mbot_protocol.beat.beat import Beat, PolicyInput
 from mbot_protocol.drive.actions import MotorMap
@@ -72,6 +74,10 @@ def beat_of(tick: Tick, robot_id: str, session_id: int, notices: Iterable[Notice
     if tick.delivery is not None:
         decision.written_monotonic_ns = tick.delivery.written_ns
         decision.acknowledged_monotonic_ns = tick.delivery.acknowledged_ns
+    # A field of Health is a field of Decision; None where this machine does not tell.
+    for name, value in asdict(read_health()).items():
+        if value is not None:
+            setattr(decision, name, value)
     # The wall clock may jump, so the monotonic one says how long ago it was.
     decision.unix_time_ns = time.time_ns() - (time.monotonic_ns() - tick.started_ns)
     return Beat(decision, _policy_input(tick), wire_stop(tick.orders.stop))
