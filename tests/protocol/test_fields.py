@@ -30,7 +30,9 @@ def test_the_schema_is_what_viewers_read_and_names_all_that_is_written() -> None
     assert kinds["board_m1"] == "integer"
     assert kinds["state"] == "string"
     told = PolicyInput(True, False, 0.0, 0.0, b"", 55.3, 42.9)
-    assert set(kinds) == set(drive_numbers(decision(), told))
+    said = decision()
+    said.under_voltage = False
+    assert set(kinds) == set(drive_numbers(said, told))
     assert "$ref" not in drive_schema().decode()
 
 
@@ -111,7 +113,7 @@ def test_json_names_are_stable() -> None:
         "written_ms", "acknowledged_ms", "action_left", "action_right", "step_left",
         "step_right", "board_m1", "board_m2", "model_sha256", "missed_ticks",
         "cpu_temperature_c", "load_1min", "resident_memory_bytes", "dropped_records",
-        "notices", "stop_count", "steps_left", "steps_right",
+        "notices", "stop_count", "steps_left", "steps_right", "under_voltage",
     }  # fmt: skip
     assert fields["session_id"] == "0000000000000001"
     assert fields["captured_ms"] == -30.0
@@ -126,3 +128,11 @@ def test_json_is_null_where_the_robot_said_nothing() -> None:
     for name in ("action_left", "decided_ms", "model_sha256", "cpu_temperature_c", "load_1min"):
         assert fields[name] is None
     assert not any(isinstance(v, float) and math.isnan(v) for v in fields.values())
+
+
+def test_a_supply_that_sags_is_told_and_what_is_not_known_is_not() -> None:
+    for known in (True, False):
+        assert decision_fields(Decision(under_voltage=known))["under_voltage"] is known
+        assert drive_numbers(Decision(under_voltage=known))["under_voltage"] is known
+    assert decision_fields(Decision())["under_voltage"] is None
+    assert "under_voltage" not in drive_numbers(Decision())

@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_protocol.v1.messages_pb2 import Fault
+from mbot_protocol.v1.messages_pb2 import Decision, Fault
 from mbot_workstation.wording import (
     LONGEST_TEXT,
+    computer_words,
     degrees,
     fault_lines,
     metres,
@@ -36,6 +37,10 @@ def test_values_become_words() -> None:
     assert short_digest("") == "none"
     assert (size_words(4600), size_words(2_410_000)) == ("4.6 kB", "2.41 MB")
     fault = Fault(kind="camera", detail="black\x1b[2J\npictures")
+    computer = Decision(cpu_temperature_c=51.5, load_1min=0.75)
+    assert computer_words(computer) == "52 °C, load 0.75"
+    computer.under_voltage = True
+    assert "under-voltage" in computer_words(computer)
     assert fault_lines([fault]) == ["camera: black [2J pictures"]
 
 

@@ -64,6 +64,8 @@ def computer_words(decision: Decision) -> str:
         known.append(f"load {decision.load_1min:.2f}")
     if decision.HasField("resident_memory_bytes"):
         known.append(f"{decision.resident_memory_bytes / 2**20:.0f} MiB")
+    if decision.under_voltage:
+        known.append("under-voltage: check battery and cable")
     return ", ".join(known)
 
 
