@@ -10,7 +10,7 @@ from mbot_workstation.cli.link_options import LinkOptions, json_option
 from mbot_workstation.cli.options import argument, option, with_options
 
 if TYPE_CHECKING:
-    from mbot_protocol.v1.recordings_pb2 import RecordedDrive, RecordingList
+    from mbot_protocol.v1.recordings_pb2 import ListedDrive, RecordingList
 
 app = typer.Typer(help="The drives that a robot has recorded.", no_args_is_help=True)
 
@@ -141,7 +141,7 @@ def _progress(name: str) -> Any:
     return tell
 
 
-def _fields(drive: "RecordedDrive") -> dict[str, Any]:
+def _fields(drive: "ListedDrive") -> dict[str, Any]:
     return {
         "name": drive.name,
         "started_unix_time_ns": drive.started_unix_time_ns,

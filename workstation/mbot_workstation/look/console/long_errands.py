@@ -8,7 +8,7 @@ from typing import Self
 
 from mbot_protocol.beat.recorded_drive import read_drive
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.v1.recordings_pb2 import RecordedDrive
+from mbot_protocol.v1.recordings_pb2 import ListedDrive
 from mbot_workstation.fleet.link.recording_fetch import fetch, list_recordings
 from mbot_workstation.fleet.link.robot_link import RobotLink
 from mbot_workstation.fleet.models.check import check_model_data
@@ -109,7 +109,7 @@ class LongErrands:
         with self._fetching:  # two pages may want the same drive
             return fetch(self._link, self._find(name), self._drives, show)
 
-    def _find(self, name: str) -> RecordedDrive:
+    def _find(self, name: str) -> ListedDrive:
         for drive in list_recordings(self._link).drives:
             if drive.name == name:
                 return drive
