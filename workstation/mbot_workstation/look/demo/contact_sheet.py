@@ -1,17 +1,15 @@
 """One picture of a run: what the robot saw and did, beside its path from above."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from mbot_protocol.beat.recorded_drive import read_drive
+from mbot_protocol.beat.beat import Beat
 from mbot_protocol.drive.actions import STEP_LIMIT
 from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.pictures.film_tile import (
     INK,
     TILE_PX,
@@ -29,28 +27,11 @@ GAP_PX = 8
 TITLE_PX = 44
 
 
-@dataclass(frozen=True, slots=True)
-class Moment:
-    """What the policy saw, shape (64, 64, 3) RGB, and the decision it took."""
-
-    observation: Picture
-    decision: Decision
-
-
-def moments(recording: Path) -> list[Moment]:
-    """The recorded decisions in which the policy was asked, each with its picture."""
-    return [
-        Moment(picture, beat.decision)
-        for beat in read_drive(recording).decided
-        if (picture := observation(beat)) is not None
-    ]
-
-
-def contact_sheet(seen: Sequence[Moment], path: Picture | None, title: str) -> Picture:
-    """Arrange up to 24 moments, evenly over the run, and the path.
+def contact_sheet(seen: Sequence[Beat], path: Picture | None, title: str) -> Picture:
+    """Arrange up to 24 beats, evenly over the run, and the path.
 
     Args:
-        seen: from `moments`.
+        seen: with pictures.
         path: from `draw_path`; None leaves it out.
         title: one line on top.
 
@@ -64,15 +45,17 @@ def contact_sheet(seen: Sequence[Moment], path: Picture | None, title: str) -> P
     write(sheet, title, (GAP_PX, 28), INK, 0.55)
     count = min(len(seen), COLUMNS * ROWS)
     chosen = [seen[round(k)] for k in np.linspace(0, len(seen) - 1, count)] if count else []
-    for number, moment in enumerate(chosen):
+    for number, beat in enumerate(chosen):
         row, column = divmod(number, COLUMNS)
         top = TITLE_PX + row * (TILE_PX + CAPTION_PX + GAP_PX)
         left = GAP_PX + column * (TILE_PX + GAP_PX)
-        since_ns = moment.decision.unix_time_ns - seen[0].decision.unix_time_ns
+        since_ns = beat.decision.unix_time_ns - seen[0].decision.unix_time_ns
         area = sheet[top : top + TILE_PX + CAPTION_PX, left : left + TILE_PX]
-        steps = moment.decision.steps
+        steps = beat.decision.steps
         bars = [Bar("L", steps.left / STEP_LIMIT), Bar("R", steps.right / STEP_LIMIT)]
-        draw_tile(area, moment.observation, f"{since_ns / 1e9:.1f} s", bars)
+        picture = observation(beat)
+        shown = blank(64, 64) if picture is None else picture
+        draw_tile(area, shown, f"{since_ns / 1e9:.1f} s", bars)
     if path is None:
         return sheet
     beside = blank(height, path.shape[1] + 2 * GAP_PX)

@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+from mbot_protocol.beat.recorded_drive import read_drive
 from mbot_protocol.drive.calibration import read_camera
 from mbot_protocol.errors import MbotError, RefusedError, UnreachableError
 from mbot_protocol.v1.messages_pb2 import Decision
@@ -20,7 +21,7 @@ from mbot_workstation.fleet.telemetry.output import Output
 from mbot_workstation.fleet.telemetry.stream import Sample, TelemetryStream
 from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
 from mbot_workstation.fresh_folder import make_fresh
-from mbot_workstation.look.demo.contact_sheet import contact_sheet, moments, path_side_px, save
+from mbot_workstation.look.demo.contact_sheet import contact_sheet, path_side_px, save
 from mbot_workstation.look.demo.demo_result import DemoResult, summarise
 from mbot_workstation.look.demo.path_drawing import draw_path, read_trajectory
 from mbot_workstation.sim.calibrated.motion_calibration import read_motion
@@ -244,8 +245,8 @@ def _draw(folder: Path, result: DemoResult) -> None:
         f"{result.touches} objects in {result.driven_s:.0f} s, {result.distance_driven_m:.1f} m; "
         f"{result.decisions} decisions, frame to motors p50 {result.frame_p50_ms:.1f} ms"
     )
-    sheet = contact_sheet(moments(folder / "recording.mcap"), path, title)
-    save(sheet, folder / "contact-sheet.png")
+    seen = [beat for beat in read_drive(folder / "recording.mcap").decided if beat.encoded]
+    save(contact_sheet(seen, path, title), folder / "contact-sheet.png")
 
 
 def _free_port() -> int:
