@@ -1,4 +1,5 @@
 import errno
+import json
 import os
 import subprocess
 import sys
@@ -10,6 +11,7 @@ from mcap.reader import make_reader
 
 from mbot_protocol.beat.beat import Beat, PolicyInput
 from mbot_protocol.beat.channels import ROBOT_METADATA, RobotFacts
+from mbot_protocol.beat.fields import drive_numbers
 from mbot_protocol.beat.recorded_drive import read_drive
 from mbot_protocol.beat.whole_chunks import WholeChunks
 from mbot_protocol.beat.writer import SYNC_AFTER_S, BeatWriter
@@ -47,8 +49,12 @@ def test_a_file_is_what_any_library_reads(tmp_path: Path) -> None:
     file.close()
     with path.open("rb") as opened:
         reader = make_reader(opened, validate_crcs=True)
-        topics = {channel.topic: schema for schema, channel, _ in reader.iter_messages()}
+        found = list(reader.iter_messages())
         (robot,) = reader.iter_metadata()
+    topics = {channel.topic: schema for schema, channel, _ in found}
+    assert {message.log_time for _, _, message in found} == {decision(0).unix_time_ns}
+    (numbers,) = (message.data for _, channel, message in found if channel.topic.endswith("/drive"))
+    assert json.loads(numbers) == drive_numbers(decision(0), beat(0).policy_input)
     kinds = {topic: (schema.name, schema.encoding) for topic, schema in topics.items() if schema}
     assert kinds == {
         "/mbot/mbot-1/decision": ("mbot.v1.Decision", "protobuf"),

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 
 from mbot_protocol.beat.beat import Beat
-from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.look.demo.contact_sheet import contact_sheet, path_side_px, save
+from mbot_workstation.look.demo.contact_sheet import contact_sheet, path_side_px
 from mbot_workstation.look.demo.path_drawing import (
     BACKGROUND,
     PATH,
@@ -54,8 +53,3 @@ def test_a_sheet_takes_any_number_of_moments(count: int) -> None:
     sheet = contact_sheet(seen, np.zeros((path_side_px(), path_side_px(), 3), np.uint8), "title")
     assert sheet.shape[1] > sheet.shape[0]
     assert contact_sheet(seen, None, "").shape[0] == sheet.shape[0]
-
-
-def test_a_picture_that_cannot_be_written_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="can't write the picture"):
-        save(np.zeros((4, 4, 3), np.uint8), tmp_path / "none" / "sheet.png")

@@ -1,13 +1,10 @@
-import json
 import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from mcap.reader import make_reader
 
-from mbot_protocol.beat.changes import changes
 from mbot_protocol.beat.recorded_drive import read_drive
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.fleet.telemetry.telemetry_file import SAVE_AFTER_S, TelemetryFile
@@ -29,47 +26,6 @@ def test_a_recording_reads_back_in_order(tmp_path: Path) -> None:
     assert [beat.decision for beat in beats] == [decision(i) for i in range(3)]
     assert [beat.encoded for beat in beats] == [picture().data] * 3
     assert not any(beat.is_replayable for beat in beats), "only the robot knows what that takes"
-
-
-def test_the_file_has_an_index_schemas_and_the_robots_time(tmp_path: Path) -> None:
-    path = tmp_path / "drive.mcap"
-    record(path, 2)
-    with path.open("rb") as file:
-        summary = make_reader(file).get_summary()
-        assert summary is not None
-        assert {schema.name for schema in summary.schemas.values()} == {
-            "mbot.v1.Decision",
-            "foxglove.CompressedImage",
-            "foxglove.Log",
-            "mbot.DriveRecord",
-        }
-        assert summary.statistics is not None
-        assert summary.statistics.message_start_time == decision(0).unix_time_ns
-        assert summary.statistics.message_end_time == decision(1).unix_time_ns
-
-
-def test_a_viewer_plots_the_numbers_without_our_schema(tmp_path: Path) -> None:
-    path = tmp_path / "drive.mcap"
-    record(path, 2)
-    with path.open("rb") as file:
-        told = [
-            (channel.message_encoding, message.log_time, json.loads(message.data))
-            for _, channel, message in make_reader(file).iter_messages(["/mbot/mbot-1/drive"])
-        ]
-    assert [encoding for encoding, _, _ in told] == ["json", "json"]
-    assert [time_ns for _, time_ns, _ in told] == [decision(i).unix_time_ns for i in range(2)]
-    numbers = told[1][2]
-    assert (numbers["sequence"], numbers["action_left"], numbers["steps_right"]) == (1, 0.5, -62)
-    assert numbers["frame_to_motors_ms"] == pytest.approx(60)
-    assert "memory" not in numbers, "which telemetry does not tell"
-
-
-def test_what_changes_is_said_in_words(tmp_path: Path) -> None:
-    path = tmp_path / "drive.mcap"
-    record(path, 3)
-    told = [line for _, line in read_drive(path).log]
-    assert told == [words for _, words in changes(None, decision(0))]
-    assert "now running" in told
 
 
 def test_a_process_that_dies_loses_at_most_a_second(tmp_path: Path) -> None:

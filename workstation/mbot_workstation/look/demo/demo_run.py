@@ -21,9 +21,10 @@ from mbot_workstation.fleet.telemetry.output import Output
 from mbot_workstation.fleet.telemetry.stream import Sample, TelemetryStream
 from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
 from mbot_workstation.fresh_folder import make_fresh
-from mbot_workstation.look.demo.contact_sheet import contact_sheet, path_side_px, save
+from mbot_workstation.look.demo.contact_sheet import contact_sheet, path_side_px
 from mbot_workstation.look.demo.demo_result import DemoResult, summarise
 from mbot_workstation.look.demo.path_drawing import draw_path, read_trajectory
+from mbot_workstation.pictures.picture_file import write_picture
 from mbot_workstation.sim.calibrated.motion_calibration import read_motion
 from mbot_workstation.virtual.child import Child
 
@@ -246,7 +247,7 @@ def _draw(folder: Path, result: DemoResult) -> None:
         f"{result.decisions} decisions, frame to motors p50 {result.frame_p50_ms:.1f} ms"
     )
     seen = [beat for beat in read_drive(folder / "recording.mcap").decided if beat.encoded]
-    save(contact_sheet(seen, path, title), folder / "contact-sheet.png")
+    write_picture(folder / "contact-sheet.png", contact_sheet(seen, path, title))
 
 
 def _free_port() -> int:
