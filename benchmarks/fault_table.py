@@ -207,7 +207,7 @@ FAULTS = (
         (Bar("lost ≤ 1 s, never a file", "lost s", 1),),
         (
             f"{RELIABILITY}/test_recording_power_cut.py",
-            "tests/workstation/test_recording.py::test_every_cut_gives_back_a_beginning",
+            "tests/workstation/test_telemetry_file.py::test_every_cut_gives_back_a_beginning",
         ),
         back="the next start",
     ),
@@ -499,7 +499,7 @@ BESIDE = (
         (),
         (
             "tests/workstation/test_picture_file.py",
-            "tests/workstation/test_whole_chunks.py",
+            "tests/protocol/test_whole_chunks.py",
             "tests/workstation/test_glb_file.py",
         ),
         "one line before anything is unpacked",

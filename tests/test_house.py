@@ -123,3 +123,15 @@ def test_a_parameter_of_the_robot_is_three_files(name: str) -> None:
     """Its field, its row, its law: motion.toml, the fit, reports and training ask the table."""
     named = {path.name for path in modules() if name in path.read_text()}
     assert named == {"robot_parameters.py", "parameter_table.py", "robot_mjcf.py"}
+
+
+def test_a_field_of_telemetry_is_three_files() -> None:
+    """The schema, where it is known, its words: JSON, recordings and viewers ask the schema."""
+    named = {path.name for path in modules() if "under_voltage" in path.read_text()}
+    assert named == {"health.py", "wording.py"}
+    steps = (CHECKOUT / "ARCHITECTURE.md").read_text().partition("**A field of telemetry**")[2]
+    files = re.findall(
+        r"`((?:robot|shared|workstation)/[\w/]+\.\w+)`", steps.partition("\n- **")[0]
+    )
+    assert {Path(file).name for file in files} >= named | {"messages.proto", "fields.py"}
+    assert all((CHECKOUT / file).is_file() for file in files)

@@ -280,13 +280,13 @@ def _telemetry(
     parts: ExitStack,
 ) -> Callable[[Tick], None]:
     from mbot_agent.network.telemetry_publisher import Telemetry
-    from mbot_agent.network.wire_messages import wire_decision
+    from mbot_agent.network.wire_messages import beat_of
 
     robot_id, wheels = configuration.robot_id, configuration.motors
     telemetry = parts.enter_context(
         Telemetry(
             link,
-            lambda tick: wire_decision(tick, robot_id, session_id, notices(), wheels),
+            lambda tick: beat_of(tick, robot_id, session_id, notices(), wheels),
             configuration.telemetry,
             camera.glance,
         )
@@ -298,7 +298,7 @@ def _recorder(
     configuration: Configuration, session_id: int, link: "Link", parts: ExitStack
 ) -> "Recorder | None":
     """Record drives, if wanted; and hand out in any case what there is."""
-    from mbot_agent.network.wire_messages import wire_decision
+    from mbot_agent.network.wire_messages import beat_of
     from mbot_agent.recording.recorder import Recorder
     from mbot_agent.recording.recording_directory import RecordingDirectory
     from mbot_agent.recording.recording_service import RecordingService
@@ -315,7 +315,7 @@ def _recorder(
         Recorder(
             directory,
             robot_facts(configuration, session_id),
-            lambda tick: wire_decision(tick, robot_id, session_id, (), wheels),
+            lambda tick: beat_of(tick, robot_id, session_id, (), wheels),
         )
     )
 

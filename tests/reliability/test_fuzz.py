@@ -22,6 +22,7 @@ from mbot_agent.camera.multipart import MultipartError, MultipartParser
 from mbot_agent.camera.source_contract import JpegError
 from mbot_agent.configuration_files import Enrolment, TrustedKeys
 from mbot_agent.models.activation import Activation
+from mbot_protocol.beat.recorded_drive import read_drive
 from mbot_protocol.drive.actions import to_steps
 from mbot_protocol.drive.calibration import CameraCalibration, MotorMappings
 from mbot_protocol.drive.mcore import Acknowledgement, ReplyParser
@@ -36,7 +37,7 @@ from mbot_protocol.v1 import messages_pb2 as messages
 from mbot_protocol.wire.access_rules import split_common_name
 from mbot_protocol.wire.schema import decode as decode_message
 from mbot_workstation.fleet.link.address import parse_address
-from mbot_workstation.fleet.recorded.drive_mcap import Recording, read_recording
+from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
 from mbot_workstation.sim.calibrated.motion_calibration import MotionCalibration
 
 from ..protocol.test_model_manifest import MANIFEST, SIGNED
@@ -271,13 +272,13 @@ def test_toml_files(kind: type, text: str, memory_file: Path) -> None:
 
 
 def test_recordings(memory_file: Path) -> None:
-    with Recording(memory_file, "mbot-1") as recording:
+    with TelemetryFile(memory_file, "mbot-1") as recording:
         recording.write(decision(1))
     whole = memory_file.read_bytes()
 
     def read(content: bytes) -> None:
         memory_file.write_bytes(content)
-        list(read_recording(memory_file))
+        read_drive(memory_file)
 
     feed(read, damaged(whole))
 

@@ -14,7 +14,7 @@ from mbot_agent.faults import Fault
 from mbot_agent.helm import Press
 from mbot_agent.models.policy import Policy
 from mbot_agent.network.requests import Request
-from mbot_agent.network.wire_messages import wire_decision
+from mbot_agent.network.wire_messages import beat_of
 from mbot_protocol.drive.actions import AS_BUILT
 from mbot_protocol.drive.wheel_command import STOP, Duties
 from mbot_protocol.v1 import messages_pb2 as messages
@@ -198,11 +198,11 @@ def test_a_hand_that_let_go_is_told_apart_from_an_older_stop(service: Service) -
     assert status.state == messages.STATE_STOPPED
     assert 0 < status.let_go_monotonic_ns <= status.now_monotonic_ns
     assert (status.last_stop.by, status.last_stop.count) == ("max", service.bench.stops)
-    assert wire_decision(tick, "mbot-1", SESSION, (), AS_BUILT).hand_let_go
+    assert beat_of(tick, "mbot-1", SESSION, (), AS_BUILT).decision.hand_let_go
     service.stop(messages.Command(sender="anna").SerializeToString())
     assert service.status.let_go_monotonic_ns == 0
     tick = service.bench.loop.tick(time.monotonic_ns())
-    assert not wire_decision(tick, "mbot-1", SESSION, (), AS_BUILT).hand_let_go
+    assert not beat_of(tick, "mbot-1", SESSION, (), AS_BUILT).decision.hand_let_go
 
 
 @pytest.mark.parametrize("payload", [b"", b"\xff\xff", b"\x4a\xff", bytes(4000)])

@@ -10,17 +10,18 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from mbot_protocol.beat.recorded_drive import RecordedDrive, read_drive, read_drives
 from mbot_protocol.drive.actions import AS_BUILT, Steps
 from mbot_protocol.errors import ConfigurationError, MbotError
 from mbot_protocol.policy.policy_contract import FULL_VIEW, FieldOfView, PolicyMetadata
 from mbot_workstation.cli.replay import DIFFERS
 from mbot_workstation.cli.subcommands import app
-from mbot_workstation.fleet.recorded.drive_mcap import Recording
-from mbot_workstation.fleet.recorded.recorded_drive import RecordedDrive, read_drive, read_drives
+from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
 from mbot_workstation.look.drives import replay_words
 from mbot_workstation.look.drives.decider import Decider
 from mbot_workstation.look.drives.replayed_drive import TOLERANCE, replay
 from mbot_workstation.pictures.film_tile import TILE_PX, Bar, blank, caption_px, draw_tile
+from mbot_workstation.pictures.picture_file import observation
 
 from ..robot.tiny_models import constant_model
 from .samples import decision, picture
@@ -46,7 +47,7 @@ def test_a_recording_is_read_beat_by_beat(drive: RecordedDrive) -> None:
     assert drive.duration_s == pytest.approx(4.8, abs=0.1)
     assert drive.facts is not None
     assert drive.facts.decision_rate_hz == 2.5
-    seen = drive.beats[0].observation
+    seen = observation(drive.beats[0])
     assert seen is not None
     assert seen.shape == (64, 64, 3)
 
@@ -54,8 +55,7 @@ def test_a_recording_is_read_beat_by_beat(drive: RecordedDrive) -> None:
 def test_a_recording_of_before_duties_tells_the_same_speeds(drive: RecordedDrive) -> None:
     beat = drive.beats[10]
     assert not beat.decision.HasField("duty")
-    assert beat.record is not None
-    assert (beat.record.board_m1, beat.record.board_m2) == (54, 255)
+    assert (beat.decision.board_m1, beat.decision.board_m2) == (54, 255)
     assert drive.facts is not None
     assert drive.facts.wheels == AS_BUILT
     steps = beat.decision.steps
@@ -78,8 +78,9 @@ def test_a_memory_that_is_not_zeroed_where_the_robot_zeroed_it_is_found(
 ) -> None:
     beats = []
     for beat in drive.beats:
-        assert beat.record is not None
-        beats.append(replace(beat, record=msgspec.structs.replace(beat.record, began_anew=False)))
+        assert beat.policy_input is not None
+        goes_on = msgspec.structs.replace(beat.policy_input, began_anew=False)
+        beats.append(replace(beat, policy_input=goes_on))
     found = replay(replace(drive, beats=tuple(beats)), [MODEL])
     assert not found.is_as_expected
     assert found.largest_difference > 0.01
@@ -115,12 +116,14 @@ def with_view(drive: RecordedDrive, horizontal_deg: float, vertical_deg: float) 
     beats = [
         replace(
             beat,
-            record=msgspec.structs.replace(
-                beat.record, view_horizontal_deg=horizontal_deg, view_vertical_deg=vertical_deg
+            policy_input=msgspec.structs.replace(
+                beat.policy_input,
+                view_horizontal_deg=horizontal_deg,
+                view_vertical_deg=vertical_deg,
             ),
         )
         for beat in drive.beats
-        if beat.record is not None
+        if beat.policy_input is not None
     ]
     return replace(drive, beats=tuple(beats))
 
@@ -154,7 +157,7 @@ def test_a_recording_that_cannot_be_replayed_says_why(drive: RecordedDrive, tmp_
     with pytest.raises(ConfigurationError, match=r"model 93277d5c321b drove, and none of 1 files"):
         replay(drive, [RECORDED / "000.mcap"])
     path = tmp_path / "telemetry.mcap"
-    with Recording(path, "mbot-1") as recording:
+    with TelemetryFile(path, "mbot-1") as recording:
         recording.write(picture(decision(0).unix_time_ns))
         recording.write(decision(0))
     with pytest.raises(ConfigurationError, match="fetch the robot's own recording"):

@@ -1,10 +1,10 @@
-"""How values are written for people: lengths and shares, states, digests, texts from the wire."""
+"""How values are written for people: lengths and shares, digests, texts from the wire."""
 
 import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from mbot_protocol.v1.messages_pb2 import Decision, Fault, Notice, State, Status
+from mbot_protocol.v1.messages_pb2 import Decision, Fault, Notice, Status
 
 LONGEST_TEXT = 400
 """Longer texts from the wire are cut: an error is one line a person reads."""
@@ -50,21 +50,23 @@ def seconds(value_s: float) -> str:
     return f"{value_s:.3g} s"
 
 
-def state_word(state: int) -> str:
-    """`State` in one lower-case word; a state this software does not know by its number."""
-    if state not in State.values():
-        return f"state-{state}"
-    return State.Name(State.ValueType(state)).removeprefix("STATE_").lower()
-
-
 def short_digest(sha256: str) -> str:
     """The first 12 digits of a digest: enough to tell models apart, and for a roll-back."""
     return one_line(sha256)[:12] or "none"
 
 
-def decision_state(decision: Decision) -> str:
-    """A beat's state, and why it stands if a hand has let go."""
-    return state_word(decision.state) + (" (the hand let go)" if decision.hand_let_go else "")
+def computer_words(decision: Decision) -> str:
+    """How the robot's computer is, as far as it tells: "52 °C, load 0.75, 200 MiB"."""
+    known: list[str] = []
+    if decision.HasField("cpu_temperature_c"):
+        known.append(f"{decision.cpu_temperature_c:.0f} °C")
+    if decision.HasField("load_1min"):
+        known.append(f"load {decision.load_1min:.2f}")
+    if decision.HasField("resident_memory_bytes"):
+        known.append(f"{decision.resident_memory_bytes / 2**20:.0f} MiB")
+    if decision.under_voltage:
+        known.append("under-voltage: check battery and cable")
+    return ", ".join(known)
 
 
 def size_words(size_bytes: int) -> str:

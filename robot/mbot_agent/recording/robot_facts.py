@@ -5,7 +5,7 @@ from pathlib import Path
 
 from mbot_agent import installed_version
 from mbot_agent.configuration import Configuration
-from mbot_protocol.beat.drive_record import RobotFacts
+from mbot_protocol.beat.channels import RobotFacts
 
 
 def robot_facts(configuration: Configuration, session_id: int) -> RobotFacts:

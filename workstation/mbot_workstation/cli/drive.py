@@ -33,10 +33,11 @@ def run(options: RunOptions) -> None:
 
     import typer
 
+    from mbot_protocol.beat.fields import state_word
     from mbot_protocol.errors import ARMED_BUT_STANDING, RefusedError
     from mbot_protocol.v1.messages_pb2 import Fault
     from mbot_workstation.fleet.link.remote_control import RemoteControl
-    from mbot_workstation.wording import state_word, stop_words, waiting_words
+    from mbot_workstation.wording import stop_words, waiting_words
 
     faults: list[Fault] = []
     with options.link() as link:

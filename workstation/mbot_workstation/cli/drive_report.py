@@ -52,9 +52,9 @@ def report(options: ReportOptions) -> None:
     import json
     import sys
 
+    from mbot_protocol.beat.recorded_drive import read_drives
     from mbot_protocol.errors import ConfigurationError
     from mbot_protocol.files import atomic_file
-    from mbot_workstation.fleet.recorded.recorded_drive import read_drives
     from mbot_workstation.look.drives.attention import attention
     from mbot_workstation.look.drives.drive_figures import figures
     from mbot_workstation.look.drives.drive_page import STRIP_TILES, drive_page
@@ -109,7 +109,7 @@ def film(options: FilmOptions) -> None:
 
     Example: `workstation film drives/mbot-1/drive-0012-20261122-171501 drive.mp4`
     """
-    from mbot_workstation.fleet.recorded.recorded_drive import read_drive
+    from mbot_protocol.beat.recorded_drive import read_drive
     from mbot_workstation.look.drives.drive_film import film as make_film
 
     check_new_file(options.output)

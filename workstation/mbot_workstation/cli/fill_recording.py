@@ -8,8 +8,8 @@ from mbot_workstation.cli.link_options import LinkOptions, json_option
 from mbot_workstation.cli.options import argument, option, output_file, with_options
 
 if TYPE_CHECKING:
-    from mbot_workstation.fleet.recorded.gap_filling import Gap
-    from mbot_workstation.fleet.recorded.recorded_drive import RecordedDrive
+    from mbot_protocol.beat.recorded_drive import RecordedDrive
+    from mbot_workstation.look.drives.gap_filling import Gap
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,8 +49,8 @@ def fill_command(options: FillOptions) -> None:
     """
     import json
 
-    from mbot_workstation.fleet.recorded.gap_filling import fill, gaps, write
-    from mbot_workstation.fleet.recorded.recorded_drive import read_drive
+    from mbot_protocol.beat.recorded_drive import read_drive
+    from mbot_workstation.look.drives.gap_filling import fill, gaps, write
 
     live = read_drive(options.recording)
     lacking = gaps(live.beats)
@@ -86,8 +86,8 @@ def _fetched(options: FillOptions, live: "RecordedDrive", lacking: "list[Gap]") 
     Where pictures alone are missing the times of the whole recording count.
     """
     from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.fleet.recorded.gap_filling import Gap
-    from mbot_workstation.fleet.recorded.recording_fetch import fetch, list_recordings
+    from mbot_workstation.fleet.link.recording_fetch import fetch, list_recordings
+    from mbot_workstation.look.drives.gap_filling import Gap
     from mbot_workstation.wording import one_line
 
     first, last = live.beats[0].decision, live.beats[-1].decision

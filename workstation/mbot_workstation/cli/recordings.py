@@ -10,7 +10,7 @@ from mbot_workstation.cli.link_options import LinkOptions, json_option
 from mbot_workstation.cli.options import argument, option, with_options
 
 if TYPE_CHECKING:
-    from mbot_protocol.v1.recordings_pb2 import RecordedDrive, RecordingList
+    from mbot_protocol.v1.recordings_pb2 import ListedDrive, RecordingList
 
 app = typer.Typer(help="The drives that a robot has recorded.", no_args_is_help=True)
 
@@ -36,7 +36,7 @@ def list_command(options: ListOptions) -> None:
 
     Example: `workstation recordings list --robot mbot-1.local`
     """
-    from mbot_workstation.fleet.recorded.recording_fetch import list_recordings
+    from mbot_workstation.fleet.link.recording_fetch import list_recordings
 
     with options.link() as link:
         _show(list_recordings(link), options.as_json)
@@ -66,7 +66,7 @@ def fetch_command(options: FetchOptions) -> None:
     """
     import json
 
-    from mbot_workstation.fleet.recorded.recording_fetch import choose, fetch, list_recordings
+    from mbot_workstation.fleet.link.recording_fetch import choose, fetch, list_recordings
     from mbot_workstation.wording import size_words
 
     with options.link() as link:
@@ -96,7 +96,7 @@ def keep_command(options: KeepOptions) -> None:
 
     Example: `workstation recordings keep last --robot mbot-1.local`
     """
-    from mbot_workstation.fleet.recorded.recording_fetch import choose, keep, list_recordings
+    from mbot_workstation.fleet.link.recording_fetch import choose, keep, list_recordings
 
     with options.link() as link:
         found = list_recordings(link)
@@ -120,7 +120,7 @@ def remove_command(options: RemoveOptions) -> None:
 
     Example: `workstation recordings remove 12 --robot mbot-1.local`
     """
-    from mbot_workstation.fleet.recorded.recording_fetch import choose, list_recordings, remove
+    from mbot_workstation.fleet.link.recording_fetch import choose, list_recordings, remove
 
     with options.link() as link:
         found = list_recordings(link)
@@ -141,7 +141,7 @@ def _progress(name: str) -> Any:
     return tell
 
 
-def _fields(drive: "RecordedDrive") -> dict[str, Any]:
+def _fields(drive: "ListedDrive") -> dict[str, Any]:
     return {
         "name": drive.name,
         "started_unix_time_ns": drive.started_unix_time_ns,

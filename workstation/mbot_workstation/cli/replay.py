@@ -47,7 +47,7 @@ def replay(options: ReplayOptions) -> None:
 
     import typer
 
-    from mbot_workstation.fleet.recorded.recorded_drive import read_drive
+    from mbot_protocol.beat.recorded_drive import read_drive
     from mbot_workstation.look.drives import replay_words
     from mbot_workstation.look.drives.replayed_drive import models_near
     from mbot_workstation.look.drives.replayed_drive import replay as decide_again

@@ -69,15 +69,15 @@ def _watched(options: TelemetryOptions) -> "Iterator[int]":
     from contextlib import ExitStack
 
     from mbot_protocol.v1.messages_pb2 import Decision
-    from mbot_workstation.fleet.recorded.drive_mcap import Recording
     from mbot_workstation.fleet.telemetry.stream import TelemetryStream
+    from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
 
     count = 0
     with ExitStack() as stack:
         link = stack.enter_context(options.link())
         status = link.status()
         recording = (
-            stack.enter_context(Recording(options.record, link.robot_id))
+            stack.enter_context(TelemetryFile(options.record, link.robot_id))
             if options.record
             else None
         )

@@ -12,8 +12,8 @@ from mbot_workstation.cli.stop_signals import sigterm_as_ctrl_c
 if TYPE_CHECKING:
     from contextlib import ExitStack
 
+    from mbot_protocol.beat.recorded_drive import RecordedDrive
     from mbot_workstation.fleet.link.robot_link import RobotLink
-    from mbot_workstation.fleet.recorded.recorded_drive import RecordedDrive
     from mbot_workstation.look.drives.attention import Looks
     from mbot_workstation.look.drives.rerun_view import RerunView
 
@@ -132,8 +132,8 @@ def view(options: ViewOptions) -> None:
     """
     from contextlib import ExitStack, closing
 
+    from mbot_protocol.beat.recorded_drive import read_drives
     from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.fleet.recorded.recorded_drive import read_drives
     from mbot_workstation.look.drives.live_view import MapLog, follow
     from mbot_workstation.look.drives.rerun_view import RerunView
 

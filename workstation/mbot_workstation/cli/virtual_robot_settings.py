@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 from msgspec import structs
 
+from mbot_protocol.beat.recorded_drive import read_drive
 from mbot_protocol.drive.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.cli.virtual_robot import CameraKind, VirtualRobotOptions
 from mbot_workstation.fleet.firmware.firmware_file import find_firmware
-from mbot_workstation.fleet.recorded.recorded_drive import read_drive
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles, room_pictures
 from mbot_workstation.sim.camera.camera_renderer import Shutter

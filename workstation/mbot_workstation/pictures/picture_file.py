@@ -15,6 +15,7 @@ import numpy as np
 from PIL import Image, ImageOps
 from PIL.TiffImagePlugin import TILELENGTH, TILEWIDTH, TiffImageFile
 
+from mbot_protocol.beat.beat import Beat
 from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.files import atomic_file
@@ -66,6 +67,20 @@ def decode_picture(encoded: bytes, *, turn: bool = False) -> Picture | None:
             return np.array(shown.convert("RGB"))
     except Exception:  # Pillow's readers raise whatever broken data lead to
         return None
+
+
+def observation(beat: Beat) -> Picture | None:
+    """What the policy saw in a recorded beat, shape (64, 64, 3), RGB.
+
+    Raises:
+        ConfigurationError: it is too large to be anything that a policy sees.
+
+    """
+    try:
+        return decode_picture(beat.encoded)
+    except ConfigurationError as error:
+        number = beat.decision.sequence
+        raise ConfigurationError(f"beat {number} of the recording: {error}") from None
 
 
 @contextmanager

@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
+from mbot_protocol.beat.fields import state_word
 from mbot_protocol.errors import MbotError, UnreachableError
 from mbot_protocol.v1.messages_pb2 import MotorMap, Status
 from mbot_workstation.fleet.link.address import Destination, Endpoint
 from mbot_workstation.fleet.link.robot_link import RobotLink
 from mbot_workstation.fleet.link.robot_session import alive_robots, open_session
 from mbot_workstation.fleet.link.security import LinkSecurity
-from mbot_workstation.wording import state_word
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ from typing import Protocol, Self, TextIO
 from rich.console import Console
 from rich.live import Live
 
+from mbot_protocol.beat.fields import decision_fields
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.fleet.recorded.decision_fields import decision_fields
 from mbot_workstation.fleet.telemetry.stream import LinkState, Sample
 from mbot_workstation.fleet.telemetry.view import link_words, plain_line, render
 from mbot_workstation.fleet.telemetry.window import TelemetryWindow

@@ -7,12 +7,14 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+from mbot_protocol.beat.beat import Beat
+from mbot_protocol.beat.recorded_drive import RecordedDrive
 from mbot_protocol.drive.actions import Steps
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.policy.policy_contract import FieldOfView
 from mbot_protocol.policy.replay_step import ReplayAnswer, ReplayGreeting, ReplayStep
-from mbot_workstation.fleet.recorded.recorded_drive import Beat, RecordedDrive
 from mbot_workstation.look.drives.decider import MOST_ASKED, Decider
+from mbot_workstation.pictures.picture_file import observation
 
 TOLERANCE = 1e-5
 """Of an action on another processor, whose float32 adds up in another order."""
@@ -219,30 +221,30 @@ def _steps(beats: Sequence[Beat]) -> Iterator[tuple[Beat, ReplayStep]]:
     """What the policy is asked. After a gap it goes on with the memory that was recorded."""
     before = -1
     for beat in beats:
-        record, picture = beat.record, beat.observation
-        assert record is not None
+        known, picture = beat.policy_input, observation(beat)
+        assert known is not None
         assert picture is not None
-        follows = record.sequence == before + 1
+        follows = beat.decision.sequence == before + 1
         yield (
             beat,
             ReplayStep(
                 picture.tobytes(),
-                bool(record.began_anew),
+                known.began_anew,
                 beat.told or (0.0, 0.0),
-                b"" if follows else record.memory or b"",
+                b"" if follows else known.memory,
             ),
         )
-        before = record.sequence
+        before = beat.decision.sequence
 
 
 def _compared(
     drive: RecordedDrive, beat: Beat, answer: ReplayAnswer, *, same_model: bool
 ) -> Redecided:
-    decision, record, facts = beat.decision, beat.record, drive.facts
-    assert record is not None
+    decision, known, facts = beat.decision, beat.policy_input, drive.facts
+    assert known is not None
     assert facts is not None
     wheels = facts.wheels
-    then = record.board_m1, record.board_m2
+    then = decision.board_m1, decision.board_m2
     if not any(then):  # a stop came in between: what the policy wanted of the motors
         then = wheels.levels(wheels.duties(Steps(decision.steps.left, decision.steps.right)))
     return Redecided(
@@ -251,7 +253,7 @@ def _compared(
         answer.action,
         wheels.levels(wheels.duties(Steps(*answer.steps))),
         then,
-        not same_model or answer.memory == record.memory,
+        not same_model or answer.memory == known.memory,
         answer.failure,
     )
 

@@ -12,8 +12,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
-import lz4.frame
+import lz4.frame  # pyright: ignore[reportMissingTypeStubs]
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -295,7 +296,8 @@ def _unpacked(chunk: Chunk) -> bytes:
     if chunk.compression == "zstd":
         data = zstandard.ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
     elif chunk.compression == "lz4":
-        data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+        unpacker: Any = lz4.frame.LZ4FrameDecompressor()
+        data: bytes = unpacker.decompress(chunk.data, max_length=size + 1)
     else:
         data = chunk.data
     if len(data) != size:

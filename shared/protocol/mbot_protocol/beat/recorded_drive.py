@@ -1,106 +1,26 @@
 """A recorded drive, beat by beat: from the robot's card, or from `telemetry --record`."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import msgspec
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.message import DecodeError
-from msgspec import UNSET
 
-from mbot_protocol.beat.drive_record import (
+from mbot_protocol.beat.beat import Beat, PolicyInput, read_decision
+from mbot_protocol.beat.channels import (
     DECISION_TOPIC,
     DRIVE_TOPIC,
     LOG_TOPIC,
     OBSERVATION_TOPIC,
     ROBOT_METADATA,
-    DriveRecord,
     RobotFacts,
 )
-from mbot_protocol.drive.picture import Picture
+from mbot_protocol.beat.whole_chunks import WholeChunks
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.policy.policy_contract import FieldOfView
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.fleet.recorded.decision_message import read_decision
-from mbot_workstation.fleet.recorded.whole_chunks import WholeChunks
-from mbot_workstation.pictures.picture_file import decode_picture
-
-BeatKey = tuple[int, int]
-"""The daemon's life, and the beat's number in it."""
-
-
-@dataclass(frozen=True, slots=True)
-class Beat:
-    """One beat of the loop as recorded.
-
-    Attributes:
-        decision: what telemetry says of it.
-        record: the same as numbers, in the robot's own recordings with what a replay needs.
-        encoded: what the policy saw, as PNG or JPEG; empty: nothing.
-        is_exact: whether that is lossless.
-
-    """
-
-    decision: Decision
-    record: DriveRecord | None = None
-    encoded: bytes = b""
-    is_exact: bool = False
-
-    @property
-    def key(self) -> BeatKey:
-        """Which beat it is of all that the robot ever had."""
-        return self.decision.session_id, self.decision.sequence
-
-    @property
-    def observation(self) -> Picture | None:
-        """What the policy saw, shape (64, 64, 3), RGB.
-
-        Raises:
-            ConfigurationError: it is too large to be anything that a policy sees.
-
-        """
-        try:
-            return decode_picture(self.encoded)
-        except ConfigurationError as error:
-            number = self.decision.sequence
-            raise ConfigurationError(f"beat {number} of the recording: {error}") from None
-
-    @property
-    def is_replayable(self) -> bool:
-        """Whether the policy can be asked again: the robot's own recording, and what it saw."""
-        record = self.record
-        return self.is_exact and record is not None and record.memory is not UNSET
-
-    @property
-    def told(self) -> tuple[float, float] | None:
-        """What the policy was told that the wheels did before; None where it is not known."""
-        record = self.record
-        if record is None or record.told_left is UNSET or record.told_right is UNSET:
-            return None
-        return record.told_left, record.told_right
-
-    @property
-    def view(self) -> FieldOfView | None:
-        """What the policy's picture shows; None where the recording does not say.
-
-        Raises:
-            ConfigurationError: what it says is not a field of view.
-
-        """
-        record = self.record
-        if record is None or record.view_horizontal_deg is UNSET:
-            return None
-        try:
-            return FieldOfView(record.view_horizontal_deg, record.view_vertical_deg or 0.0)
-        except ValueError as error:
-            raise ConfigurationError(f"beat {record.sequence} of the recording: {error}") from None
-
-    @property
-    def decided(self) -> bool:
-        """Whether the policy has answered."""
-        return self.decision.HasField("action")
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,11 +98,11 @@ class _Gathered:
     """What has been read so far. A beat's messages share their time."""
 
     facts: RobotFacts | None = None
-    log: list[tuple[int, str]] = field(default_factory=list)
-    words: list[str] = field(default_factory=list)
-    _decisions: dict[int, Decision] = field(default_factory=dict)
-    _records: dict[int, DriveRecord] = field(default_factory=dict)
-    _pictures: dict[int, CompressedImage] = field(default_factory=dict)
+    log: list[tuple[int, str]] = field(default_factory=list[tuple[int, str]])
+    words: list[str] = field(default_factory=list[str])
+    _decisions: dict[int, Decision] = field(default_factory=dict[int, Decision])
+    _inputs: dict[int, PolicyInput] = field(default_factory=dict[int, PolicyInput])
+    _pictures: dict[int, CompressedImage] = field(default_factory=dict[int, CompressedImage])
 
     def read(self, path: Path) -> None:
         """Take in what is whole of a file."""
@@ -195,12 +115,12 @@ class _Gathered:
                 elif kind == OBSERVATION_TOPIC:
                     self._pictures[time_ns] = CompressedImage.FromString(message.data)
                 elif kind == DRIVE_TOPIC:
-                    record = msgspec.json.decode(message.data, type=DriveRecord)
-                    self._records[time_ns] = record
+                    # Of the decision's own fields it has nothing that the decision lacks.
+                    self._inputs[time_ns] = msgspec.json.decode(message.data, type=PolicyInput)
                 elif kind == LOG_TOPIC:
                     self.log.append((time_ns, Log.FromString(message.data).message))
             except (DecodeError, msgspec.MsgspecError):
-                continue  # of another program, or of a later version
+                continue  # of telemetry, of another program, or of a later version
         if ROBOT_METADATA in chunks.metadata and self.facts is None:
             try:
                 self.facts = RobotFacts.from_strings(chunks.metadata[ROBOT_METADATA])
@@ -212,11 +132,13 @@ class _Gathered:
     def beats(self) -> Iterator[Beat]:
         """All beats in the order of their times."""
         for time_ns, decision in self._decisions.items():
-            beat = Beat(decision, self._records.get(time_ns))
-            picture = self._pictures.get(time_ns)
-            if picture is not None:
-                beat = replace(beat, encoded=picture.data, is_exact=picture.format == "png")
-            yield beat
+            picture = self._pictures.get(time_ns, CompressedImage())
+            yield Beat(
+                decision,
+                self._inputs.get(time_ns),
+                encoded=picture.data,
+                is_exact=picture.format == "png",
+            )
 
 
 def read_drives(given: Sequence[Path]) -> list[RecordedDrive]:

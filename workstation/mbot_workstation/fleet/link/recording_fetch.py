@@ -11,8 +11,8 @@ from google.protobuf.message import Message
 
 from mbot_protocol.errors import ConfigurationError, RefusedError
 from mbot_protocol.v1.recordings_pb2 import (
-    RecordedDrive,
-    RecordedFile,
+    ListedDrive,
+    ListedFile,
     RecordingDigest,
     RecordingDigestReply,
     RecordingKeep,
@@ -57,7 +57,7 @@ def list_recordings(link: RobotLink) -> RecordingList:
     return _ask(link, RECORDINGS, None, RecordingList)
 
 
-def choose(drives: list[RecordedDrive], wanted: str) -> RecordedDrive:
+def choose(drives: list[ListedDrive], wanted: str) -> ListedDrive:
     """The drive that a person means by a number, the beginning of a name, or "last".
 
     Raises:
@@ -79,7 +79,7 @@ def choose(drives: list[RecordedDrive], wanted: str) -> RecordedDrive:
 
 def fetch(
     link: RobotLink,
-    drive: RecordedDrive,
+    drive: ListedDrive,
     into: Path,
     on_progress: Progress = lambda _here, _all: None,
 ) -> Path:
@@ -133,7 +133,7 @@ def remove(link: RobotLink, drive: str) -> RecordingList:
 
 
 def _fetch_file(
-    link: RobotLink, drive: str, file: RecordedFile, folder: Path, on_piece: Callable[[int], None]
+    link: RobotLink, drive: str, file: ListedFile, folder: Path, on_piece: Callable[[int], None]
 ) -> None:
     if not _SAFE_FILE.fullmatch(file.name):
         raise RefusedError(f"the robot names a file {one_line(file.name)!r}: not fetched")

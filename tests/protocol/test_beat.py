@@ -3,8 +3,8 @@
 import pytest
 from google.protobuf.message import DecodeError
 
+from mbot_protocol.beat.beat import MOST_BYTES, MOST_TOLD, read_decision
 from mbot_protocol.v1.messages_pb2 import Decision, Fault
-from mbot_workstation.fleet.recorded.decision_message import MOST_BYTES, MOST_TOLD, read_decision
 
 
 def test_what_a_robot_says_is_read() -> None:

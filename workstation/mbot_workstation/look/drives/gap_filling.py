@@ -10,11 +10,10 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
-from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
-
-from mbot_protocol.beat.drive_record import RobotFacts
-from mbot_workstation.fleet.recorded.drive_mcap import Recording
-from mbot_workstation.fleet.recorded.recorded_drive import Beat, RecordedDrive
+from mbot_protocol.beat.beat import Beat
+from mbot_protocol.beat.channels import RobotFacts
+from mbot_protocol.beat.recorded_drive import RecordedDrive
+from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
 
 _CLOCK_SLACK_NS = 10_000_000_000
 """A drive's times are those of its files; they may lie beside those of its beats."""
@@ -123,21 +122,16 @@ def fill(live: Sequence[Beat], robots: Iterable[RecordedDrive]) -> Filled:
 
 def _richer(live: Beat, robots: Beat) -> Beat:
     """The live beat with what the robot's own has more of."""
-    if robots.told is not None:
-        live = replace(live, record=robots.record)
+    if robots.policy_input is not None:
+        live = replace(live, policy_input=robots.policy_input)
     if robots.encoded and not live.is_exact:
         live = replace(live, encoded=robots.encoded, is_exact=robots.is_exact)
     return live
 
 
 def write(path: Path, filled: Filled) -> None:
-    """Write a filled recording; raises ConfigurationError as `Recording`."""
+    """Write a filled recording; raises ConfigurationError as `TelemetryFile`."""
     robot_id = filled.beats[0].decision.robot_id
-    with Recording(path, robot_id, facts=filled.facts) as recording:
+    with TelemetryFile(path, robot_id, facts=filled.facts) as file:
         for beat in filled.beats:
-            recording.write(beat.decision, beat.record)
-            if beat.encoded:
-                kind = "png" if beat.is_exact else "jpeg"
-                picture = CompressedImage(frame_id=robot_id, format=kind, data=beat.encoded)
-                picture.timestamp.FromNanoseconds(beat.decision.unix_time_ns)
-                recording.write(picture)
+            file.write(beat)

@@ -12,9 +12,9 @@ import pytest
 import zstandard
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
+from mbot_protocol.beat import whole_chunks
+from mbot_protocol.beat.whole_chunks import MOST_CHUNK_BYTES, MOST_RECORDS, WholeChunks
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.fleet.recorded import whole_chunks
-from mbot_workstation.fleet.recorded.whole_chunks import MOST_CHUNK_BYTES, MOST_RECORDS, WholeChunks
 
 
 def a_file(

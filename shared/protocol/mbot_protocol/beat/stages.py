@@ -2,22 +2,32 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 from mbot_protocol.v1.messages_pb2 import Decision
 
 STAGES = ("captured", "due", "observed", "decided", "written", "acknowledged")
 """The points in time of a decision besides its start, in order."""
 
+
+class Span(NamedTuple):
+    """From one stage to another: for people, in JSON, from, to."""
+
+    name: str
+    field: str
+    start: str
+    end: str
+
+
 SPANS = (
-    ("frame age", "captured", "started"),
-    ("tick late by", "due", "started"),
-    ("observe", "started", "observed"),
-    ("decide", "observed", "decided"),
-    ("write", "decided", "written"),
-    ("board reply", "written", "acknowledged"),
-    ("frame to motors", "captured", "written"),
+    Span("frame age", "picture_age_ms", "captured", "started"),
+    Span("tick late by", "late_ms", "due", "started"),
+    Span("observe", "observe_ms", "started", "observed"),
+    Span("decide", "decide_ms", "observed", "decided"),
+    Span("write", "write_ms", "decided", "written"),
+    Span("board reply", "acknowledge_ms", "written", "acknowledged"),
+    Span("frame to motors", "frame_to_motors_ms", "captured", "written"),
 )
-"""What a person wants to know: name, from, to."""
 
 
 def stage_ms(decision: Decision) -> dict[str, float | None]:
@@ -32,12 +42,14 @@ def stage_ms(decision: Decision) -> dict[str, float | None]:
 
 
 def span_ms(decision: Decision) -> dict[str, float]:
-    """The duration of each of `SPANS` that happened, in ms."""
+    """The duration of each of `SPANS` that happened, in ms, by its name."""
     spans: dict[str, float] = {}
-    for name, start, end in SPANS:
-        start_ns, end_ns = _time_ns(decision, start), _time_ns(decision, end)
+    for span in SPANS:
+        start_ns, end_ns = _time_ns(decision, span.start), _time_ns(decision, span.end)
+        if start_ns is None and span.name == "write":  # nobody decides while a hand drives
+            start_ns = _time_ns(decision, "started")
         if start_ns is not None and end_ns is not None:
-            spans[name] = (end_ns - start_ns) / 1e6
+            spans[span.name] = (end_ns - start_ns) / 1e6
     return spans
 
 
