@@ -25,9 +25,10 @@ from mbot_agent.hardware import Delivery
 from mbot_agent.network.wire_messages import wire_decision
 from mbot_agent.recording.recording_directory import RecordingDirectory
 from mbot_agent.recording.robot_facts import robot_facts
-from mbot_agent.tick import Action, Memory, Tick
+from mbot_agent.tick import Action, Tick
 from mbot_protocol.drive.actions import to_steps
 from mbot_protocol.drive.mcore import Joystick
+from mbot_protocol.policy.policy_contract import Memory
 from mbot_workstation.fleet.recorded.recorded_drive import read_drive
 
 CHECKOUT = Path(__file__).parents[1]

@@ -84,9 +84,9 @@ def rehearse(configuration: Configuration) -> str:
     from mbot_agent.commands import command_service, stop_service
     from mbot_agent.models import model_service
     from mbot_agent.models.model_directory import ModelDirectory
-    from mbot_agent.models.policy import Policy
     from mbot_agent.network import zenoh_link
     from mbot_protocol.policy.golden_frames import check_deviation
+    from mbot_protocol.policy.policy import Policy
 
     parts = (command_service, stop_service, control_loop, model_service, zenoh_link)
     words = f"{len(parts)} parts are there"

@@ -7,14 +7,14 @@ from pathlib import Path
 
 from mbot_agent.configuration import Configuration, Models, Trust
 from mbot_agent.faults import Notice
-from mbot_agent.models.dry_run import Report
 from mbot_agent.models.model_directory import ModelDirectory
 from mbot_agent.models.model_keeper import ModelKeeper
 from mbot_agent.models.model_service import ModelService, TryModel
-from mbot_agent.models.policy import Policy
 from mbot_agent.models.sequence_floors import SequenceFloors
 from mbot_agent.models.trial import Trial
 from mbot_agent.models.trust import Trust as TrustChecks
+from mbot_protocol.policy.dry_run import Report
+from mbot_protocol.policy.policy import Policy
 from mbot_protocol.signing.model_manifest import ModelManifest, SignedManifest
 from mbot_protocol.v1.messages_pb2 import (
     Activate,

@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 
 from mbot_agent import configuration
-from mbot_agent.models.policy import Policy
 from mbot_agent.network.wire_messages import wire_decision
 from mbot_agent.recording.recording_directory import RecordingDirectory
 from mbot_agent.recording.robot_facts import robot_facts
 from mbot_agent.tick import Tick
+from mbot_protocol.policy.policy import Policy
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.fleet.recorded.whole_chunks import WholeChunks
 

@@ -17,9 +17,9 @@ from hypothesis.stateful import (
     rule,
 )
 
-from mbot_agent.models.dry_run import Report
 from mbot_protocol.errors import ContractError
 from mbot_protocol.files import atomic_file
+from mbot_protocol.policy.dry_run import Report
 from mbot_protocol.signing.model_manifest import SignedManifest
 
 from .faulty_disk import EIO, ENOSPC, FaultyDisk, PowerCut, dies_at, fails_at, no_fault, put

@@ -8,7 +8,7 @@ import pytest
 
 from mbot_agent.intake import pieces
 from mbot_agent.models import model_service
-from mbot_agent.models.dry_run import Report, dry_run
+from mbot_protocol.policy.dry_run import Report, dry_run
 from mbot_protocol.v1.messages_pb2 import Activate, ModelList, PushReply
 from mbot_protocol.wire.schema import SCHEMA_VERSION
 

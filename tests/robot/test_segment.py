@@ -7,10 +7,10 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from mcap.reader import make_reader
 
 from mbot_agent.recording.beat_log import BeatLog
-from mbot_agent.recording.robot_facts import processor_name
 from mbot_agent.recording.segment import Segment
 from mbot_protocol.beat.drive_record import ROBOT_METADATA, RobotFacts
 from mbot_protocol.drive.mcore import STOP
+from mbot_protocol.policy.engine import processor_name
 from mbot_workstation.fleet.recorded.whole_chunks import WholeChunks
 
 from .recording_bench import FACTS, Drive, to_message, written

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from mbot_agent.arming import Mode
 from mbot_agent.faults import Fault
 from mbot_agent.hardware import DriveCommand
-from mbot_agent.models.policy import Policy
 from mbot_protocol.drive.actions import MotorMap, WheelMaps, to_steps
 from mbot_protocol.drive.mcore import HEADER, Joystick
+from mbot_protocol.policy.policy import Policy
 from mbot_workstation.fleet.recorded.recorded_drive import read_drive
 
 from .loop_bench import Bench

@@ -17,11 +17,11 @@ from mbot_agent.faults import Notice
 from mbot_agent.models.activation import Activation
 from mbot_agent.models.model_directory import Label, ModelDirectory
 from mbot_agent.models.model_notices import model_notices
-from mbot_agent.models.policy import Policy
 from mbot_agent.models.trial import Finding, Trial, Verdict
 from mbot_agent.models.trust import Admission, Trust
 from mbot_agent.models.turn import Turn
 from mbot_protocol.errors import MbotError, RefusedError
+from mbot_protocol.policy.policy import Policy
 
 log = logging.getLogger(__name__)
 

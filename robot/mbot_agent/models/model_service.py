@@ -17,13 +17,13 @@ from functools import partial
 
 from mbot_agent.configuration import Configuration
 from mbot_agent.intake.pieces import STAGING_EXPIRES_S
-from mbot_agent.models.dry_run import Report, dry_run
 from mbot_agent.models.model_directory import ModelDirectory, StoredModel
 from mbot_agent.models.model_keeper import ModelKeeper
-from mbot_agent.models.policy import Policy
 from mbot_agent.models.staging import Staging
 from mbot_agent.models.trust import Trust
 from mbot_protocol.errors import MbotError, RefusedError
+from mbot_protocol.policy.dry_run import Report, dry_run
+from mbot_protocol.policy.policy import Policy
 from mbot_protocol.policy.policy_contract import LARGEST_MODEL_BYTES
 from mbot_protocol.v1 import messages_pb2 as messages
 from mbot_protocol.wire import keys
