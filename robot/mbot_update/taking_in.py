@@ -12,6 +12,7 @@ from typing import IO
 
 from mbot_protocol.errors import RefusedError
 from mbot_protocol.signing import release_archive, release_manifest
+from mbot_protocol.signing.envelope import RELEASE, Envelope, verify
 from mbot_protocol.signing.public_key import PublicKey
 from mbot_protocol.signing.release_ledger import check_release
 from mbot_protocol.signing.release_manifest import ReleaseFile, ReleaseManifest
@@ -86,7 +87,8 @@ def unpack(
 
     def judge(data: bytes, signatures: bytes) -> ReleaseManifest:
         if trusted is not None:
-            release_manifest.verify(data, signatures, trusted, system.has_signed)
+            sealed = Envelope.with_lines(data, signatures)
+            verify(RELEASE, sealed, trusted, system.has_signed)
         manifest = release_manifest.decode(data)
         _check(folders, manifest, data, by_hand=trusted is None)
         (folders.incoming / "manifest.json").write_bytes(data)

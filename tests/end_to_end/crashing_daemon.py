@@ -7,9 +7,9 @@ bug that depends on the daemon's other threads.
 import os
 
 from mbot_agent import main
+from mbot_protocol.drive.picture import Picture
 from mbot_protocol.policy import policy
 from mbot_protocol.policy.policy_contract import Memory
-from mbot_protocol.drive.picture import Picture
 
 _decide = policy.Policy.decide
 

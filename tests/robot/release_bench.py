@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol.signing import release_archive, release_manifest
+from mbot_protocol.signing.envelope import RELEASE
 from mbot_protocol.signing.release_ledger import Computer
 from mbot_protocol.signing.release_manifest import ReleaseManifest
 from mbot_update import health_gate, system
@@ -59,7 +60,7 @@ def archive(
         ReleaseManifest(version, sequence, sequence, "bookworm", "arm64", "3.11", 1000, described)
     )
     data = release_manifest.encode(manifest)
-    signatures = "".join(release_manifest.sign(data, k.sign_bytes, k.public.raw) for k in keys)
+    signatures = "".join(key.sign(RELEASE, data).line for key in keys)
     path = folder / f"{version}.tar"
     with path.open("wb") as file:
         release_archive.write(file, files, data, signatures.encode(), described)
