@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from mbot_protocol.daemon_state import DaemonState
 from mbot_protocol.signing import release_archive, release_manifest
 from mbot_protocol.signing.envelope import RELEASE
 from mbot_protocol.signing.release_ledger import Computer
@@ -21,7 +22,12 @@ from mbot_workstation.fleet.models.signing_key import SigningKey
 KEY = SigningKey.ephemeral("releases")
 SPARE = SigningKey.ephemeral("spare")
 COMPUTER = Computer("bookworm", "arm64", "3.11", 10**10)
-HEALTHY = Service("active", 7, "idle; no-model", "success", 0)
+HEALTHY = Service("active", 7, DaemonState(False, ("no-model",)), "success", 0)
+
+
+def saying(words: str) -> Service:
+    """As a daemon that says this in its status text."""
+    return replace(HEALTHY, report=system.report_in_words(words))
 
 
 def wheel(**files: bytes) -> bytes:
