@@ -6,7 +6,7 @@ ROOT = Path(__file__).parents[2]
 
 _ROBOT, _PROTOCOL, _WORKSTATION = "robot", "shared/protocol", "workstation"
 _FILES = (
-    (_ROBOT, "mbot_agent", "arming helm control_loop metronome"),
+    (_ROBOT, "mbot_agent", "arming helm control_loop intake metronome"),
     (_ROBOT, "mbot_agent/board", "board_session motors motor_stop"),
     (_ROBOT, "mbot_agent/camera", "capture picture_check stuck"),
     (_ROBOT, "mbot_agent/commands", "command_service stop_service"),
@@ -14,9 +14,10 @@ _FILES = (
     (_ROBOT, "mbot_agent/models", "sequence_floors trial trust turn"),
     (_ROBOT, "mbot_agent/network", "doorkeeper presence pulse requests sender_numbers"),
     (_ROBOT, "mbot_agent/network", "session_guard zenoh_link"),
-    (_ROBOT, "mbot_agent/process", "last_end termination watchdog"),
+    (_ROBOT, "mbot_agent/process", "last_end state_file termination watchdog"),
     (_ROBOT, "mbot_agent/releases", "release_service"),
-    (_ROBOT, "mbot_update", "health_gate release_folders short_lives taking_in update_steps"),
+    (_ROBOT, "mbot_update", "foreign_files health_gate release_folders short_lives taking_in"),
+    (_ROBOT, "mbot_update", "update_steps"),
     (_PROTOCOL, "mbot_protocol/policy", "confinement"),
     (_PROTOCOL, "mbot_protocol/wire", "access_rules connected_sockets"),
     (_WORKSTATION, "mbot_workstation/fleet/by_hand", "hand hand_drive"),

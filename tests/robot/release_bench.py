@@ -2,6 +2,7 @@
 
 import io
 import subprocess
+import tarfile
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -71,6 +72,15 @@ def archive(
     with path.open("wb") as file:
         release_archive.write(file, files, data, signatures.encode(), described)
     return path
+
+
+def signed_manifest(path: Path) -> tuple[bytes, bytes]:
+    """A release's manifest and its signatures, as any tar reads them."""
+    with tarfile.open(path) as archive:
+        first, second = (archive.extractfile(name) for name in ("manifest.json", "manifest.sig"))
+        assert first is not None
+        assert second is not None
+        return first.read(), second.read()
 
 
 @dataclass

@@ -15,7 +15,6 @@ from google.protobuf.message import Message
 from mbot_agent import intake
 from mbot_agent.releases.own_release import own_release, update_goes_on
 from mbot_agent.releases.release_service import ReleaseService
-from mbot_protocol.signing import release_archive
 from mbot_protocol.signing.release_ledger import RESERVE_BYTES, Computer, Ledger, Outcome
 from mbot_protocol.v1.messages_pb2 import (
     PushChunk,
@@ -34,7 +33,7 @@ from mbot_protocol.wire.keys import (
 from mbot_protocol.wire.schema import SCHEMA_VERSION
 from mbot_workstation.fleet.models.signing_key import SigningKey
 
-from .release_bench import KEY, archive
+from .release_bench import KEY, archive, signed_manifest
 
 PI = Computer("bookworm", "arm64", "3.11", 10**10)
 
@@ -59,8 +58,7 @@ class Robot:
         return PushReply.FromString(self.service.answers[name](payload))
 
     def begin(self, path: Path, robot_id: str = "mbot-1") -> PushReply:
-        with path.open("rb") as file:
-            data, signatures = release_archive.read_manifest(file)
+        data, signatures = signed_manifest(path)
         return self.ask(
             RELEASE_BEGIN.name,
             ReleaseBegin(

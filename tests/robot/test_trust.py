@@ -297,3 +297,16 @@ def test_asking_again_and_again_costs_no_memory() -> None:
 
 def test_another_start_of_the_daemon_knows_none_of_them() -> None:
     assert not Nonces().use(Nonces().issue())
+
+
+@pytest.mark.parametrize(
+    ("settings", "kind"),
+    [
+        (Trust(allow_unsigned=True), "unsigned-models"),
+        (Trust(), "no-trusted-key"),
+        (Trust((KEY.public.line,)), ""),
+    ],
+)
+def test_it_is_said_whose_models_are_taken(tmp_path: Path, settings: Trust, kind: str) -> None:
+    notice = Robot(tmp_path, trust=settings).trust.notice
+    assert (notice.kind if notice else "") == kind

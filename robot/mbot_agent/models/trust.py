@@ -9,6 +9,7 @@ from importlib import import_module
 from pathlib import Path
 
 from mbot_agent import configuration
+from mbot_agent.faults import Notice
 from mbot_agent.models.model_directory import Label
 from mbot_agent.models.sequence_floors import SequenceFloors
 from mbot_protocol.errors import RefusedError
@@ -103,6 +104,20 @@ class Trust:
             # Now, or the reply to the first push would wait for it: 7 to 30 ms on a PC (measured),
             # half a second on a Pi Zero 2 (estimated), of the 2 s that the sender waits.
             import_module("nacl.signing")
+
+    @property
+    def notice(self) -> Notice | None:
+        """What a person should know of whose models are taken."""
+        if self.accepts_unsigned:
+            text = (
+                "takes models from anyone who reaches it (trust.allow_unsigned = true): for "
+                "development only"
+            )
+            return Notice("unsigned-models", text)
+        if not self.keys:
+            text = "takes no models: `workstation keys new` makes a key and says how it gets here"
+            return Notice("no-trusted-key", text)
+        return None
 
     def new_nonce(self) -> str:
         """For one push that is about to be signed."""

@@ -79,17 +79,6 @@ def read(archive: IO[bytes], judge: Judge, place: Place = nowhere) -> ReleaseMan
     return manifest
 
 
-def read_manifest(archive: IO[bytes]) -> tuple[bytes, bytes]:
-    """The manifest and the signatures as they stand there, unverified.
-
-    Raises:
-        RefusedError: it is not a release.
-
-    """
-    data = _leading(archive, MANIFEST, RELEASE.largest_bytes)
-    return data, _leading(archive, SIGNATURES, LARGEST_SIGNATURES_BYTES)
-
-
 def write(
     archive: IO[bytes], folder: Path, data: bytes, signatures: bytes, files: Iterable[ReleaseFile]
 ) -> None:
