@@ -51,7 +51,8 @@ def test_each_change_is_told_by_another_thread_and_nothing_else_is(
 
     monkeypatch.setattr(state_file.atomic_file, "replace", replace)
     began_ns = time.monotonic_ns()
-    with StateFile(str(tmp_path)) as file:
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
+    with StateFile() as file:
         for armed, faults in ((False, ("no-model",)), (False, ("no-model",)), (True, ())):
             file.tell(armed=armed, faults=faults)
     assert [name for name, _ in written] == ["state file"] * 2
@@ -67,7 +68,8 @@ def test_the_file_goes_with_the_daemon_and_what_no_longer_holds_does_not_stay(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / FILE
-    with StateFile(str(tmp_path)) as file:
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
+    with StateFile() as file:
         file.tell(armed=False, faults=())
         assert until(path.exists)
         assert not list(tmp_path.glob("*.tmp"))

@@ -19,12 +19,11 @@ END_WAIT_S = 1.0
 class StateFile:
     """Written at each change, by a thread of its own: the loop touches no file. A context manager.
 
-    Outside systemd, which makes the directory, there is nobody to tell and nothing is written.
+    Outside systemd, which makes $RUNTIME_DIRECTORY, there is nobody to tell and nothing is written.
     """
 
-    def __init__(self, directory: str | None = None) -> None:
-        """`directory`: where; by default what systemd says in $RUNTIME_DIRECTORY."""
-        where = os.environ.get("RUNTIME_DIRECTORY", "") if directory is None else directory
+    def __init__(self) -> None:
+        where = os.environ.get("RUNTIME_DIRECTORY", "")
         self._path = Path(where) / FILE if where else None
         self._told: tuple[bool, tuple[str, ...]] | None = None
         self._changes: queue.SimpleQueue[DaemonState | None] = queue.SimpleQueue()
