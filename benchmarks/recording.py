@@ -25,10 +25,11 @@ from mbot_agent.hardware import Delivery
 from mbot_agent.network.wire_messages import beat_of
 from mbot_agent.recording.recording_directory import RecordingDirectory
 from mbot_agent.recording.robot_facts import robot_facts
-from mbot_agent.tick import Action, Memory, Tick
+from mbot_agent.tick import Action, Tick
 from mbot_protocol.beat.recorded_drive import read_drive
 from mbot_protocol.drive.actions import to_steps
 from mbot_protocol.drive.wheel_command import Duties
+from mbot_protocol.policy.policy_contract import Memory
 from mbot_workstation.pictures.picture_file import observation
 
 CHECKOUT = Path(__file__).parents[1]

@@ -19,6 +19,7 @@ from mbot_agent.configuration import Access, Configuration, state_directory
 from mbot_agent.faults import Notice
 from mbot_agent.process import service_manager, termination
 from mbot_agent.process.last_end import LastEnd
+from mbot_agent.process.state_file import StateFile
 from mbot_agent.process.watchdog import Watchdog
 from mbot_agent.releases.own_release import own_release, update_goes_on
 from mbot_agent.tick import Tick
@@ -85,9 +86,9 @@ def rehearse(configuration: Configuration) -> str:
     from mbot_agent.commands import command_service, stop_service
     from mbot_agent.models import model_service
     from mbot_agent.models.model_directory import ModelDirectory
-    from mbot_agent.models.policy import Policy
     from mbot_agent.network import zenoh_link
     from mbot_protocol.policy.golden_frames import check_deviation
+    from mbot_protocol.policy.policy import Policy
 
     opener(configuration.board)  # a kind of board that this release does not know
     parts = (command_service, stop_service, control_loop, model_service, zenoh_link)
@@ -157,7 +158,7 @@ def _drive(
     loop.subscribe(_telemetry(configuration, session_id, link, notices, camera, parts))
     if recorder is not None:
         loop.subscribe(recorder.offer)
-    loop.subscribe(_feeder(watchdog))
+    loop.subscribe(_feeder(watchdog, parts.enter_context(StateFile())))
     loop.subscribe(lambda _: models.service.expire_staging())
     # What exists now stays: the collector need not look at it between two decisions again.
     gc.collect()
@@ -320,14 +321,16 @@ def _recorder(
     )
 
 
-def _feeder(watchdog: Watchdog) -> Callable[[Tick], None]:
+def _feeder(watchdog: Watchdog, state_file: StateFile) -> Callable[[Tick], None]:
     """Only a finished tick feeds the watchdog: a loop that hangs gets the daemon restarted."""
 
     def feed(tick: Tick) -> None:
         if tick.sequence == 0:
             service_manager.notify("READY=1")
-        # The updater reads this: what is wrong, behind a semicolon.
-        faults = " ".join(fault.kind for fault in tick.faults)
+        kinds = tuple(fault.kind for fault in tick.faults)
+        state_file.tell(armed=tick.orders.is_armed, faults=kinds)
+        # For people; updaters up to 0.1 read it, too: what is wrong, behind a semicolon.
+        faults = " ".join(kinds)
         watchdog.feed(f"{tick.state.value}; {faults}" if faults else tick.state.value)
 
     return feed

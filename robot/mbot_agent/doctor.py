@@ -158,9 +158,9 @@ def examine_trust(
 
 def _model(configuration: Configuration) -> Finding:
     from mbot_agent.models.model_directory import ModelDirectory
-    from mbot_agent.models.policy import Policy
     from mbot_agent.models.sequence_floors import SequenceFloors
     from mbot_agent.models.trust import Trust
+    from mbot_protocol.policy.policy import Policy
 
     none = Finding("model", "warning", "none yet: `workstation push-model` sends one")
     if not configuration.models.path.is_dir():  # the daemon makes it, and whose it is matters

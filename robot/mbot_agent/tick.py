@@ -5,16 +5,13 @@ Each step of the loop makes a new one that knows more; who listens gets the last
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mbot_agent.arming import Orders, State, state_of
 from mbot_agent.faults import Fault
 from mbot_agent.hardware import Delivery
 from mbot_protocol.drive.actions import Steps
 from mbot_protocol.drive.picture import Picture
 from mbot_protocol.drive.wheel_command import STOP, Duties
-from mbot_protocol.policy.policy_contract import FieldOfView
+from mbot_protocol.policy.policy_contract import FieldOfView, Memory
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,20 +20,6 @@ class Action:
 
     left: float
     right: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Memory:
-    """What a model goes on with from one decision to the next.
-
-    Attributes:
-        state: shape (layers, 1, units), float32; without layers for a model without memory.
-        previous_action: what the wheels were really told, left and right in [-1, 1].
-
-    """
-
-    state: NDArray[np.float32]
-    previous_action: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)

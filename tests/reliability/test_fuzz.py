@@ -31,7 +31,8 @@ from mbot_protocol.files.toml_file import read_toml
 from mbot_protocol.policy.golden_frames import PROPERTY, read_golden_frames
 from mbot_protocol.policy.model_structure import check_structure
 from mbot_protocol.policy.policy_contract import PolicyMetadata
-from mbot_protocol.signing.model_manifest import SignedManifest, decode, encode
+from mbot_protocol.signing.envelope import Envelope
+from mbot_protocol.signing.model_manifest import decode, encode
 from mbot_protocol.signing.public_key import PublicKey
 from mbot_protocol.v1 import messages_pb2 as messages
 from mbot_protocol.wire.access_rules import split_common_name
@@ -40,7 +41,8 @@ from mbot_workstation.fleet.link.address import parse_address
 from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
 from mbot_workstation.sim.calibrated.motion_calibration import MotionCalibration
 
-from ..protocol.test_model_manifest import MANIFEST, SIGNED
+from ..protocol.test_envelope import SIGNED
+from ..protocol.test_model_manifest import MANIFEST
 from ..robot.test_jpeg_picture import PICTURE, jpeg
 from ..robot.test_multipart import BOUNDARY, stream
 from ..robot.tiny_models import constant_model
@@ -196,7 +198,7 @@ def test_manifests() -> None:
 
 
 def test_kept_manifests() -> None:
-    feed(SignedManifest.from_text, damaged_text(SIGNED.to_text()))
+    feed(Envelope.from_text, damaged_text(SIGNED.to_text()))
 
 
 def test_configurations() -> None:

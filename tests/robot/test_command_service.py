@@ -12,11 +12,11 @@ from mbot_agent.commands.stop_service import StopService
 from mbot_agent.configuration import Configuration
 from mbot_agent.faults import Fault
 from mbot_agent.helm import Press
-from mbot_agent.models.policy import Policy
 from mbot_agent.network.requests import Request
 from mbot_agent.network.wire_messages import beat_of
 from mbot_protocol.drive.actions import AS_BUILT
 from mbot_protocol.drive.wheel_command import STOP, Duties
+from mbot_protocol.policy.policy import Policy
 from mbot_protocol.v1 import messages_pb2 as messages
 from mbot_protocol.wire.schema import SCHEMA_VERSION
 

@@ -11,14 +11,14 @@ from mbot_agent import control_loop
 from mbot_agent.arming import Mode, State
 from mbot_agent.configuration import Control
 from mbot_agent.faults import Fault
-from mbot_agent.models.policy import Answer, Memory, Policy
 from mbot_agent.models.trial import Finding, Trial, Verdict
 from mbot_agent.tick import Tick
 from mbot_protocol.drive.actions import Steps
 from mbot_protocol.drive.camera_model import CameraModel
 from mbot_protocol.drive.picture import Observer, Picture
 from mbot_protocol.drive.wheel_command import STOP, Duties
-from mbot_protocol.policy.policy_contract import FULL_VIEW, FieldOfView, PolicyMetadata
+from mbot_protocol.policy.policy import Answer, Policy
+from mbot_protocol.policy.policy_contract import FULL_VIEW, FieldOfView, Memory, PolicyMetadata
 
 from .loop_bench import HAND, Bench
 from .tiny_models import constant_model, counting_model

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from mbot_agent.arming import Mode
 from mbot_agent.faults import Fault
-from mbot_agent.models.policy import Policy
 from mbot_protocol.beat.recorded_drive import read_drive
 from mbot_protocol.drive.actions import AS_BUILT, MotorMap, WheelMaps, to_steps
 from mbot_protocol.drive.mcore import HEADER, Joystick
 from mbot_protocol.drive.wheel_command import Duties, WheelCommand
+from mbot_protocol.policy.policy import Policy
 
 from .loop_bench import Bench
 from .tiny_models import constant_model

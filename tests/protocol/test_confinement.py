@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from mbot_agent.models.confinement import ALLOWED, MACHINES, Machine, bpf
+from mbot_protocol.policy.confinement import ALLOWED, MACHINES, Machine, bpf
 
 from .confined_attempts import FORBIDDEN, HARMLESS, outcome
 
@@ -34,7 +34,7 @@ def test_other_threads_are_not_passed_over_in_silence() -> None:
 
 def answer_of(program: str) -> str:
     """What a process of its own says that confines itself."""
-    program = f"{program}\nfrom mbot_agent.models.confinement import confine\n"
+    program = f"{program}\nfrom mbot_protocol.policy.confinement import confine\n"
     program += "import os\nprint(confine(), flush=True)\nos._exit(0)"
     command = [sys.executable, "-c", program]
     return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()

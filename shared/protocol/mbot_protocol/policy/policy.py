@@ -1,4 +1,8 @@
-"""The policy: an ONNX model, checked against the contract, and its answers."""
+"""The policy: an ONNX model, checked against the contract, and its answers.
+
+Whoever decides by a model runs this one: the robot, its dry run, a replay, an evaluation. So what
+one of them answers, the others do, to the last bit on the same kind of processor.
+"""
 
 import hashlib
 import math
@@ -9,11 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbot_agent.models.model_engine import load_engine
-from mbot_agent.tick import Memory
 from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ContractError, MbotError
-from mbot_protocol.policy.engine_words import engine_words
+from mbot_protocol.policy.engine import engine_words, load_engine
 from mbot_protocol.policy.golden_frames import GoldenFrame, read_golden_frames
 from mbot_protocol.policy.model_structure import check_structure
 from mbot_protocol.policy.policy_contract import (
@@ -23,10 +25,15 @@ from mbot_protocol.policy.policy_contract import (
     PREVIOUS_ACTION_NAME,
     STATE_IN_NAME,
     STATE_OUT_NAME,
+    Memory,
     PolicyMetadata,
     check_signature,
 )
-from mbot_protocol.policy.static_shapes import check_static_shapes
+
+Pictures = NDArray[np.uint8]
+"""Shape (robots, 64, 64, 3), RGB."""
+Actions = NDArray[np.float32]
+"""Shape (robots, 2): left and right wheel in [-1, 1]."""
 
 
 class PolicyError(MbotError):
@@ -50,6 +57,7 @@ class Policy:
         size_bytes: its length.
         metadata: what it says of itself.
         blank: the memory to begin with.
+        takes_batches: `infer` may be asked for several robots at once.
 
     """
 
@@ -61,8 +69,7 @@ class Policy:
 
         Raises:
             ContractError: too large, not ONNX, made of what is not allowed (see
-                `mbot_protocol.policy.model_structure` and `static_shapes`), or not following the
-                contract.
+                `model_structure.py`), or not following the contract.
             NewerSchemaError: it follows a newer contract.
 
         """
@@ -70,15 +77,17 @@ class Policy:
             raise ContractError(
                 f"the model has {len(data)} bytes, expected at most {LARGEST_MODEL_BYTES}"
             )
-        check_structure(data)
-        check_static_shapes(data)
+        declared = check_structure(data)
         self.sha256 = hashlib.sha256(data).hexdigest()
         self.size_bytes = len(data)
-        self._engine = load_engine(data)
-        self.metadata = PolicyMetadata.from_properties(self._engine.properties)
-        memory = check_signature(
-            self._engine.inputs, self._engine.outputs, self.metadata.contract_version
+        self._properties = declared.properties
+        self.metadata = PolicyMetadata.from_properties(declared.properties)
+        version = self.metadata.contract_version
+        memory = check_signature(declared.inputs, declared.outputs, version)
+        self.takes_batches = all(
+            not isinstance(one.shape[0], int) for one in declared.inputs if one.name == INPUT_NAME
         )
+        self._engine = load_engine(data)
         self.blank = Memory(np.zeros((memory.layers, 1, memory.units), np.float32))
 
     @classmethod
@@ -107,12 +116,7 @@ class Policy:
             ContractError: they are damaged.
 
         """
-        return read_golden_frames(self._engine.properties)
-
-    def act(self, observation: Picture) -> tuple[float, float]:
-        """Decide as if nothing had been before: left and right wheel; raises as `decide`."""
-        answer = self.decide(observation, self.blank)
-        return answer.left, answer.right
+        return read_golden_frames(self._properties)
 
     def decide(self, observation: Picture, memory: Memory) -> Answer:
         """Decide.
@@ -125,16 +129,10 @@ class Policy:
             PolicyError: inference failed, or the answer is not two finite numbers.
 
         """
-        feeds: dict[str, Any] = {INPUT_NAME: observation[np.newaxis]}
-        names = [OUTPUT_NAME]
-        if self.has_memory:
-            feeds[PREVIOUS_ACTION_NAME] = np.array([memory.previous_action], np.float32)
-            feeds[STATE_IN_NAME] = memory.state
-            names.append(STATE_OUT_NAME)
+        previous_action = np.array([memory.previous_action], np.float32)
         try:
-            action, *states = self._engine.run(names, feeds)
-            left, right = (float(value) for value in np.asarray(action).reshape(2))
-            state = np.asarray(states[0], np.float32) if states else memory.state
+            action, state = self.infer(observation[np.newaxis], previous_action, memory.state)
+            left, right = (float(value) for value in action.reshape(2))
         except Exception as error:
             raise PolicyError(f"the model failed on a picture: {engine_words(error)}") from None
         if not (math.isfinite(left) and math.isfinite(right)):
@@ -142,3 +140,26 @@ class Policy:
         if not np.isfinite(state).all():
             raise PolicyError("the model remembers what is not finite")
         return Answer(left, right, state)
+
+    def infer(
+        self, observations: Pictures, previous_actions: Actions, state: NDArray[np.float32]
+    ) -> tuple[Actions, NDArray[np.float32]]:
+        """What the model says for n robots, as it is, and their next state; n is 1 unless it
+        `takes_batches`. Raises whatever the engine does.
+
+        Args:
+            observations: of each.
+            previous_actions: what their wheels were really told.
+            state: what it remembers of them, shape (layers, n, units).
+
+        """
+        if not self.has_memory:
+            (actions,) = self._engine.run([OUTPUT_NAME], {INPUT_NAME: observations})
+            return np.asarray(actions, np.float32), state
+        feeds: dict[str, NDArray[Any]] = {
+            INPUT_NAME: observations,
+            PREVIOUS_ACTION_NAME: previous_actions,
+            STATE_IN_NAME: state,
+        }
+        actions, after = self._engine.run([OUTPUT_NAME, STATE_OUT_NAME], feeds)
+        return np.asarray(actions, np.float32), np.asarray(after, np.float32)

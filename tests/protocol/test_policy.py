@@ -9,12 +9,12 @@ import onnx
 import pytest
 from onnx import TensorProto, numpy_helper
 
-from mbot_agent.models import model_engine
-from mbot_agent.models.policy import Memory, Policy, PolicyError
 from mbot_protocol.errors import ContractError, NewerSchemaError
-from mbot_protocol.policy.policy_contract import FULL_VIEW, PolicyMetadata
+from mbot_protocol.policy import engine
+from mbot_protocol.policy.policy import Policy, PolicyError
+from mbot_protocol.policy.policy_contract import FULL_VIEW, Memory, PolicyMetadata
 
-from .tiny_models import constant_model, counting_model
+from ..robot.tiny_models import constant_model, counting_model
 
 GREY = np.full((64, 64, 3), 128, np.uint8)
 
@@ -38,26 +38,31 @@ BAD_MODELS = {
 @pytest.fixture(params=["onnxruntime", "OpenCV"], autouse=True)
 def an_engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     if request.param == "OpenCV":
-        monkeypatch.setattr(model_engine, "onnxruntime", None)
-        monkeypatch.setattr(model_engine, "cv2", cv2)
+        monkeypatch.setattr(engine, "onnxruntime", None)
+        monkeypatch.setattr(engine, "cv2", cv2)
+
+
+def act(policy: Policy) -> tuple[float, float]:
+    answer = policy.decide(GREY, policy.blank)
+    return answer.left, answer.right
 
 
 def test_a_model_acts_and_says_what_it_is() -> None:
     policy = Policy(constant_model(0.25, -1.5, name="tiny"))
-    assert policy.act(GREY) == (0.25, -1.5)
+    assert act(policy) == (0.25, -1.5)
     assert policy.metadata == PolicyMetadata("tiny", FULL_VIEW, 2.5)
     assert len(policy.sha256) == 64
 
 
 def test_a_symbolic_batch_is_accepted() -> None:
-    assert Policy(constant_model(input_shape=("batch", 64, 64, 3))).act(GREY) == (0.5, 0.5)
+    assert act(Policy(constant_model(input_shape=("batch", 64, 64, 3)))) == (0.5, 0.5)
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_an_answer_that_is_no_number_is_an_error(bad: float) -> None:
     policy = Policy(constant_model(0.1, bad))
     with pytest.raises(PolicyError, match="two finite numbers"):
-        policy.act(GREY)
+        act(policy)
 
 
 @pytest.mark.parametrize("name", BAD_MODELS)
@@ -71,7 +76,7 @@ def test_a_bad_model_is_refused_in_one_line(name: str) -> None:
 def test_onnxruntimes_own_format_is_never_read() -> None:
     """Bytes that are both: as ONNX they were checked, so as ONNX they are read."""
     both = Policy(b"\x08\x08\x12\x08ORTM1234" + constant_model())
-    assert both.act(GREY) == (0.5, 0.5)
+    assert act(both) == (0.5, 0.5)
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
@@ -105,10 +110,11 @@ def test_the_daemon_imports_nothing_of_the_workstation() -> None:
 QUIET_CHECK = """
 import os
 from pathlib import Path
-from mbot_agent.models.policy import Policy
+from mbot_protocol.policy import engine
+from mbot_protocol.policy.policy import Policy
 import numpy as np
 policy = Policy.load(Path(%r))
-policy.act(np.zeros((64, 64, 3), np.uint8))
+policy.decide(np.zeros((64, 64, 3), np.uint8), policy.blank)
 links = [os.readlink(f"/proc/self/fd/{fd}") for fd in os.listdir("/proc/self/fd")
          if os.path.islink(f"/proc/self/fd/{fd}")]
 print([link for link in links if link.startswith("socket:")], len(os.listdir("/proc/self/task")))

@@ -16,13 +16,13 @@ import onnx
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 
-from mbot_agent.models import dry_run as module
-from mbot_agent.models.dry_run import dry_run
 from mbot_protocol.errors import ContractError, NewerSchemaError, RefusedError
+from mbot_protocol.policy import dry_run as module
+from mbot_protocol.policy.dry_run import dry_run
 from mbot_protocol.policy.golden_frames import PROPERTY
 from mbot_protocol.policy.policy_contract import PolicyMetadata
 
-from .tiny_models import constant_model, counting_model
+from ..robot.tiny_models import constant_model, counting_model
 
 RATE_HZ = 2.5
 TRAINED = Path(__file__).parents[2] / "models" / "red-cube.onnx"
@@ -167,7 +167,7 @@ def test_a_model_that_never_answers_is_killed_within_10_s(
 
 def test_a_slow_start_leaves_a_model_its_time_and_the_bar_its_room() -> None:
     attempt = (
-        "import resource, mbot_agent.models.dry_run as d;"
+        "import resource, mbot_protocol.policy.dry_run as d;"
         "d.time.process_time = lambda: float(sys.argv[1]); d._limit(6.0);"
         "print(*resource.getrlimit(resource.RLIMIT_CPU))"
     )
@@ -275,7 +275,7 @@ def test_the_child_leaves_no_file_and_can_write_none(
     dry_run(constant_model(), RATE_HZ)
     assert list(tmp_path.iterdir()) == []
     attempt = (
-        "import sys; import mbot_agent.models.dry_run as d; d._limit(6.0);"
+        "import sys; import mbot_protocol.policy.dry_run as d; d._limit(6.0);"
         f"open({str(tmp_path / 'x')!r}, 'wb', buffering=0).write(b'x')"
     )
     assert os.system(f'{sys.executable} -c "{attempt}" </dev/null 2>/dev/null') != 0

@@ -1,24 +1,33 @@
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import onnx
+import onnxruntime
 import pytest
 
-from mbot_agent.models import model_engine
-from mbot_agent.models.model_engine import Engine, OnnxRuntime, OpenCvDnn
-from mbot_agent.models.policy import Policy
 from mbot_protocol.errors import ContractError
-from mbot_protocol.policy.model_declaration import read_declaration
-from mbot_protocol.policy.policy_contract import PolicyMetadata
+from mbot_protocol.policy import engine
+from mbot_protocol.policy.engine import (
+    LONGEST_REASON,
+    Engine,
+    OnnxRuntime,
+    OpenCvDnn,
+    engine_words,
+)
+from mbot_protocol.policy.onnx_file import read_onnx
+from mbot_protocol.policy.policy import Policy
+from mbot_protocol.policy.policy_contract import PolicyMetadata, Tensor
 from mbot_workstation.fleet.models.servo_policy import ServoGains, servo_model
 from mbot_workstation.learn.learning.policy_export import export_policy
 from mbot_workstation.learn.learning.trained_policy import trained_policy
 
-from .tiny_models import constant_model, counting_model, seeing_model
+from ..robot.tiny_models import constant_model, counting_model, seeing_model
 
 CHECKOUT = Path(__file__).parents[2]
 SHIPPED = CHECKOUT / "models/red-cube.onnx"
@@ -40,27 +49,33 @@ def for_armv6() -> bytes:
     return model.SerializeToString()
 
 
+def as_contract(nodes: Sequence[Any]) -> list[Tensor]:
+    kinds = {"tensor(uint8)": "uint8", "tensor(float)": "float32"}
+    return [Tensor(node.name, kinds[node.type], tuple(node.shape)) for node in nodes]
+
+
 @pytest.mark.parametrize("name", MODELS)
 def test_a_files_bytes_declare_what_onnxruntime_finds(name: str) -> None:
-    declared = read_declaration(MODELS[name])
-    found = OnnxRuntime(model_engine.onnxruntime, MODELS[name])
-    assert list(declared.inputs) == found.inputs
-    assert list(declared.outputs) == found.outputs
-    assert declared.properties == found.properties
+    declared = read_onnx(MODELS[name])
+    found = onnxruntime.InferenceSession(MODELS[name], providers=["CPUExecutionProvider"])
+    assert list(declared.inputs) == as_contract(found.get_inputs())
+    assert list(declared.outputs) == as_contract(found.get_outputs())
+    assert declared.properties == found.get_modelmeta().custom_metadata_map
 
 
 def test_a_loaded_models_file_is_let_go() -> None:
     """4 MB of the shipped policy's would stay otherwise."""
     data = SHIPPED.read_bytes()
     mine_only = sys.getrefcount(data)
-    engine = model_engine.load_engine(data)
+    loaded = engine.load_engine(data)
     assert sys.getrefcount(data) == mine_only
-    assert engine.properties
+    assert loaded
 
 
 LOADED = """
 import ctypes, pathlib, sys
-from mbot_agent.models.model_engine import load_engine
+from mbot_protocol.policy import engine
+from mbot_protocol.policy.engine import load_engine
 
 def resident_kb():
     return int(pathlib.Path("/proc/self/statm").read_text().split()[1]) * 4
@@ -86,7 +101,7 @@ def test_weights_among_the_inputs_are_no_inputs() -> None:
     model.graph.input.extend(
         onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, (1, 2)) for name in names
     )
-    declared = read_declaration(model.SerializeToString())
+    declared = read_onnx(model.SerializeToString())
     assert [tensor.name for tensor in declared.inputs] == ["observation"]
 
 
@@ -119,8 +134,8 @@ def test_opencv_remembers_as_onnxruntime_does(for_armv6: bytes) -> None:
             actions.append(before)
         return np.array(actions)
 
-    usual = drive(OnnxRuntime(model_engine.onnxruntime, SHIPPED.read_bytes()))
-    again = drive(OnnxRuntime(model_engine.onnxruntime, for_armv6))
+    usual = drive(OnnxRuntime(engine.onnxruntime, SHIPPED.read_bytes()))
+    again = drive(OnnxRuntime(engine.onnxruntime, for_armv6))
     other = drive(OpenCvDnn(cv2, for_armv6))
     assert usual.std() > 0.1
     assert np.abs(again - usual).max() <= 1e-5
@@ -136,11 +151,12 @@ def test_what_opencv_does_not_know_is_refused_with_what_to_do() -> None:
 
 WITHOUT_ONNXRUNTIME = """
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from mbot_agent.models import model_engine
-from mbot_agent.models.dry_run import dry_run
+from mbot_protocol.policy import engine
+from mbot_protocol.policy.dry_run import dry_run
 report = dry_run(Path(sys.argv[1]).read_bytes(), 2.5)
-print(model_engine.onnxruntime, report.golden_frames, report.confined)
+print(engine.onnxruntime, report.golden_frames, report.confined)
 """
 
 
@@ -162,3 +178,45 @@ def test_where_onnxruntime_is_missing_a_dry_run_is_by_opencv(
         check=False,
     )
     assert done.stdout == "None 80 True\n", done.stderr
+
+
+# What onnxruntime 1.20 to 1.24 say, their exceptions' texts.
+PLACE = (
+    "/onnxruntime_src/onnxruntime/core/graph/model.cc:256 onnxruntime::Model::Model("
+    "onnx::ModelProto&&, const onnxruntime::PathString&, const onnxruntime::logging::Logger&) "
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            f"[ONNXRuntimeError] : 1 : FAIL : {PLACE}Unsupported model IR version: 14, max "
+            "supported IR version: 13",
+            "IR version is 14, this onnxruntime reads up to 13: set model.ir_version = 10",
+        ),
+        (
+            f"[ONNXRuntimeError] : 1 : FAIL : {PLACE}ONNX Runtime only *guarantees* support for "
+            "models stamped with official released onnx opset versions. Opset 27 is under "
+            "development and support for this is limited. Current official support for domain "
+            "ai.onnx is till opset 26.",
+            "operator set is 27, this onnxruntime knows up to 26: export with opset_version=21",
+        ),
+        (
+            f"[ONNXRuntimeError] : 1 : FAIL : Load model from a.onnx failed:{PLACE}Wrong graph",
+            "Wrong graph",
+        ),
+        (
+            "[ONNXRuntimeError] : 10 : INVALID_GRAPH : This is an invalid model. In Node, x\n",
+            "This is an invalid model. In Node, x",
+        ),
+    ],
+)
+def test_the_reason_comes_without_its_place(text: str, said: str) -> None:
+    words = engine_words(RuntimeError(text))
+    assert said in words
+    assert not any(part in words for part in ("\n", "ONNXRuntimeError", ".cc:"))
+
+
+def test_an_endless_reason_is_cut() -> None:
+    assert len(engine_words(RuntimeError("x" * 5000))) == LONGEST_REASON

@@ -58,6 +58,9 @@ SHARE_OF_PERIOD = 0.5
 
 _PICTURES = 8
 
+_ALONE = {"OPENBLAS_NUM_THREADS": "1"}
+"""What other threads there are keep what they have when the child is confined."""
+
 
 class Report(msgspec.Struct, frozen=True):
     """What a dry run has found.
@@ -93,13 +96,15 @@ def dry_run(data: bytes, rate_hz: float, model_s: float = MODEL_S) -> Report:
         sys.executable,
         "-B",
         "-m",
-        "mbot_agent.models.dry_run",
+        "mbot_protocol.policy.dry_run",
         repr(rate_hz),
         repr(model_s),
     ]
     pipe = subprocess.PIPE
     try:
-        child = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, bufsize=0)
+        child = subprocess.Popen(
+            command, stdin=pipe, stdout=pipe, stderr=pipe, bufsize=0, env=os.environ | _ALONE
+        )
     except OSError as error:
         raise RefusedError(f"cannot try the model: {error.strerror}") from None
     with child:
@@ -201,11 +206,11 @@ def _try(rate_hz: float, model_s: float) -> Report:
 
     import numpy as np
 
-    from mbot_agent.models.confinement import confine
-    from mbot_agent.models.policy import Memory, Policy
     from mbot_protocol.drive.actions import to_steps
+    from mbot_protocol.policy.confinement import confine
     from mbot_protocol.policy.golden_frames import check_deviation
-    from mbot_protocol.policy.policy_contract import OBSERVATION_SHAPE
+    from mbot_protocol.policy.policy import Policy
+    from mbot_protocol.policy.policy_contract import OBSERVATION_SHAPE, Memory
 
     os.write(sys.stdout.fileno(), READY)
     data = sys.stdin.buffer.read()

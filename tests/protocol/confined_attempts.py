@@ -7,7 +7,7 @@ import sys
 
 PROGRAM = """
 import ctypes, os, resource, signal, socket, subprocess, sys, threading
-from mbot_agent.models.confinement import confine
+from mbot_protocol.policy.confinement import confine
 libc = ctypes.CDLL(None, use_errno=True)
 def call(name, *arguments):
     if getattr(libc, name)(*arguments) == -1:

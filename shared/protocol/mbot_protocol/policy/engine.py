@@ -1,16 +1,20 @@
 """What runs a model: onnxruntime; OpenCV's dnn where that is missing (ARMv6: the first Pi Zero)."""
 
 import ctypes
+import os
+import platform
+import re
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mbot_protocol.errors import ContractError
-from mbot_protocol.policy.engine_words import engine_words
-from mbot_protocol.policy.model_declaration import read_declaration
-from mbot_protocol.policy.policy_contract import Tensor
+from mbot_protocol.policy.policy_contract import SAFE_IR_VERSION, SAFE_OPSET
+
+os.environ["ORT_DISABLE_TELEMETRY"] = "1"  # read once, when it is imported
 
 # With this module: the dry run's limits count from what its imports have mapped, and once confined
 # it can open no file.
@@ -27,21 +31,19 @@ else:
 
 Feeds = Mapping[str, NDArray[Any]]
 
-_TYPES = {"tensor(uint8)": "uint8", "tensor(float)": "float32"}
+LONGEST_REASON = 300
+"""Characters of what an engine says of a model."""
+
+# How onnxruntime's messages begin, with the place in its source where it noticed; longer than the
+# reason.
+_CODE = re.compile(r"^\[ONNXRuntimeError\] : \d+ : \w+ : ")
+_PLACE = re.compile(r"(?:Load model from .*? failed:)?/\S+\.(?:cc|h):\d+ .*?\)\s+(?=[A-Z\"(])")
+_IR_VERSION = re.compile(r"IR version: (\d+), max supported IR version: (\d+)")
+_OPSET = re.compile(r"Opset (\d+) is under development.*till opset (\d+)", re.DOTALL)
 
 
 class Engine(Protocol):
-    """A loaded model.
-
-    Attributes:
-        inputs, outputs: as it declares them.
-        properties: its metadata.
-
-    """
-
-    inputs: list[Tensor]
-    outputs: list[Tensor]
-    properties: dict[str, str]
+    """A loaded model. What it declares stands in its file: `onnx_file.py`."""
 
     def run(self, names: Sequence[str], feeds: Feeds) -> list[NDArray[Any]]:
         """The outputs of these names; raises whatever its library does."""
@@ -84,9 +86,6 @@ class OnnxRuntime:
         # Python's session holds on to the file, to make itself anew when a GPU fails: 4 MB.
         self._session._model_bytes = None
         _give_back()
-        self.inputs = _tensors(self._session.get_inputs())
-        self.outputs = _tensors(self._session.get_outputs())
-        self.properties = cast(dict[str, str], self._session.get_modelmeta().custom_metadata_map)
 
     def run(self, names: Sequence[str], feeds: Feeds) -> list[NDArray[Any]]:
         """The outputs of these names."""
@@ -106,9 +105,6 @@ class OpenCvDnn:
                 f"OpenCV cannot load the model: {engine_words(error)}; was it exported with "
                 "`workstation export --for-armv6`?"
             ) from None
-        declared = read_declaration(data)
-        self.inputs, self.outputs = list(declared.inputs), list(declared.outputs)
-        self.properties = declared.properties
 
     def run(self, names: Sequence[str], feeds: Feeds) -> list[NDArray[Any]]:
         """The outputs of these names."""
@@ -129,8 +125,32 @@ def _give_back() -> None:
         libc.malloc_trim(0)
 
 
-def _tensors(nodes: Any) -> list[Tensor]:
-    return [
-        Tensor(node.name, _TYPES.get(str(node.type), str(node.type)), tuple(node.shape))
-        for node in nodes
-    ]
+def engine_words(error: Exception) -> str:
+    """What onnxruntime's exception says, without places in its source; with the remedy if known."""
+    text = str(error)
+    if found := _IR_VERSION.search(text):
+        return (
+            f"the file's IR version is {found[1]}, this onnxruntime reads up to {found[2]}: set "
+            f"model.ir_version = {SAFE_IR_VERSION} with onnx and save it again"
+        )
+    if found := _OPSET.search(text):
+        return (
+            f"the file's operator set is {found[1]}, this onnxruntime knows up to {found[2]}: "
+            f"export with opset_version={SAFE_OPSET} or lower"
+        )
+    reason = _PLACE.sub("", _CODE.sub("", " ".join(text.split())))
+    return reason if len(reason) <= LONGEST_REASON else reason[: LONGEST_REASON - 3] + "..."
+
+
+def processor_name(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
+    """What computes here: the architecture and, where Linux names it, the model:
+    "aarch64 Cortex-A72". Another processor's float32 adds up in another order.
+    """
+    try:
+        lines = cpuinfo.read_text().splitlines()
+    except OSError:
+        lines = []
+    named = dict(line.split(":", 1) for line in reversed(lines) if ":" in line)
+    words = {key.strip(): value.strip() for key, value in named.items()}
+    model = words.get("model name") or words.get("CPU part", "")
+    return f"{platform.machine()} {model}".strip()
