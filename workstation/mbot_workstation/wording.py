@@ -3,8 +3,10 @@
 import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from mbot_protocol.v1.messages_pb2 import Decision, Fault, Notice, State, Status
+if TYPE_CHECKING:  # loading messages takes longer than `--help` may
+    from mbot_protocol.v1.messages_pb2 import Decision, Fault, Notice, Status
 
 LONGEST_TEXT = 400
 """Longer texts from the wire are cut: an error is one line a person reads."""
@@ -52,6 +54,8 @@ def seconds(value_s: float) -> str:
 
 def state_word(state: int) -> str:
     """`State` in one lower-case word; a state this software does not know by its number."""
+    from mbot_protocol.v1.messages_pb2 import State
+
     if state not in State.values():
         return f"state-{state}"
     return State.Name(State.ValueType(state)).removeprefix("STATE_").lower()
@@ -62,7 +66,7 @@ def short_digest(sha256: str) -> str:
     return one_line(sha256)[:12] or "none"
 
 
-def decision_state(decision: Decision) -> str:
+def decision_state(decision: "Decision") -> str:
     """A beat's state, and why it stands if a hand has let go."""
     return state_word(decision.state) + (" (the hand let go)" if decision.hand_let_go else "")
 
@@ -72,7 +76,7 @@ def size_words(size_bytes: int) -> str:
     return f"{size_bytes / 1e3:.1f} kB" if size_bytes < 1e6 else f"{size_bytes / 1e6:.2f} MB"
 
 
-def fault_lines(faults: Iterable[Fault | Notice]) -> list[str]:
+def fault_lines(faults: "Iterable[Fault | Notice]") -> list[str]:
     """Each fault or notice in one line: kind, what was found, what to do."""
     return [f"{one_line(fault.kind)}: {one_line(fault.detail)}" for fault in faults]
 
@@ -85,7 +89,7 @@ _MENDED = {
 _DEVICE_MENDED = {"lost": "is back", "stalled": "is back", "starting": "is ready"}
 
 
-def waiting_words(faults: Sequence[Fault]) -> str:
+def waiting_words(faults: "Sequence[Fault]") -> str:
     """What an armed robot that stands is waiting for, and the faults behind it."""
     if not faults:
         return "it does not drive yet, and reports no fault"
@@ -100,7 +104,7 @@ def _mended(kind: str) -> str:
     return _MENDED.get(kind, "that is mended")
 
 
-def standing_words(status: Status) -> str:
+def standing_words(status: "Status") -> str:
     """Why a robot stands that is `stopped`, and since when: a hand has let go, or a stop."""
     if not status.let_go_monotonic_ns:
         return stop_words(status)
@@ -108,7 +112,7 @@ def standing_words(status: Status) -> str:
     return f"the hand let go {duration(ago_s)} ago"
 
 
-def stop_words(status: Status) -> str:
+def stop_words(status: "Status") -> str:
     """Who or what has stopped a robot last, and how long before it said so."""
     stop = status.last_stop
     if not stop.monotonic_ns:

@@ -13,6 +13,7 @@ from mbot_protocol.policy.golden_frames import PROPERTY, read_golden_frames
 from mbot_protocol.policy.model_structure import structure_faults
 from mbot_protocol.policy.policy_contract import (
     LARGEST_MODEL_BYTES,
+    MISSING_PROPERTY,
     PREVIOUS_ACTION_NAME,
     SAFE_IR_VERSION,
     SAFE_OPSET,
@@ -176,7 +177,7 @@ def _metadata(properties: dict[str, str]) -> Iterator[ModelFinding]:
             PolicyMetadata.from_properties(tried)
         except MbotError as error:
             faults += 1
-            yield ModelFinding("metadata", FAILED, _with_default(str(error), key, good[key]))
+            yield ModelFinding("metadata", FAILED, _with_default(error, key, good[key]))
     known = [*good, PROPERTY, PROVENANCE]
     for key in properties.keys() - known:
         if key.startswith("mbot.") and (meant := did_you_mean(key, known)):
@@ -188,9 +189,9 @@ def _metadata(properties: dict[str, str]) -> Iterator[ModelFinding]:
         yield ModelFinding("metadata", OK, one_line(", ".join(named)))
 
 
-def _with_default(fault: str, key: str, usual: str) -> str:
-    if " has no " not in fault:
-        return fault
+def _with_default(fault: MbotError, key: str, usual: str) -> str:
+    if fault.kind != MISSING_PROPERTY:
+        return str(fault)
     return (
         f"no {key}: add it by onnx.helper.set_model_props, usually {usual!r} (docs/policy.md has "
         "a script)"
