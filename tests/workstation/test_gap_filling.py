@@ -17,7 +17,7 @@ from mbot_agent.configuration import Recording as RecordingSettings
 from mbot_agent.recording.recording_directory import RecordingDirectory
 from mbot_agent.recording.recording_service import RecordingService
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.cli.fill_recording import FillOptions
+from mbot_workstation.cli.recordings import FillOptions
 from mbot_workstation.cli.subcommands import app
 from mbot_workstation.fleet.recorded.drive_mcap import Recording
 from mbot_workstation.fleet.recorded.gap_filling import fill, gaps, write

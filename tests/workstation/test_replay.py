@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError, MbotError
 from mbot_protocol.policy.policy_contract import FULL_VIEW, FieldOfView, PolicyMetadata
-from mbot_workstation.cli.replay import DIFFERS
+from mbot_workstation.cli.drives import DIFFERS
 from mbot_workstation.cli.subcommands import app
 from mbot_workstation.fleet.recorded.drive_mcap import Recording
 from mbot_workstation.fleet.recorded.recorded_drive import RecordedDrive, read_drive, read_drives

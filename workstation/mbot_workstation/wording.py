@@ -3,10 +3,10 @@
 import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:  # loading messages takes longer than `--help` may
-    from mbot_protocol.v1.messages_pb2 import Decision, Fault, Notice, Status
+    from mbot_protocol.v1.messages_pb2 import Decision, Fault, Status
 
 LONGEST_TEXT = 400
 """Longer texts from the wire are cut: an error is one line a person reads."""
@@ -76,7 +76,21 @@ def size_words(size_bytes: int) -> str:
     return f"{size_bytes / 1e3:.1f} kB" if size_bytes < 1e6 else f"{size_bytes / 1e6:.2f} MB"
 
 
-def fault_lines(faults: "Iterable[Fault | Notice]") -> list[str]:
+class Told(Protocol):
+    """A fault or notice, as the robot tells it."""
+
+    @property
+    def kind(self) -> str:
+        """A slug."""
+        ...
+
+    @property
+    def detail(self) -> str:
+        """What was found and what to do."""
+        ...
+
+
+def fault_lines(faults: Iterable[Told]) -> list[str]:
     """Each fault or notice in one line: kind, what was found, what to do."""
     return [f"{one_line(fault.kind)}: {one_line(fault.detail)}" for fault in faults]
 

@@ -59,6 +59,11 @@ class ModelFinding:
     verdict: str
     detail: str
 
+    @property
+    def is_failure(self) -> bool:
+        """Whether no robot takes the model because of it."""
+        return self.verdict == FAILED
+
 
 def examine_model(path: Path) -> list[ModelFinding]:
     """Check all that a robot would, and try the model by the robot's own dry run.
@@ -90,7 +95,7 @@ def examine_model(path: Path) -> list[ModelFinding]:
     faults = [f"{one}: {CONVERT}" for one in signature_faults(inputs, outputs, version)]
     findings += _verdicts("tensors", faults, found)
     findings.append(_golden_frames(properties))
-    if any(one.verdict == FAILED for one in findings):
+    if any(one.is_failure for one in findings):
         words = "not tried: mend the above first"
         return [*findings, ModelFinding("dry run", WARNING, words)]
     return [*findings, _dry_run(data, PolicyMetadata.from_properties(properties))]

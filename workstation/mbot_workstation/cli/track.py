@@ -1,6 +1,8 @@
 """`workstation track`: where a robot goes, seen by a camera overhead or by SteamVR."""
 
 import math
+import sys
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -211,15 +213,10 @@ class _Reporter:
     """A line on standard error every two seconds."""
 
     def __init__(self) -> None:
-        import time
-
-        self._clock_s = time.monotonic
         self._next_s = time.monotonic() + REPORT_EVERY_S
 
     def say(self, text: str) -> None:
         """The text, if it is time for one."""
-        import sys
-
-        if self._clock_s() >= self._next_s:
-            self._next_s = self._clock_s() + REPORT_EVERY_S
+        if time.monotonic() >= self._next_s:
+            self._next_s = time.monotonic() + REPORT_EVERY_S
             print(text, file=sys.stderr, flush=True)
