@@ -151,7 +151,7 @@ def test_a_robot_that_does_not_confirm_that_it_stands(
         schema_version=1, accepted=True, state=State.STATE_STOPPED, reason="the board is lost"
     )
     with pytest.raises(
-        NotStandingError, match="not confirmed that it stands: the board is"
+        NotStandingError, match="not confirmed that it has stopped: the board is"
     ) as raised:
         control.stop()
     assert raised.value.exit_code == 1

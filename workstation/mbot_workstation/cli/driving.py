@@ -161,7 +161,7 @@ def run(options: RunOptions) -> Answer:
 
 @with_options
 def stop(options: LinkOptions) -> None:
-    """Stop the robot. Exit code 0 means that its board has confirmed that it stands.
+    """Stop the robot. Exit code 0 means that its board has confirmed that the wheels have stopped.
 
     Example: `workstation stop --robot mbot-1.local`
     """

@@ -223,8 +223,8 @@ def explain(options: ExplainOptions) -> Answer:
     """Show where a policy looks in pictures, what its first layer makes of them, and what it does.
 
     Each place of a picture is blurred away in turn; what changes the wheels matters to the policy.
-    In a recording a policy with a memory has in mind what came before, from where the robot began
-    anew last (after a stop, a hold, a gap), and the picture shows what it would do without.
+    In a recording a policy with a memory has in mind what came before, since its memory was last
+    reset (by a stop, a hold, a gap), and the picture shows what it would do without.
 
     Without --frames and --recording: three pictures as in the paper, with no object, with the
     object on the left, and with the object straight ahead.

@@ -111,7 +111,7 @@ def setup_card(options: SetupCardOptions) -> None:
 
     Write the card by Raspberry Pi Imager, with host name, user, Wi-Fi and SSH as you like, mount
     its first partition and run this before the Pi starts for the first time. The robot is
-    enrolled, trusts your keys for models, and stands until `workstation run`.
+    enrolled, trusts your keys for models, and does not move before `workstation run`.
 
     Example: `workstation setup-card /media/rosa/bootfs --robot mbot-1 --release RELEASE.tar`
     """

@@ -44,7 +44,7 @@ class TrainOptions:
     resume: Path | None = option(
         None,
         "Go on with this run from its last checkpoint, as it was configured; only "
-        "--steps, --target-reward, --workers and --device can be given anew.",
+        "--steps, --target-reward, --workers and --device can be changed.",
         metavar="RUN",
     )
     lesson: list[str] | None = option(

@@ -105,7 +105,7 @@ class VirtualRobotOptions:
     )
     dead_band: float | None = option(
         None,
-        "Speed of 255 up to which wheels stand; 50 without a calibration.",
+        "Speed of 255 up to which the wheels do not turn; 50 without a calibration.",
         panel=_ROBOT,
         min=0,
         max=250,
