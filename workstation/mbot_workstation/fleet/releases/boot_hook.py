@@ -69,7 +69,9 @@ def _in_user_data(text: str) -> str:
     if _CLOUD_ITEM in text:
         return text
     if not text.startswith("#cloud-config"):
-        raise ConfigurationError("user-data does not begin with #cloud-config: write the card again")
+        raise ConfigurationError(
+            "user-data does not begin with #cloud-config: write the card again"
+        )
     lines = text.rstrip("\n").split("\n")
     found = [number for number, line in enumerate(lines) if line.startswith("runcmd:")]
     if not found:
