@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mbot_protocol.errors import ConfigurationError, UnreachableError
+from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.cli.common_options import CertificateOptions, json_option, robots_option
 from mbot_workstation.cli.options import argument, check_new_file, option, with_options
-from mbot_workstation.cli.presenter import Answer
+from mbot_workstation.cli.presenter import Answer, note
 from mbot_workstation.cli.stop_signals import sigterm_as_ctrl_c
 
 if TYPE_CHECKING:
@@ -95,33 +95,21 @@ class ViewOptions(CertificateOptions):
             UnreachableError: none does.
 
         """
-
         from mbot_workstation.fleet.enrolment.enrolled_robots import (
             find_destination,
             find_destinations,
         )
-        from mbot_workstation.fleet.link.fleet import each_robot
-        from mbot_workstation.fleet.link.robot_link import RobotLink
+        from mbot_workstation.fleet.link.fleet import open_links
 
         names, security = self.robot or [], self.security()
         if self.robot_id is not None:
             given = [find_destination(names[0] if names else "", self.robot_id, security)]
         else:
             given = find_destinations(names, security)
-        robots, problems = each_robot(given)
-        found: list[RobotLink] = []
-        for one in robots:
-            link = RobotLink(str(one.endpoint), one.robot_id, one.security)
-            try:
-                stack.enter_context(link).status()
-                found.append(link)
-            except UnreachableError as error:
-                problems.append(error)
-        if not found:
-            raise problems[0]
+        links, problems = open_links(given, stack)
         for problem in problems:
-            print(f"workstation: note: left out: {problem}", file=sys.stderr)
-        return found
+            note(f"left out: {problem}")
+        return links
 
 
 @with_options
@@ -187,7 +175,7 @@ def _looks(drive: "RecordedDrive", options: ViewOptions) -> "Looks":
     chosen = figures(drive).chosen(MOST_LOOKS)
     looks, words = attention(chosen, options.models or models_near(Path()))
     for line in words:
-        print(f"workstation: note: {line}", file=sys.stderr)
+        note(line)
     return looks
 
 

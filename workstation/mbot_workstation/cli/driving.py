@@ -39,12 +39,6 @@ if TYPE_CHECKING:
 
     from mbot_workstation.fleet.link.fleet import RobotReport
 
-RESEND_S = 0.2
-HOLD_MS = 500
-"""Two commands in a row may be lost before the robot stops between them."""
-
-_POLL_S = 0.1
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotsOptions(CertificateOptions):
@@ -248,10 +242,15 @@ def telemetry(options: TelemetryOptions) -> None:
 
     Example: `workstation telemetry --robot mbot-1.local --record drive.mcap`
     """
+    from mbot_workstation.fleet.telemetry.output import output_for
+    from mbot_workstation.fleet.telemetry.watch import watch
+
     count = 0
     try:
-        for decisions in _watched(options):
-            count = decisions
+        with options.link() as link:
+            output = output_for(link.robot_id, as_json=options.as_json)
+            for decisions in watch(link, output, options.record, options.seconds):
+                count = decisions
     except KeyboardInterrupt:
         if options.record is None:
             raise
@@ -265,40 +264,6 @@ def _recorded(count: int, path: Path) -> str:
         f"recorded {count} decisions into {path}; open it in Foxglove, Lichtblick or Rerun, or: "
         f"workstation explain POLICY.onnx --recording {typed(path)}"
     )
-
-
-def _watched(options: TelemetryOptions) -> Iterator[int]:
-    """Watch and record; yields again and again how many decisions there were."""
-    import time
-    from contextlib import ExitStack
-
-    from mbot_protocol.v1.messages_pb2 import Decision
-    from mbot_workstation.fleet.recorded.drive_mcap import Recording
-    from mbot_workstation.fleet.telemetry.output import output_for
-    from mbot_workstation.fleet.telemetry.stream import TelemetryStream
-
-    count = 0
-    with ExitStack() as stack:
-        link = stack.enter_context(options.link())
-        status = link.status()
-        recording = (
-            stack.enter_context(Recording(options.record, link.robot_id))
-            if options.record
-            else None
-        )
-        stream = stack.enter_context(TelemetryStream(link, status.decision_rate_hz))
-        output = stack.enter_context(output_for(link.robot_id, as_json=options.as_json))
-        until_s = None if options.seconds is None else time.monotonic() + options.seconds
-        while until_s is None or time.monotonic() < until_s:
-            for sample in stream.poll(_POLL_S):
-                output.take(sample)
-                count += isinstance(sample.message, Decision)
-                if recording is not None:
-                    recording.write(sample.message)
-            output.refresh(stream.state, stream.silence_s)
-            if recording is not None:
-                recording.save_if_due()
-            yield count
 
 
 _HAND = "While a key or a button is held"
@@ -338,40 +303,17 @@ def drive(options: DriveOptions) -> None:
 
     Examples: `workstation drive 0.4 -0.4 --for 2`, `workstation drive --gamepad`
     """
+    from mbot_workstation.fleet.by_hand.timed_drive import drive_for
+    from mbot_workstation.fleet.link.remote_control import RemoteControl
+
     given = [wheel is not None for wheel in (options.left, options.right)]
     if given[0] != given[1] or sum((given[0], options.keyboard, options.gamepad)) != 1:
         raise ConfigurationError("expected one of: LEFT RIGHT, --keyboard, --gamepad")
     if options.left is None or options.right is None:
         _by_hand(options)
-    else:
-        _for_seconds(options, options.left, options.right)
-
-
-def _for_seconds(options: DriveOptions, left: float, right: float) -> None:
-    import math
-    import time
-
-    from mbot_workstation.fleet.link.remote_control import RemoteControl
-
-    if not (math.isfinite(left) and math.isfinite(right)):
-        raise ConfigurationError(f"wheels are {left}, {right}, expected numbers in [-1, 1]")
+        return
     with options.link() as link:
-        control = RemoteControl(link)
-        control.synchronise()  # before anything moves: the first command must not come late
-        began_s, holds_until_s = time.monotonic(), 0.0
-        try:
-            while (driven_s := time.monotonic() - began_s) < options.seconds:
-                # The last command holds just until the end.
-                if holds_until_s < options.seconds:
-                    hold_s = min(HOLD_MS / 1000, options.seconds - driven_s)
-                    control.drive(left, right, max(1, round(hold_s * 1000)))
-                    holds_until_s = driven_s + hold_s
-                # On the grid of RESEND_S, however long the reply took.
-                now_s = time.monotonic() - began_s
-                due_s = (now_s // RESEND_S + 1) * RESEND_S
-                time.sleep(max(0.0, min(due_s, options.seconds) - now_s))
-        finally:
-            state = control.stop()
+        state = drive_for(RemoteControl(link), options.left, options.right, options.seconds)
         print(f"{link.robot_id}: {state}")
 
 

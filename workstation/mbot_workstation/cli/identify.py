@@ -103,11 +103,7 @@ def identify(options: IdentifyOptions) -> Answer:
     runs = sum(len(recording.runs) for recording in read)
     with working(f"{runs} runs", 1.0) as advance:
         found = fit(
-            read,
-            files.robot,
-            robot_id=robot_id,
-            same_clock=options.same_clock,
-            advance=advance,
+            read, files.robot, robot_id=robot_id, same_clock=options.same_clock, advance=advance
         )
     uneven = handicap(found, common_wheel_maps(read))
     tried: TrimTrial | None = None

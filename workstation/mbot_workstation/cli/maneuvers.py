@@ -14,9 +14,8 @@ from mbot_workstation.cli.presenter import Answer, table
 from mbot_workstation.measure.maneuvers.plan import (
     Order,
     Planned,
-    duration_words,
+    announcement,
     plan,
-    reach,
     room_needed_m,
 )
 from mbot_workstation.measure.tracks.maneuver import (
@@ -170,23 +169,9 @@ def run(options: RunManeuversOptions) -> None:
             )
         settings = SessionSettings(options.seconds, options.pause, attended)
         left = [p for p in planned if (p.maneuver.name, p.repetition) not in journal.recorded]
-        _announce(left, settings)
+        print(announcement(left, options.seconds, options.pause))
         if left and (options.yes or _may_drive()):
             _drive(link, journal, planned, settings, telemetry=options.telemetry)
-
-
-def _announce(left: list[Planned], settings: "SessionSettings") -> None:
-    if not left:
-        print("everything is recorded already")
-        return
-    each_s = [one.maneuver.duration_s(settings.seconds) for one in left]
-    in_all_s = sum(each_s) + len(left) * (settings.pause_s + 0.5)
-    floor = reach([one.maneuver for one in left], settings.seconds)
-    print(
-        f"{len(left)} runs of {max(each_s):g} s, about {duration_words(in_all_s)}; free floor from "
-        f"where the robot starts: {floor.ahead_m:g} m ahead, {floor.behind_m:g} m behind, "
-        f"{floor.left_m:g} m to its left, {floor.right_m:g} m to its right"
-    )
 
 
 def _may_drive() -> bool:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import replace
 
 import msgspec
@@ -124,6 +125,29 @@ def each_robot(
         for robot_id in ids:
             found.setdefault(robot_id, replace(one, robot_id=robot_id))
     return list(found.values()), unreachable
+
+
+def open_links(
+    destinations: Sequence[Destination], stack: ExitStack
+) -> tuple[list[RobotLink], list[UnreachableError]]:
+    """A link to each robot that answers, closed with the stack, and why others do not.
+
+    Raises:
+        UnreachableError: none does.
+
+    """
+    robots, problems = each_robot(destinations)
+    links: list[RobotLink] = []
+    for one in robots:
+        link = RobotLink(str(one.endpoint), one.robot_id, one.security)
+        try:
+            stack.enter_context(link).status()
+            links.append(link)
+        except UnreachableError as error:
+            problems.append(error)
+    if not links:
+        raise problems[0]
+    return links, problems
 
 
 def _alive(destination: Destination) -> list[str]:
