@@ -31,7 +31,7 @@ def test_a_page_keeps_its_size_in_every_format() -> None:
 
 
 def test_a_file_s_ending_says_its_format(tmp_path: Path) -> None:
-    for ending, beginning in ((".pdf", b"%PDF-"), (".SVG", b"<?xml"), (".png", b"\x89PNG")):
+    for ending, beginning in ((".pdf", b"%PDF-"), (".SVG", b"<svg"), (".png", b"\x89PNG")):
         path = tmp_path / f"board{ending}"
         save_page(path, PAGE)
         assert path.read_bytes().startswith(beginning)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.wire.keys import Right
-from mbot_workstation.cli.common_options import json_option
+from mbot_workstation.cli.common_options import hosts_option, json_option
 from mbot_workstation.cli.options import argument, option, with_options
 from mbot_workstation.cli.presenter import Answer, table
 
@@ -29,13 +29,7 @@ class EnrollOptions:
     name: str = argument(
         "Its robot_id; a router's name with --router.", default="", metavar="[ROBOT]"
     )
-    hosts: list[str] | None = option(
-        None,
-        "Name or address it is reached by, the best one first; may be repeated. "
-        "ROBOT.local if never given.",
-        "--host",
-        metavar="NAME",
-    )
+    hosts: list[str] | None = hosts_option()
     port: int | None = option(None, "Where it listens; 7447 if never given.", min=1, max=65535)
     people: list[str] | None = option(
         None, "Whom to give --right; may be repeated.", "--person", metavar="NAME"

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError, InterruptedByUserError, RefusedError
-from mbot_workstation.cli.common_options import LinkOptions, json_option
+from mbot_workstation.cli.common_options import LinkOptions, hosts_option, json_option
 from mbot_workstation.cli.options import argument, option, with_options
 from mbot_workstation.cli.presenter import Answer, transfer_bar
 from mbot_workstation.wording import one_line
@@ -82,13 +82,7 @@ class SetupCardOptions:
     release: Path = option(
         ..., "What `make dist` has made for its system.", "--release", metavar="RELEASE.tar"
     )
-    hosts: list[str] | None = option(
-        None,
-        "Name or address it is reached by, the best one first; may be repeated. "
-        "ROBOT.local if never given.",
-        "--host",
-        metavar="NAME",
-    )
+    hosts: list[str] | None = hosts_option()
     camera: str = option(
         "",
         'source of [camera]: "picamera2" (the default), /dev/video0, an address.',

@@ -202,7 +202,7 @@ def _resumed(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
         target_reward=options.target_reward,
         workers=options.workers,
         device=options.device,
-        undecided=is_undecided(run),
+        is_undecided=is_undecided,
     )
     return run, config
 

@@ -1,5 +1,6 @@
 """How a run is to learn: its learner, steps, lessons and rooms from what a person asked for."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -131,7 +132,7 @@ def resumed(
     target_reward: float | None,
     workers: int | None,
     device: str,
-    undecided: bool,
+    is_undecided: Callable[[RunDirectory], bool],
 ) -> TrainingConfig:
     """The configuration with which a run goes on: its own, but for what is given.
 
@@ -139,7 +140,7 @@ def resumed(
         run: that has begun.
         steps, target_reward, workers: None leaves them.
         device: not the run's, which may have begun on another machine.
-        undecided: it has made its steps, and no checkpoint was chosen.
+        is_undecided: whether a run that has made its steps has still to choose a checkpoint.
 
     Raises:
         ConfigurationError: nothing is left to do.
@@ -147,7 +148,7 @@ def resumed(
     """
     config = read_config(run.config_file)
     wanted, done = steps or config.steps, _done(run)
-    if done >= wanted and not (steps is None and undecided):
+    if done >= wanted and not (steps is None and is_undecided(run)):
         raise ConfigurationError(
             f"{run.path} has made {done:,} decisions already, {wanted:,} are asked for; give "
             f"--steps more than that, such as --steps {done + ROUND_STEPS}"
