@@ -136,7 +136,7 @@ class CalibrateDemoOptions:
 
     output: Path = output_folder(
         Path("out/calibrate-demo"),
-        "For all that is made; emptied first.",
+        "For all that is made; replaced each time.",
         "--output",
         "-o",
         metavar="FOLDER",
