@@ -99,7 +99,7 @@ dist: $(VENV)/.all $(FIRMWARE)/mbot-deadman.hex ## Make wheel, sdist and signed 
 deb: $(VENV)/.all $(FIRMWARE)/mbot-deadman.hex ## As dist, and a Debian package of each release
 	$(BIN)/python -m mbot_workstation.fleet.releases.make_release --deb $(DIST)
 
-pins: $(VENV)/.all ## Resolve anew which wheels a release has; writes deploy/requirements
+pins: $(VENV)/.all ## Resolve again which wheels a release has; writes deploy/requirements
 	rm -rf deploy/requirements out/dist-cache
 	$(BIN)/python -m mbot_workstation.fleet.releases.make_release --version 0 --sequence 0 --without-firmware $(DIST)
 	$(PIP) download --only-binary=:all: -c constraints.txt --dest out/dist-cache/build hatchling
@@ -116,7 +116,7 @@ reliability: $(VENV)/.all ## Cause every fault of the table, write docs/results/
 reliability-quick: $(VENV)/.all ## Cause every fault of the table once, write the page; 10 minutes
 	$(BIN)/python benchmarks/reliability.py --quick $(RELIABILITY)
 
-policy-pages: $(VENV)/.all ## Make every page about the policy in models/ anew, where it was stopped; about an hour
+policy-pages: $(VENV)/.all ## Make every page about the policy in models/ again, where it was stopped; about an hour
 	$(BIN)/python benchmarks/policy_pages.py $(PAGES)
 
 mutants: $(VENV)/.all ## Put small faults into what has changed of the safety path, one by one: a test must fail for each

@@ -96,7 +96,6 @@ def test_one_kind_of_board_is_known_where_it_is_spoken_to() -> None:
     """By its names; words for people may say which board they mean."""
     known = ("mbot_agent.board.mcore", "mbot_agent.board.board_kinds", "mbot_protocol.drive.mcore")
     known += ("mbot_workstation.virtual", "mbot_workstation.fleet.firmware")
-    known += ("mbot_workstation.cli.flash",)
     tells = re.compile(r"(?i:mcore|joystick)|\bm[12]\b")
     found = [
         f"{path.relative_to(CHECKOUT)}:{token.start[0]} {token.string}"

@@ -111,7 +111,7 @@ class Helm:
             self._release_if_due(time.monotonic_ns())
             orders = self._orders.armed(Mode.MANUAL, seen_stops, time.monotonic_ns())
             if press.number <= self._over.get(press.sender, 0):
-                raise RefusedError("this hand has let go: let go, then take hold anew")
+                raise RefusedError("this hand has let go: let go, then take hold again")
             if press != self._press:
                 self._end_press()
                 self._press = press

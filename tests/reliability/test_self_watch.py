@@ -212,7 +212,7 @@ def test_a_stop_is_not_confirmed_for_a_lost_board(daemon: Daemon, board: FakeBoa
         command = ["stop", "--robot", daemon.address]
         with Process(PROGRAMS.format("workstation"), *command, log=daemon.directory / "s") as stop:
             assert stop.wait() == 1
-            assert "not confirmed that it stands" in stop.output
+            assert "not confirmed that it has stopped" in stop.output
 
 
 def open_as_nobody(path: str) -> str:

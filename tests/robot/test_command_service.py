@@ -402,7 +402,7 @@ def test_a_press_that_was_let_go_is_never_taken_again(service: Service) -> None:
     assert service.send(service.drive_command(1, press=1, let_go=True)).accepted is True
     assert service.bench.helm.orders.mode is Mode.STOPPED
     late.number = service.numbers + 1  # as if it had overtaken nothing
-    assert "take hold anew" in service.send(late).reason
+    assert "take hold again" in service.send(late).reason
     assert service.bench.helm.orders.mode is Mode.STOPPED
     assert service.bench.tick().state is State.STOPPED
     service.numbers += 1
@@ -411,5 +411,5 @@ def test_a_press_that_was_let_go_is_never_taken_again(service: Service) -> None:
 
 def test_a_hand_may_let_go_of_what_never_arrived(service: Service) -> None:
     assert service.send(service.drive_command(1, press=1, let_go=True)).accepted
-    assert "take hold anew" in service.send(service.drive_command(300, press=1)).reason
+    assert "take hold again" in service.send(service.drive_command(300, press=1)).reason
     assert not service.bench.helm.orders.is_armed

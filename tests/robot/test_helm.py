@@ -133,7 +133,7 @@ def test_whatever_ends_a_press_ends_it_for_good(motors: ObedientBoard, end: str)
     }
     ends[end]()
     orders, asked = helm.orders, list(motors.asked)
-    with pytest.raises(RefusedError, match="take hold anew"):
+    with pytest.raises(RefusedError, match="take hold again"):
         held(helm)
     assert (helm.orders, motors.asked) == (orders, asked)
     held(helm, Press(HAND.sender, HAND.number + 1))
@@ -153,7 +153,7 @@ def test_a_late_command_of_a_hold_that_is_over_moves_nothing(motors: ObedientBoa
     """The next beat may be 400 ms away, and the motors have stopped by themselves meanwhile."""
     helm = helm_of(motors)
     held(helm, hold_ns=0)
-    with pytest.raises(RefusedError, match="take hold anew"):
+    with pytest.raises(RefusedError, match="take hold again"):
         held(helm)
     assert helm.orders.mode is Mode.STOPPED
     assert motors.asked == [FORWARD, "stop"]

@@ -21,7 +21,7 @@ from mbot_protocol.policy.policy_contract import LARGEST_MODEL_BYTES
 from mbot_protocol.v1.messages_pb2 import Fault, LastStop, Model, Notice, State, Status
 from mbot_protocol.v1.recordings_pb2 import ListedDrive, ListedFile, RecordingList
 from mbot_protocol.wire.keys import CAMERA, MODELS, OBSERVATION, PUSH_BEGIN, RECORDINGS
-from mbot_workstation.cli.console import ConsoleOptions
+from mbot_workstation.cli.driving import ConsoleOptions
 from mbot_workstation.cli.subcommands import app as workstation
 from mbot_workstation.fleet.by_hand import hand
 from mbot_workstation.fleet.link.robot_link import RobotLink

@@ -18,8 +18,8 @@ from typer.testing import CliRunner
 from mbot_protocol.beat.recorded_drive import RecordedDrive, read_drive
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision, Fault, State
-from mbot_workstation.cli.drive_report import ReportOptions
-from mbot_workstation.cli.drive_report import film as film_command
+from mbot_workstation.cli.drives import ReportOptions
+from mbot_workstation.cli.drives import film as film_command
 from mbot_workstation.cli.subcommands import app
 from mbot_workstation.look.drives.attention import attention
 from mbot_workstation.look.drives.drive_figures import HISTOGRAM_BINS, Latency, figures

@@ -13,8 +13,8 @@ import torch
 from mbot_protocol.beat.recorded_drive import read_drive
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.policy.policy_contract import FULL_VIEW, PolicyMetadata
-from mbot_workstation.cli.explain import explain
-from mbot_workstation.cli.training_curve import training_curve
+from mbot_workstation.cli.evaluate import explain
+from mbot_workstation.cli.train import training_curve
 from mbot_workstation.fleet.models.servo_policy import ServoGains, servo_model
 from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
 from mbot_workstation.learn.evaluation.activations import ActivationReader, Glance

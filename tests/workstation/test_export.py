@@ -18,7 +18,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 from mbot_protocol.errors import ConfigurationError, ContractError
 from mbot_protocol.policy.golden_frames import PROPERTY
 from mbot_protocol.policy.policy_contract import FULL_VIEW, PolicyMetadata
-from mbot_workstation.cli.export import export
+from mbot_workstation.cli.train import export
 from mbot_workstation.fleet.models.check import check_model
 from mbot_workstation.fleet.models.servo_policy import ServoGains, servo_model
 from mbot_workstation.learn.drivers.onnx_policy import OnnxPolicy

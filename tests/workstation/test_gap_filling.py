@@ -19,7 +19,7 @@ from mbot_agent.recording.recording_service import RecordingService
 from mbot_protocol.beat.beat import Beat
 from mbot_protocol.beat.recorded_drive import RecordedDrive, read_drive
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.cli.fill_recording import FillOptions
+from mbot_workstation.cli.recordings import FillOptions
 from mbot_workstation.cli.subcommands import app
 from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
 from mbot_workstation.look.drives.gap_filling import fill, gaps, write

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.cli.gap_report import gap_report
+from mbot_workstation.cli.identify import gap_report
 from mbot_workstation.learn.studies.tolerance_file import write_tolerances
 from mbot_workstation.measure.gap_report.page import light_from, page, way
 from mbot_workstation.measure.gap_report.report import as_fields, build
 from mbot_workstation.measure.gap_report.simulated_view import FramePair
+from mbot_workstation.measure.identification.left_out import Fault, LeftOut
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS, maneuver_named
 from mbot_workstation.measure.tracks.recording_folder import write_recording
 from mbot_workstation.sim.body.parameter_table import PARAMETERS
@@ -160,7 +161,7 @@ def test_what_is_missing_is_said_with_the_command_that_makes_it() -> None:
 
 
 def test_words_from_files_are_no_html() -> None:
-    left_out = {"run <b>": "a & b"}
+    left_out = {"run <b>": LeftOut(Fault.ODD_TURN, "a & b")}
     text = page(report(compared_runs(MANEUVERS[:1], 1), ONLY_MOTION, left_out=left_out))
     assert "run &lt;b&gt;: a &amp; b" in text
     assert "run <b>" not in text
@@ -258,7 +259,7 @@ def test_a_robot_without_calibration_is_reported_as_such(
 ) -> None:
     where, ships = tmp_path / "gap.html", tmp_path / "tolerance.json"
     write_tolerances(ships, tolerances())
-    monkeypatch.setattr("mbot_workstation.cli.gap_report.SHIPPED_MAP", ships)
+    monkeypatch.setattr("mbot_workstation.cli.identify.SHIPPED_MAP", ships)
     said = run_command(str(recording), "--calibration", str(tmp_path), "-o", str(where))
     assert "16 held-out runs" in said  # nothing was fitted, so all count
     assert "missing: no motion.toml" in said

@@ -287,6 +287,14 @@ def test_a_push_broken_off_leaves_the_old_model(robot: FakeRobot, policy: Path) 
     assert robot.active == OLD_MODEL
 
 
+def test_with_json_an_error_is_an_object_with_its_kind(tmp_path: Path) -> None:
+    done = workstation(None, "check-model", str(tmp_path / "no.onnx"), "--json")
+    assert (done.returncode, done.stdout) == (2, "")
+    error = json.loads(done.stderr)["error"]
+    assert error["kind"] == "configuration"
+    assert error.keys() == {"kind", "text", "remedy", "facts"}
+
+
 def test_models_and_rollback(robot: FakeRobot) -> None:
     assert "active    aaaaaaaaaaaa  old" in workstation(robot, "models").stdout
     listed = json.loads(workstation(robot, "rollback", "b" * 8, "--json").stdout)

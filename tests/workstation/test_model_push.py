@@ -30,7 +30,7 @@ from mbot_workstation.fleet.link.robot_link import RobotLink
 from mbot_workstation.fleet.models.check import check_model
 from mbot_workstation.fleet.models.push import PUSH, push, push_checked
 from mbot_workstation.fleet.models.signing_key import SigningKey
-from mbot_workstation.fleet.models.stored_models import activate, list_models, model_fields
+from mbot_workstation.fleet.models.stored_models import StoredModel, activate, list_models
 
 from .fake_robot import NONCE, OLD_MODEL, ROBOT_ID, FakeRobot
 from .samples import small_policy
@@ -180,7 +180,7 @@ def test_an_interrupted_push_is_never_committed(
 
 def test_models_are_listed(link: RobotLink) -> None:
     active, previous = list_models(link)
-    assert model_fields(active)["sha256"] == "a" * 64
+    assert StoredModel.of(active).sha256 == "a" * 64
     assert (active.active, previous.previous) == (True, True)
 
 

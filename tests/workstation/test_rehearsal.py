@@ -188,7 +188,7 @@ class FailingLine(CommandLine):
     def run(self, *words: str, to: str | None = None, quiet: bool = False) -> float:
         self.typed.append(words)
         if len(self.typed) <= self.failures:
-            raise MbotError("`workstation maneuvers run` failed: workstation: link lost")
+            raise MbotError("`workstation maneuvers run` failed", said="link lost")
         return 1.0
 
 

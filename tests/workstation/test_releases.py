@@ -19,7 +19,7 @@ from mbot_protocol.v1.messages_pb2 import (
     ReleaseUpdate,
 )
 from mbot_protocol.wire.keys import RELEASE_BEGIN, RELEASE_CHUNK, RELEASE_COMMIT, RELEASES, Topic
-from mbot_workstation.cli.update import UpdateOptions, update
+from mbot_workstation.cli.set_up import UpdateOptions, update
 from mbot_workstation.fleet.link.robot_link import M
 from mbot_workstation.fleet.models.signing_key import SigningKey
 from mbot_workstation.fleet.releases import make_release, robot_wheels, send_release

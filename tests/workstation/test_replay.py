@@ -20,7 +20,7 @@ from mbot_protocol.beat.recorded_drive import (
 from mbot_protocol.drive.actions import AS_BUILT, Steps
 from mbot_protocol.errors import ConfigurationError, ContractError
 from mbot_protocol.policy.policy_contract import FULL_VIEW, FieldOfView, PolicyMetadata
-from mbot_workstation.cli.replay import DIFFERS
+from mbot_workstation.cli.drives import DIFFERS
 from mbot_workstation.cli.subcommands import app
 from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
 from mbot_workstation.look.drives import replay_words

@@ -8,12 +8,17 @@ import numpy as np
 import pytest
 
 from mbot_protocol.drive.camera_model import CameraModel
-from mbot_protocol.errors import MbotError
+from mbot_protocol.errors import ConfigurationError, MbotError
 from mbot_workstation.measure.targets.specifications import MARKER_DICTIONARY, ROBOT_MARKER_ID
-from mbot_workstation.measure.tracking.floor_reference import plane_from_board, plane_from_corners
+from mbot_workstation.measure.tracking.floor_reference import (
+    floor_finder,
+    plane_from_board,
+    plane_from_corners,
+)
 from mbot_workstation.measure.tracking.marker_edges import refine_corners
 from mbot_workstation.measure.tracking.marker_track import MarkerSettings, track_marker
 from mbot_workstation.measure.tracking.marker_watch import watch_marker
+from mbot_workstation.measure.tracking.overhead_camera import camera_for
 
 from .overhead_film import marker_sheet, webcam
 
@@ -78,3 +83,19 @@ def test_a_source_that_is_not_there_leaves_no_track(tmp_path: Path) -> None:
     with pytest.raises(MbotError, match=r"missing\.mp4"):
         track_marker(str(tmp_path / "missing.mp4"), output, settings, threading.Event())
     assert not output.exists()
+
+
+def test_a_camera_without_calibration_is_guessed_from_its_view(tmp_path: Path) -> None:
+    model = camera_for(None, 60.0)(640, 480)
+    assert (model.width_px, model.height_px) == (640, 480)
+    assert model.focal_x_px == pytest.approx(320 / np.tan(np.radians(30)))
+    assert model.focal_y_px == pytest.approx(model.focal_x_px)
+    with pytest.raises(ConfigurationError):
+        camera_for(tmp_path, 60.0)
+
+
+def test_the_floor_is_looked_for_by_what_lies_on_it() -> None:
+    assert floor_finder(None, None) is None
+    by_corners = floor_finder((1.8, 1.2), None)
+    assert by_corners is not None
+    assert by_corners(camera_for(None, 60.0)(640, 480), np.zeros((480, 640), np.uint8), {}) is None

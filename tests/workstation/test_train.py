@@ -22,7 +22,7 @@ from torch.distributions import Normal
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.cli import train as command
-from mbot_workstation.learn.learning import picture_ppo, training_run
+from mbot_workstation.learn.learning import picture_ppo, run_plan, training_run
 from mbot_workstation.learn.learning.checkpoint import read_state, read_weights, restore_learner
 from mbot_workstation.learn.learning.curriculum import GUIDED_MARK, PAPER_MARK, CurriculumState
 from mbot_workstation.learn.learning.learner import LearnerSettings, make_learner
@@ -355,8 +355,8 @@ def test_without_options_a_policy_with_memory_learns_from_a_guide_on_any_robot()
     config = configured()
     assert config.lessons == ("10", "rough")
     assert config.pass_mark == GUIDED_MARK
-    assert config.steps == command.STEPS
-    assert config.learner.guided_decisions == command.GUIDED_DECISIONS
+    assert config.steps == run_plan.STEPS
+    assert config.learner.guided_decisions == run_plan.GUIDED_DECISIONS
     assert config.learner.memory_units == command.MEMORY_UNITS == MEMORY_UNITS
 
 
@@ -390,9 +390,9 @@ def test_for_another_colour_the_parents_first_layer_is_turned(
     file = Path("models/objects/green-ball.toml")
     told = configured(parent=finished.path, object=file, memory=0)
     assert told.hue_turn_deg == pytest.approx(131, abs=1)
-    assert told.steps == command.NEW_OBJECT_STEPS
+    assert told.steps == run_plan.NEW_OBJECT_STEPS
     assert told.lessons == ("rough",)
-    assert told.learner.guided_decisions == command.NEW_OBJECT_GUIDED
+    assert told.learner.guided_decisions == run_plan.NEW_OBJECT_GUIDED
     assert told.learner.first_filter_px == 8  # as the parent's, not as the guide's pupils have it
     config = replace(TINY, parent=told.parent, hue_turn_deg=told.hue_turn_deg)
     with TaskVecEnv(robots=2, workers=1, preset="ideal") as environment:

@@ -3,8 +3,10 @@
 import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
-from mbot_protocol.v1.messages_pb2 import Decision, Fault, Notice, Status
+if TYPE_CHECKING:  # loading messages takes longer than `--help` may
+    from mbot_protocol.v1.messages_pb2 import Decision, Fault, Status
 
 LONGEST_TEXT = 400
 """Longer texts from the wire are cut: an error is one line a person reads."""
@@ -55,7 +57,7 @@ def short_digest(sha256: str) -> str:
     return one_line(sha256)[:12] or "none"
 
 
-def computer_words(decision: Decision) -> str:
+def computer_words(decision: "Decision") -> str:
     """How the robot's computer is, as far as it tells: "52 °C, load 0.75, 200 MiB"."""
     known: list[str] = []
     if decision.HasField("cpu_temperature_c"):
@@ -74,7 +76,21 @@ def size_words(size_bytes: int) -> str:
     return f"{size_bytes / 1e3:.1f} kB" if size_bytes < 1e6 else f"{size_bytes / 1e6:.2f} MB"
 
 
-def fault_lines(faults: Iterable[Fault | Notice]) -> list[str]:
+class Told(Protocol):
+    """A fault or notice, as the robot tells it."""
+
+    @property
+    def kind(self) -> str:
+        """A slug."""
+        ...
+
+    @property
+    def detail(self) -> str:
+        """What was found and what to do."""
+        ...
+
+
+def fault_lines(faults: Iterable[Told]) -> list[str]:
     """Each fault or notice in one line: kind, what was found, what to do."""
     return [f"{one_line(fault.kind)}: {one_line(fault.detail)}" for fault in faults]
 
@@ -87,7 +103,7 @@ _MENDED = {
 _DEVICE_MENDED = {"lost": "is back", "stalled": "is back", "starting": "is ready"}
 
 
-def waiting_words(faults: Sequence[Fault]) -> str:
+def waiting_words(faults: "Sequence[Fault]") -> str:
     """What an armed robot that stands is waiting for, and the faults behind it."""
     if not faults:
         return "it does not drive yet, and reports no fault"
@@ -102,7 +118,7 @@ def _mended(kind: str) -> str:
     return _MENDED.get(kind, "that is mended")
 
 
-def standing_words(status: Status) -> str:
+def standing_words(status: "Status") -> str:
     """Why a robot stands that is `stopped`, and since when: a hand has let go, or a stop."""
     if not status.let_go_monotonic_ns:
         return stop_words(status)
@@ -110,7 +126,7 @@ def standing_words(status: Status) -> str:
     return f"the hand let go {duration(ago_s)} ago"
 
 
-def stop_words(status: Status) -> str:
+def stop_words(status: "Status") -> str:
     """Who or what has stopped a robot last, and how long before it said so."""
     stop = status.last_stop
     if not stop.monotonic_ns:

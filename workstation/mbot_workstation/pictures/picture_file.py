@@ -123,7 +123,7 @@ def _opened(encoded: bytes) -> Image.Image | None:
         return image
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
         raise ConfigurationError(
-            f"the picture has more than {MOST_PIXELS:,} pixels, or hundreds of scans; save it anew"
+            f"the picture has more than {MOST_PIXELS:,} pixels, or hundreds of scans; save it again"
         ) from None
     except Exception:  # Pillow's readers raise whatever a broken header leads to
         return None

@@ -65,6 +65,10 @@ FULL_VIEW = FieldOfView(55.3, 42.9)
 objects in a search turn."""
 
 
+MISSING_PROPERTY = "missing-property"
+"""The kind of a ContractError about metadata that a model does not have at all."""
+
+
 @dataclass(frozen=True, slots=True)
 class PolicyMetadata:
     """What a model says of itself in its ONNX metadata."""
@@ -120,7 +124,8 @@ def _number(properties: Mapping[str, str], key: str) -> float:
     text = properties.get(key)
     if text is None:
         raise ContractError(
-            f"the model's metadata has no {key}: export it with `workstation`, or add the property"
+            f"the model's metadata has no {key}: export it with `workstation`, or add the property",
+            kind=MISSING_PROPERTY,
         )
     try:
         return float(text)

@@ -211,7 +211,7 @@ class RemoteControl:
             unconfirmed += 1
             if unconfirmed == CONFIRM_ATTEMPTS:
                 raise NotStandingError(
-                    f"robot {self._link.robot_id} has not confirmed that it stands: "
+                    f"robot {self._link.robot_id} has not confirmed that it has stopped: "
                     f"{one_line(reply.reason) or 'it does not say why, upgrade its mbot-agent'}; "
                     "switch it off by hand"
                 )

@@ -12,6 +12,7 @@ from mbot_protocol.policy.model_structure import structure_faults
 from mbot_protocol.policy.onnx_file import OnnxFile, read_onnx
 from mbot_protocol.policy.policy_contract import (
     LARGEST_MODEL_BYTES,
+    MISSING_PROPERTY,
     PREVIOUS_ACTION_NAME,
     SAFE_IR_VERSION,
     SAFE_OPSET,
@@ -49,6 +50,11 @@ class ModelFinding:
     verdict: str
     detail: str
 
+    @property
+    def is_failure(self) -> bool:
+        """Whether no robot takes the model because of it."""
+        return self.verdict == FAILED
+
 
 def examine_model(path: Path) -> list[ModelFinding]:
     """Check all that a robot would, and try the model by the robot's own dry run.
@@ -80,7 +86,7 @@ def examine_model(path: Path) -> list[ModelFinding]:
     faults = [f"{one}: {CONVERT}" for one in signature_faults(inputs, outputs, version)]
     findings += _verdicts("tensors", faults, found)
     findings.append(_golden_frames(properties))
-    if any(one.verdict == FAILED for one in findings):
+    if any(one.is_failure for one in findings):
         words = "not tried: mend the above first"
         return [*findings, ModelFinding("dry run", WARNING, words)]
     return [*findings, _dry_run(data, PolicyMetadata.from_properties(properties))]
@@ -149,13 +155,7 @@ def _metadata(properties: dict[str, str]) -> Iterator[ModelFinding]:
             PolicyMetadata.from_properties(tried)
         except MbotError as error:
             faults += 1
-            words = str(error)
-            if key not in properties:
-                words = (
-                    f"no {key}: add it by onnx.helper.set_model_props, usually {good[key]!r} "
-                    "(docs/policy.md has a script)"
-                )
-            yield ModelFinding("metadata", FAILED, words)
+            yield ModelFinding("metadata", FAILED, _with_default(error, key, good[key]))
     known = [*good, PROPERTY, PROVENANCE]
     for key in properties.keys() - known:
         if key.startswith("mbot.") and (meant := did_you_mean(key, known)):
@@ -165,6 +165,15 @@ def _metadata(properties: dict[str, str]) -> Iterator[ModelFinding]:
     if not faults:
         named = [f"{key.removeprefix('mbot.')} {properties.get(key)}" for key in good]
         yield ModelFinding("metadata", OK, one_line(", ".join(named)))
+
+
+def _with_default(fault: MbotError, key: str, usual: str) -> str:
+    if fault.kind != MISSING_PROPERTY:
+        return str(fault)
+    return (
+        f"no {key}: add it by onnx.helper.set_model_props, usually {usual!r} (docs/policy.md has "
+        "a script)"
+    )
 
 
 def _version(properties: dict[str, str], inputs: tuple[Tensor, ...]) -> int:

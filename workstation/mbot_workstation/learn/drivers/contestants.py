@@ -93,6 +93,15 @@ def title(contestant: str) -> str:
     return contestant if contestant in BUILT_IN else Path(contestant).stem
 
 
+def titles(contestants: Sequence[str]) -> dict[str, str]:
+    """Contestants by their names in tables; two files of the same name keep their paths."""
+    short = [title(contestant) for contestant in contestants]
+    return {
+        contestant: contestant if short.count(name) > 1 else name
+        for contestant, name in zip(contestants, short, strict=True)
+    }
+
+
 def _load(contestant: str) -> OnnxPolicy:
     path = Path(contestant)
     if not path.exists():

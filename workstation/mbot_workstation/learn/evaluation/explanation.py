@@ -20,6 +20,7 @@ from mbot_protocol.policy.policy_contract import OBSERVATION_SIDE_PX, FieldOfVie
 from mbot_workstation.learn.evaluation.activations import (
     APART_PX,
     HIDDEN_PX,
+    ActivationReader,
     Activations,
     Glance,
 )
@@ -75,6 +76,22 @@ def recorded_glances(path: Path, view: FieldOfView) -> tuple[list[float], list[G
     if not glances:
         raise ConfigurationError(f"{path} holds no pictures; was the camera running?")
     return [(at_ns - times_ns[0]) / 1e9 for at_ns in times_ns], glances
+
+
+def recorded_looks(
+    reader: ActivationReader, path: Path, view: FieldOfView, count: int
+) -> dict[str, Activations]:
+    """What a policy makes of so many pictures, evenly spread over a recording, by their times.
+
+    Raises:
+        ConfigurationError: as of `recorded_glances`.
+
+    """
+    seconds, drive = recorded_glances(path, view)
+    spread = np.linspace(0, len(drive) - 1, count).round().astype(int)
+    chosen = sorted(set(spread.tolist()))
+    looks = reader.look_back(drive, chosen)
+    return {f"{seconds[i]:.1f} s": one for i, one in zip(chosen, looks, strict=True)}
 
 
 def _told(before: Beat, beat: Beat) -> tuple[float, float] | None:

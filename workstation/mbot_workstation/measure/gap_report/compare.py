@@ -10,6 +10,7 @@ from mbot_workstation.measure.identification.data import prepare
 from mbot_workstation.measure.identification.fit import aligned, begins_s
 from mbot_workstation.measure.identification.held_out import driven, is_held_out
 from mbot_workstation.measure.identification.increments import Observed
+from mbot_workstation.measure.identification.left_out import LeftOut
 from mbot_workstation.measure.identification.model import drive_plans
 from mbot_workstation.measure.identification.stray import stray_runs
 from mbot_workstation.measure.tracks.run import Recording
@@ -100,7 +101,7 @@ class Comparison:
     held_out: tuple[ComparedRun, ...]
     first: ComparedRun | None
     words: str
-    left_out: dict[str, str]
+    left_out: dict[str, LeftOut]
 
 
 def compare(recordings: Sequence[Recording], files: CalibrationFiles) -> Comparison:

@@ -23,6 +23,7 @@ from mbot_workstation.measure.gap_report.frames import read_frames, telemetry_fr
 from mbot_workstation.measure.gap_report.quantities import TITLES, quantities
 from mbot_workstation.measure.gap_report.simulated_view import FramePair, frame_pairs
 from mbot_workstation.measure.gap_report.verdict import Judged, judge
+from mbot_workstation.measure.identification.left_out import LeftOut, reasons
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS
 from mbot_workstation.measure.tracks.recording_folder import read_recording
 from mbot_workstation.sim.calibrated.body_calibration import BODY_FILE
@@ -80,7 +81,7 @@ class GapReport:
     recordings: tuple[str, ...]
     recorded_runs: int
     held_out_words: str
-    left_out: dict[str, str]
+    left_out: dict[str, LeftOut]
     files: CalibrationFiles
     driving: Driving
     judged: tuple[Judged, ...]
@@ -210,7 +211,7 @@ def as_fields(report: GapReport) -> dict[str, Any]:
         "recordings": report.recordings,
         "recorded_runs": report.recorded_runs,
         "held_out_runs": len(driven.runs),
-        "left_out": report.left_out,
+        "left_out": reasons(report.left_out),
         "after_s": round(driven.driven_s, 3),
         "turned_deg": float(np.degrees(driven.turned_rad)),
         "calibrated": asdict(driven.calibrated),

@@ -10,6 +10,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.identification.floor import flatten
 from mbot_workstation.measure.identification.increments import Observed, observe
 from mbot_workstation.measure.identification.initial import Kinematics, clocks, gain_of, kinematics
+from mbot_workstation.measure.identification.left_out import Fault, LeftOut
 from mbot_workstation.measure.identification.model import plans_of
 from mbot_workstation.measure.identification.prediction import SETTING, Noise
 from mbot_workstation.measure.identification.solver import Problem
@@ -48,7 +49,7 @@ class Data:
     settings: Array
     free: Array
     wheel_maps: tuple[WheelMaps, ...]
-    left_out: dict[str, str]
+    left_out: dict[str, LeftOut]
 
     def problem(self, chosen: Sequence[int], names: Sequence[str]) -> Problem:
         """The fit of some runs for some parameters."""
@@ -70,11 +71,11 @@ class Data:
             result.append(Noise(max(place_m, 1e-4), max(heading, 1e-4), PLACE_WALK, HEADING_WALK))
         return result
 
-    def without(self, stray: Mapping[int, str]) -> "Data":
+    def without(self, stray: Mapping[int, LeftOut]) -> "Data":
         """The same without these runs, by index, and why."""
         kept = tuple(run for index, run in enumerate(self.runs) if index not in stray)
-        why = {self.named(self.runs[index]): text for index, text in stray.items()}
-        return replace(self, runs=kept, left_out=self.left_out | why)
+        named = {self.named(self.runs[index]): why for index, why in stray.items()}
+        return replace(self, runs=kept, left_out=self.left_out | named)
 
     def named(self, run: Observed) -> str:
         """How messages call a run."""
@@ -97,7 +98,7 @@ def prepare(
     """
     runs: list[Observed] = []
     guesses: list[Kinematics] = []
-    left_out: dict[str, str] = {}
+    left_out: dict[str, LeftOut] = {}
     settings = np.zeros((len(recordings), len(SETTING)))
     free = np.ones((len(recordings), len(SETTING)))
     for index, recording in enumerate(recordings):
@@ -115,20 +116,22 @@ def prepare(
         own_clock = recording.tracker_ahead_s is None
         free[index, 0], free[index, 1] = not own_clock, not own_clock and not same_clock
     if not runs:
-        name, why = next(iter(left_out.items()))
-        raise ConfigurationError(f"none of the {len(left_out)} runs can be used; {name}: {why}")
+        name, first = next(iter(left_out.items()))
+        raise ConfigurationError(
+            f"none of the {len(left_out)} runs can be used; {name}: {first.why}"
+        )
     maps = tuple(recording.wheel_maps for recording in recordings)
     return Data(tuple(runs), robot, _guessed(guesses, robot), settings, free, maps, left_out)
 
 
-def _observed(recording: Recording, index: int) -> tuple[list[Observed], dict[str, str]]:
+def _observed(recording: Recording, index: int) -> tuple[list[Observed], dict[str, LeftOut]]:
     flat = flatten(recording, index)
     own_clock = recording.tracker_ahead_s is None
     begins_s = np.array([run.run.commands.start_s for run in flat])
     names = np.array([run.run.maneuver for run in flat])
     ahead_s, stray = clocks(flat, recording.tracker_ahead_s)
     usable: list[Observed] = []
-    unusable: dict[str, str] = {}
+    unusable: dict[str, LeftOut] = {}
     for number, run in enumerate(flat):
         mine = begins_s[names == run.run.maneuver]
         middles_s = float(begins_s.mean()), float(mine.mean())
@@ -139,16 +142,17 @@ def _observed(recording: Recording, index: int) -> tuple[list[Observed], dict[st
         else:
             unusable[run.name] = why
     if not usable:
-        name, why = next(iter(unusable.items()))
-        raise ConfigurationError(f"none of the {len(flat)} runs can be used; {name}: {why}")
+        name, first = next(iter(unusable.items()))
+        raise ConfigurationError(f"none of the {len(flat)} runs can be used; {name}: {first.why}")
     return usable, unusable
 
 
-def _cut_short(run: Observed) -> str | None:
+def _cut_short(run: Observed) -> LeftOut | None:
     share = run.covered_s / run.drive_s
     if share >= LEAST_COVERED and run.seen.shape[1] > 1:
         return None
-    return f"its track covers {max(share, 0):.0%} of the {run.drive_s:.1f} s that it drove"
+    why = f"its track covers {max(share, 0):.0%} of the {run.drive_s:.1f} s that it drove"
+    return LeftOut(Fault.ENDS_EARLY, why)
 
 
 def _check_same_clock(recording: Recording) -> None:

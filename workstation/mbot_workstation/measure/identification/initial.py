@@ -19,6 +19,7 @@ from mbot_protocol.drive.actions import WheelMaps, to_steps
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.identification.floor import FlatRun
 from mbot_workstation.measure.identification.increments import Observed, driving
+from mbot_workstation.measure.identification.left_out import Fault, LeftOut
 from mbot_workstation.sim.body.motor import motor_voltage, pwm_duties
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.track import Array
@@ -72,10 +73,12 @@ class Kinematics:
     track_m: float | None
     tracker: complex
     tracker_yaw_rad: float
-    stray: dict[int, str]
+    stray: dict[int, LeftOut]
 
 
-def clocks(runs: Sequence[FlatRun], tracker_ahead_s: float | None) -> tuple[Array, dict[int, str]]:
+def clocks(
+    runs: Sequence[FlatRun], tracker_ahead_s: float | None
+) -> tuple[Array, dict[int, LeftOut]]:
     """How far the tracker's clock is ahead of the robot's, by when the robot begins to move.
 
     Args:
@@ -91,14 +94,19 @@ def clocks(runs: Sequence[FlatRun], tracker_ahead_s: float | None) -> tuple[Arra
     ahead = onsets - np.array([_answered_s(run) for run in runs])
     known = np.isfinite(ahead)
     if tracker_ahead_s is None:
-        why = "its track does not begin before the robot moves, so its clock can't be told"
+        why = LeftOut(
+            Fault.BEGINS_LATE,
+            "its track does not begin before the robot moves, so its clock can't be told",
+        )
         return np.where(known, ahead, 0.0), {int(i): why for i in np.flatnonzero(~known)}
     # When a slow run begins to move is what it is driven for.
     known &= ~np.array([run.run.is_slow for run in runs])
     usual = float(np.median(ahead[known])) if known.any() else tracker_ahead_s
     off = np.where(known, ahead - usual, 0.0)
     stray = {
-        int(i): f"it begins to move {off[i]:+.1f} s from where its commands put that"
+        int(i): LeftOut(
+            Fault.OFF_TIME, f"it begins to move {off[i]:+.1f} s from where its commands put that"
+        )
         for i in np.flatnonzero(np.abs(off) > STRAY_S)
     }
     return np.full(len(runs), usual), stray
@@ -154,8 +162,11 @@ def kinematics(runs: Sequence[Observed], robot: RobotParameters, maps: WheelMaps
         np.abs(velocity - told @ (from_left, from_right)) / (top * track_m),
     )
     stray = {
-        index: f"it turns at {one[1].real:.1f} rad/s, which its commands do not make in the "
-        "other runs"
+        index: LeftOut(
+            Fault.ODD_TURN,
+            f"it turns at {one[1].real:.1f} rad/s, which its commands do not make in the other "
+            "runs",
+        )
         for (index, _, one), far in zip(rows, off, strict=True)
         if far > MOST_STRAY
     }

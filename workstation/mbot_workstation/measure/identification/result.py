@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from mbot_workstation.measure.identification.left_out import LeftOut
 from mbot_workstation.measure.identification.solver import Scatter
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 
@@ -138,7 +139,7 @@ class Identification:
     errors: tuple[RunError, ...]
     repeatability: tuple[Repeatability, ...]
     fitted: int
-    left_out: dict[str, str]
+    left_out: dict[str, LeftOut]
 
     @property
     def is_worse(self) -> bool:

@@ -12,6 +12,7 @@ from rich.table import Table
 from mbot_workstation.measure.identification.conclusions import QUANTILE_95
 from mbot_workstation.measure.identification.handicap import Handicap
 from mbot_workstation.measure.identification.held_out import LEAST_TURNS_RAD, heading_share
+from mbot_workstation.measure.identification.left_out import reasons
 from mbot_workstation.measure.identification.result import Estimate, Identification, RunError
 from mbot_workstation.sim.body.parameter_table import BY_NAME
 
@@ -187,7 +188,7 @@ def as_fields(found: Identification, uneven: Handicap, written: Sequence[str]) -
         "robot": found.robot_id,
         "runs_fitted": found.fitted,
         "runs_held_out": len(found.errors),
-        "left_out": found.left_out,
+        "left_out": reasons(found.left_out),
         "parameters": {one.name: _fields(one) for one in found.estimates},
         "latency_s": _fields(found.latency),
         "steady": [asdict(one) for one in found.steady],

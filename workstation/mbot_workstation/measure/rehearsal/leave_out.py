@@ -1,6 +1,5 @@
 """Leaves runs out whose track has a hole, as the message tells a person to."""
 
-import re
 from pathlib import Path
 
 import msgspec
@@ -8,8 +7,7 @@ import msgspec
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.tracks.recording_folder import read_recording
 from mbot_workstation.measure.tracks.recording_toml import read_info, write_info
-
-_ADVICE = re.compile(r"add (\d+) to leave_out")
+from mbot_workstation.measure.tracks.run_check import SPOILT
 
 MOST_SHARE = 0.25
 """A machine that loses more tracks is too slow for real time."""
@@ -33,10 +31,9 @@ def leave_out_spoilt(folder: Path) -> tuple[int, ...]:
         try:
             usable = len(read_recording(folder).runs)
         except ConfigurationError as error:
-            advice = _ADVICE.search(str(error))
-            if advice is None or int(advice[1]) in spoilt:
+            if error.kind != SPOILT or error.facts["run"] in spoilt:
                 raise
-            spoilt.append(int(advice[1]))
+            spoilt.append(error.facts["run"])
             info = read_info(folder)
             write_info(folder, msgspec.structs.replace(info, leave_out=tuple(spoilt)))
         else:

@@ -10,6 +10,7 @@ from mbot_workstation.measure.calibration.camera.board_detection import find_boa
 from mbot_workstation.measure.targets.specifications import Board
 from mbot_workstation.measure.tracking.floor_plane import FloorPlane, plane_from_points
 from mbot_workstation.measure.tracking.marker_detection import Grey
+from mbot_workstation.measure.tracking.marker_watch import FindFloor
 from mbot_workstation.sim.track import Array
 
 CORNER_IDS = (1, 2, 3, 4)
@@ -55,3 +56,12 @@ def plane_from_board(camera: CameraModel, picture: Grey, square_mm: float) -> Fl
         return None
     points = found.points_m[:, :2].astype(np.float64) * [1, -1]
     return plane_from_points(camera, points, found.corners_px.astype(np.float64))
+
+
+def floor_finder(corners_m: tuple[float, float] | None, board_mm: float | None) -> FindFloor | None:
+    """What finds the floor by markers at a rectangle's corners, or by a board; None by neither."""
+    if corners_m is not None:
+        return lambda camera, _grey, markers: plane_from_corners(camera, markers, *corners_m)
+    if board_mm is not None:
+        return lambda camera, grey, _markers: plane_from_board(camera, grey, board_mm)
+    return None

@@ -40,4 +40,4 @@ def check_runs(folder: Path, runs: Sequence[Run], form: TrackFormat) -> None:
             check_run(run)
         check_directions(driven)
     except ConfigurationError as error:
-        raise ConfigurationError(f"{folder}: {error}") from None
+        raise error.within(folder) from None

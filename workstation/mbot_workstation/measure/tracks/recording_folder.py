@@ -14,6 +14,7 @@ from mbot_workstation.measure.tracks.recording_toml import (
     write_info,
 )
 from mbot_workstation.measure.tracks.run import Recording, Run
+from mbot_workstation.measure.tracks.run_check import spoilt
 from mbot_workstation.measure.tracks.session_track import find_tracker_ahead_s, parts_of
 from mbot_workstation.measure.tracks.track_files import TRACK_SUFFIXES, read_track
 from mbot_workstation.measure.tracks.track_format import TrackFormat, read_track_format
@@ -130,14 +131,14 @@ def _cut(
     try:
         ahead_s = find_tracker_ahead_s(commanded, track)
     except ConfigurationError as error:
-        raise ConfigurationError(f"{path}: {error}") from None
+        raise error.within(path) from None
     runs: list[Run] = []
     for run, part in zip(commanded, parts_of(track, commanded, ahead_s), strict=True):
         if part is None:
-            raise ConfigurationError(
+            raise spoilt(
+                run.number,
                 f"{path} has nothing of run {run.number} ({run.maneuver}, repetition "
-                f"{run.repetition}): the tracker began late, ended early or was lost; record it "
-                f"again, or add {run.number} to leave_out in recording.toml"
+                f"{run.repetition}): the tracker began late, ended early or was lost",
             )
         runs.append(Run(run.number, run.maneuver, run.repetition, run.commands, part))
     return ahead_s, tuple(runs)

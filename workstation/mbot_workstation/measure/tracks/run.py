@@ -1,10 +1,12 @@
 """What a recording holds: runs, each with what the robot was told and where it went."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mbot_protocol.drive.actions import WheelMaps
+from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.tracks.maneuver import SLOW
 from mbot_workstation.sim.track import Array, Track
 
@@ -113,3 +115,28 @@ class Recording:
     wheel_maps: WheelMaps
     runs: tuple[Run, ...]
     tracker_ahead_s: float | None = None
+
+
+def common_robot(recordings: Sequence[Recording]) -> str:
+    """Whose all recordings are; raises ConfigurationError if they differ."""
+    names = list(dict.fromkeys(recording.robot_id for recording in recordings))
+    if len(names) > 1:
+        raise ConfigurationError(
+            f"the recordings are of {' and '.join(names)}; identify one robot at a time, or say "
+            "with --robot whose they are",
+            kind="several-robots",
+            robots=names,
+        )
+    return names[0]
+
+
+def common_wheel_maps(recordings: Sequence[Recording]) -> WheelMaps:
+    """The latest recording's; raises ConfigurationError if they differ in a motor's direction."""
+    maps = [recording.wheel_maps for recording in recordings]
+    if len({(one.left.reversed, one.right.reversed) for one in maps}) > 1:
+        raise ConfigurationError(
+            "the recordings differ in which motor is reversed (recording.toml); identify them one "
+            "by one",
+            kind="motors-differ",
+        )
+    return maps[-1]

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from mbot_protocol.drive.camera_model import nominal_pi_camera
-from mbot_workstation.cli.camera_fit_words import fields, print_words
+from mbot_workstation.cli.presenter import plain
 from mbot_workstation.measure.calibration.camera.board_detection import FoundBoard, Sighting
 from mbot_workstation.measure.calibration.camera.camera_fit import CameraFit, PictureFit
 from mbot_workstation.measure.calibration.camera.camera_pictures import SeenBoards
 from mbot_workstation.measure.calibration.camera.camera_quality import CameraQuality
+from mbot_workstation.measure.calibration.camera.camera_result import camera_lines, camera_result
 from mbot_workstation.measure.targets.specifications import Board
 
 CAMERA = nominal_pi_camera(640, 480)
@@ -34,7 +35,7 @@ SEEN = SeenBoards(
 
 
 def test_programs_are_told_what_people_are() -> None:
-    told = json.loads(json.dumps(fields(SEEN, FIT, QUALITY, Path("camera.toml"))))
+    told = json.loads(json.dumps(plain(camera_result(SEEN, FIT, QUALITY, Path("camera.toml")))))
     assert told["path"] == "camera.toml"
     assert told["reprojection_error_px"] == pytest.approx(0.5)
     assert [(one["name"], one["kept"]) for one in told["pictures"]] == [
@@ -45,11 +46,8 @@ def test_programs_are_told_what_people_are() -> None:
     assert told["without_board"] == ["c.jpg", *"efghi"]
 
 
-def test_each_picture_that_is_not_in_the_fit_is_accounted_for(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    print_words(SEEN, FIT, QUALITY)
-    said = capsys.readouterr().out
+def test_each_picture_that_is_not_in_the_fit_is_accounted_for() -> None:
+    said = "\n".join(camera_lines(SEEN, FIT, QUALITY))
     assert "over 1 of 2 pictures" in said
     assert "left out 1 of 2 pictures, whose errors are above 0.400 px" in said
     assert "note: half a view" in said

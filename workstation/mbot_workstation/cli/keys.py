@@ -1,16 +1,20 @@
 """`workstation keys`: the keys that sign models."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
+from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.files import atomic_file
-from mbot_workstation.cli.link_options import json_option
+from mbot_workstation.cli.common_options import json_option
 from mbot_workstation.cli.options import argument, option, with_options
+from mbot_workstation.cli.presenter import Answer
 
 if TYPE_CHECKING:
+    from mbot_protocol.signing.public_key import PublicKey
     from mbot_workstation.fleet.models.key_folder import KeyFolder
 
 app = typer.Typer(
@@ -19,11 +23,9 @@ app = typer.Typer(
     rich_markup_mode="markdown",
 )
 
-NameArgument = Annotated[str, typer.Argument(metavar="NAME", help="Of the key.")]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NewOptions:
+class NewKeyOptions:
     """What `new` takes."""
 
     name: str = argument("Of the key; your user name if not given.", default="", metavar="NAME")
@@ -31,9 +33,27 @@ class NewOptions:
     as_json: bool = json_option()
 
 
+@dataclass(frozen=True, slots=True)
+class KeyPair:
+    """A key's public line, and where its private half is."""
+
+    name: str
+    line: str
+    private_key: Path
+
+
+@dataclass(frozen=True, slots=True)
+class KeyHere:
+    """A key of this workstation; protected by a passphrase or not."""
+
+    name: str
+    line: str
+    protected: bool
+
+
 @app.command()
 @with_options
-def new(options: NewOptions) -> None:
+def new(options: NewKeyOptions) -> Answer:
     """Make a key, and say how a robot learns to trust it.
 
     The private half stays in a file that only you can read. Whoever has it can send models to
@@ -48,8 +68,8 @@ def new(options: NewOptions) -> None:
 
     folder = KeyFolder()
     words = _ask_new_passphrase() if options.passphrase else ""
-    key = folder.new(options.name or _user_name(), words)
-    _print_key(key.name, key.line, folder.path / f"{key.name}.pem", options.as_json)
+    pair = _pair(folder, folder.new(options.name or _user_name(), words))
+    return Answer(pair, _how_to_trust(pair))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,33 +81,24 @@ class ListKeysOptions:
 
 @app.command("list")
 @with_options
-def list_keys(options: ListKeysOptions) -> None:
+def list_keys(options: ListKeysOptions) -> Answer:
     """List the keys on this workstation.
 
     Example: `workstation keys list`
     """
-    import json
-
     from mbot_workstation.fleet.models.key_folder import KeyFolder
 
     folder = KeyFolder()
-    keys = folder.public_keys()
-    if options.as_json:
-        rows = [
-            {"name": key.name, "line": key.line, "protected": folder.is_protected(key.name)}
-            for key in keys
-        ]
-        print(json.dumps(rows, indent=2))
-        return
-    if not keys:
-        print(f"no keys in {folder.path}; make one with `workstation keys new`")
-    for key in keys:
-        protected = "  (passphrase)" if folder.is_protected(key.name) else ""
-        print(f"{key.line}{protected}")
+    keys = [
+        KeyHere(key.name, key.line, folder.is_protected(key.name)) for key in folder.public_keys()
+    ]
+    none = f"no keys in {folder.path}; make one with `workstation keys new`"
+    said = [f"{key.line}{'  (passphrase)' if key.protected else ''}" for key in keys]
+    return Answer(keys, said or [none])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ShowOptions:
+class ShowKeyOptions:
     """What `show` takes."""
 
     name: str = argument("Of the key.", default="", metavar="NAME")
@@ -96,7 +107,7 @@ class ShowOptions:
 
 @app.command()
 @with_options
-def show(options: ShowOptions) -> None:
+def show(options: ShowKeyOptions) -> Answer:
     """Print a key's public line, for `[trust] keys` in a robot's configuration.
 
     Without a name: of the only key.
@@ -107,14 +118,11 @@ def show(options: ShowOptions) -> None:
 
     folder = KeyFolder()
     key = folder.public_key(options.name or _only_name(folder, "its NAME behind `keys show`"))
-    if options.as_json:
-        _print_key(key.name, key.line, folder.path / f"{key.name}.pem", options.as_json)
-    else:
-        print(key.line)
+    return Answer(_pair(folder, key), [key.line])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrustOptions:
+class TrustKeyOptions:
     """What `trust` takes."""
 
     configuration: Path = argument("A robot's configuration on this machine.", metavar="ROBOT.toml")
@@ -123,14 +131,13 @@ class TrustOptions:
 
 @app.command()
 @with_options
-def trust(options: TrustOptions) -> None:
+def trust(options: TrustKeyOptions) -> None:
     """Add a key to `[trust] keys` in a robot's configuration file.
 
     The robot's daemon reads it at its next start.
 
     Example: `workstation keys trust robot.toml`
     """
-    from mbot_protocol.errors import ConfigurationError
     from mbot_protocol.files.text_file import read_text
     from mbot_workstation.fleet.models.key_folder import KeyFolder
     from mbot_workstation.fleet.models.trusting_configuration import with_trusted_key
@@ -151,22 +158,20 @@ def trust(options: TrustOptions) -> None:
     print(f"{options.configuration} now trusts {key.name}; restart mbot-agent to make it so")
 
 
-def _print_key(name: str, line: str, path: Path, as_json: bool) -> None:
-    import json
+def _pair(folder: "KeyFolder", key: "PublicKey") -> KeyPair:
+    return KeyPair(key.name, key.line, folder.path / f"{key.name}.pem")
 
+
+def _how_to_trust(pair: KeyPair) -> Iterator[str]:
     from mbot_workstation.fleet.models.trusting_configuration import by_hand
 
-    if as_json:
-        print(json.dumps({"name": name, "line": line, "private_key": str(path)}))
-        return
-    where, to_paste = by_hand([line])
-    print(f"private key: {path}")
-    print("`workstation enroll ROBOT` sends the public half along. Or by hand, on the robot,")
-    print(f"{where}\n\n{to_paste}\n")
+    where, to_paste = by_hand([pair.line])
+    yield f"private key: {pair.private_key}"
+    yield "`workstation enroll ROBOT` sends the public half along. Or by hand, on the robot,"
+    yield f"{where}\n\n{to_paste}\n"
 
 
 def _only_name(folder: "KeyFolder", by: str) -> str:
-    from mbot_protocol.errors import ConfigurationError
 
     names = [key.name for key in folder.public_keys()]
     if len(names) != 1:

@@ -1,6 +1,7 @@
 """`workstation track`: where a robot goes, seen by a camera overhead or by SteamVR."""
 
-import math
+import sys
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,10 +13,6 @@ from mbot_workstation.measure.targets.specifications import ROBOT_MARKER_EDGE_MM
 
 if TYPE_CHECKING:
     import threading
-    from collections.abc import Callable
-
-    from mbot_protocol.drive.camera_model import CameraModel
-    from mbot_workstation.measure.tracking.marker_watch import FindFloor
 
 OPENVR = "openvr"
 
@@ -113,15 +110,17 @@ def track(options: TrackOptions) -> None:
 
 
 def _track_marker(options: TrackOptions, stop: "threading.Event") -> None:
+    from mbot_workstation.measure.tracking.floor_reference import floor_finder
     from mbot_workstation.measure.tracking.marker_track import MarkerSettings, track_marker
+    from mbot_workstation.measure.tracking.overhead_camera import camera_for
 
     settings = MarkerSettings(
         marker_id=options.marker_id,
         edge_m=options.marker_mm / 1000,
         height_m=options.height_m,
-        camera_for=_camera_model(options.camera, options.fov_deg),
+        camera_for=camera_for(options.camera, options.fov_deg),
         camera_is_known=options.camera is not None,
-        find_floor=_floor_finder(options.corners, options.board_mm),
+        find_floor=floor_finder(options.corners, options.board_mm),
     )
     reporter = _Reporter()
     result = track_marker(
@@ -145,51 +144,6 @@ def _track_marker(options: TrackOptions, stop: "threading.Event") -> None:
         )
 
 
-def _camera_model(folder: Path | None, fov_deg: float) -> "Callable[[int, int], CameraModel]":
-    """The camera's model for pictures of a given size."""
-    from mbot_protocol.drive.calibration import CAMERA_FILE, read_camera
-    from mbot_protocol.drive.camera_model import CameraModel
-
-    if folder is None:
-
-        def guess(width_px: int, height_px: int) -> CameraModel:
-            vertical = 2 * math.atan(math.tan(math.radians(fov_deg) / 2) * height_px / width_px)
-            return CameraModel.from_field_of_view(
-                width_px, height_px, fov_deg, math.degrees(vertical)
-            )
-
-        return guess
-    calibrated = read_camera(folder)
-    if calibrated is None:
-        raise ConfigurationError(f"{folder} holds no {CAMERA_FILE}")
-    model = calibrated.model()
-
-    def scaled(width_px: int, height_px: int) -> CameraModel:
-        if abs(width_px * model.height_px / (height_px * model.width_px) - 1) > 0.02:
-            raise ConfigurationError(
-                f"pictures are {width_px} x {height_px}, {folder / CAMERA_FILE} is for "
-                f"{model.width_px} x {model.height_px}, another shape"
-            )
-        return model.scaled_to(width_px, height_px)
-
-    return scaled
-
-
-def _floor_finder(
-    corners: tuple[float, float] | None, board_mm: float | None
-) -> "FindFloor | None":
-    from mbot_workstation.measure.tracking.floor_reference import (
-        plane_from_board,
-        plane_from_corners,
-    )
-
-    if corners is not None:
-        return lambda camera, _grey, markers: plane_from_corners(camera, markers, *corners)
-    if board_mm is not None:
-        return lambda camera, grey, _markers: plane_from_board(camera, grey, board_mm)
-    return None
-
-
 def _record_openvr(
     output: Path, serial: str | None, rate_hz: float, stop: "threading.Event"
 ) -> None:
@@ -211,15 +165,10 @@ class _Reporter:
     """A line on standard error every two seconds."""
 
     def __init__(self) -> None:
-        import time
-
-        self._clock_s = time.monotonic
         self._next_s = time.monotonic() + REPORT_EVERY_S
 
     def say(self, text: str) -> None:
         """The text, if it is time for one."""
-        import sys
-
-        if self._clock_s() >= self._next_s:
-            self._next_s = self._clock_s() + REPORT_EVERY_S
+        if time.monotonic() >= self._next_s:
+            self._next_s = time.monotonic() + REPORT_EVERY_S
             print(text, file=sys.stderr, flush=True)

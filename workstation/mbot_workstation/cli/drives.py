@@ -1,12 +1,15 @@
-"""`workstation view`: drives in the Rerun viewer, live or recorded."""
+"""Look at drives: in a viewer, as a page, as a film, decided once more."""
 
+import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from mbot_workstation.cli.link_options import CertificateOptions, robots_option
-from mbot_workstation.cli.options import argument, option, with_options
-from mbot_workstation.cli.output_paths import check_new_file
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.cli.common_options import CertificateOptions, json_option, robots_option
+from mbot_workstation.cli.options import argument, check_new_file, option, with_options
+from mbot_workstation.cli.presenter import Answer, note
 from mbot_workstation.cli.stop_signals import sigterm_as_ctrl_c
 
 if TYPE_CHECKING:
@@ -22,6 +25,9 @@ MOST_LOOKS = 60
 """Each hides 225 places of a picture in turn: 0.2 s."""
 
 _PANEL = "Viewer"
+
+DIFFERS = 1
+"""Exit code of a replay that did not decide as it had to."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,35 +95,21 @@ class ViewOptions(CertificateOptions):
             UnreachableError: none does.
 
         """
-        import sys
-
-        from mbot_protocol.errors import UnreachableError
         from mbot_workstation.fleet.enrolment.enrolled_robots import (
             find_destination,
             find_destinations,
         )
-        from mbot_workstation.fleet.link.fleet import each_robot
-        from mbot_workstation.fleet.link.robot_link import RobotLink
+        from mbot_workstation.fleet.link.fleet import open_links
 
         names, security = self.robot or [], self.security()
         if self.robot_id is not None:
             given = [find_destination(names[0] if names else "", self.robot_id, security)]
         else:
             given = find_destinations(names, security)
-        robots, problems = each_robot(given)
-        found: list[RobotLink] = []
-        for one in robots:
-            link = RobotLink(str(one.endpoint), one.robot_id, one.security)
-            try:
-                stack.enter_context(link).status()
-                found.append(link)
-            except UnreachableError as error:
-                problems.append(error)
-        if not found:
-            raise problems[0]
+        links, problems = open_links(given, stack)
         for problem in problems:
-            print(f"workstation: note: left out: {problem}", file=sys.stderr)
-        return found
+            note(f"left out: {problem}")
+        return links
 
 
 @with_options
@@ -133,7 +125,6 @@ def view(options: ViewOptions) -> None:
     from contextlib import ExitStack, closing
 
     from mbot_protocol.beat.recorded_drive import read_drives
-    from mbot_protocol.errors import ConfigurationError
     from mbot_workstation.look.drives.live_view import MapLog, follow
     from mbot_workstation.look.drives.rerun_view import RerunView
 
@@ -176,7 +167,6 @@ def view(options: ViewOptions) -> None:
 
 
 def _looks(drive: "RecordedDrive", options: ViewOptions) -> "Looks":
-    import sys
 
     from mbot_workstation.look.drives.attention import attention
     from mbot_workstation.look.drives.drive_figures import figures
@@ -185,7 +175,7 @@ def _looks(drive: "RecordedDrive", options: ViewOptions) -> "Looks":
     chosen = figures(drive).chosen(MOST_LOOKS)
     looks, words = attention(chosen, options.models or models_near(Path()))
     for line in words:
-        print(f"workstation: note: {line}", file=sys.stderr)
+        note(line)
     return looks
 
 
@@ -208,7 +198,6 @@ def _bridge(options: ViewOptions) -> None:
     import time
     from contextlib import ExitStack
 
-    from mbot_protocol.errors import ConfigurationError
     from mbot_workstation.fleet.telemetry.stream import TelemetryStream
     from mbot_workstation.look.drives.driven_path import PathFile
     from mbot_workstation.look.drives.foxglove_bridge import FoxgloveBridge
@@ -239,7 +228,6 @@ def _bridge(options: ViewOptions) -> None:
 
 def _maps(given: list[Path], robots: list[str]) -> dict[str, Path]:
     """Whose map is in which file."""
-    from mbot_protocol.errors import ConfigurationError
 
     found: dict[str, Path] = {}
     for text in map(str, given):
@@ -262,3 +250,174 @@ def _stay(options: ViewOptions) -> None:
         until_s = None if options.seconds is None else time.monotonic() + options.seconds
         while until_s is None or time.monotonic() < until_s:
             time.sleep(_POLL_S)
+
+
+def _recording(words: str, metavar: str) -> Any:
+    return argument(
+        f"{words} that `recordings fetch` or `telemetry --record` made.", metavar=metavar
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportOptions:
+    """What `report` takes."""
+
+    recordings: list[Path] = _recording("Folders or files", "RECORDING...")
+    output: Path = option(
+        Path("drive.html"), "The page, a new file.", "--output", "-o", metavar="FILE.html"
+    )
+    maps: list[Path] | None = option(
+        None,
+        "Also draw the path that `virtual-robot --trajectory` wrote meanwhile. Repeatable.",
+        "--map",
+        metavar="FILE.jsonl",
+    )
+    models: list[Path] | None = option(
+        None,
+        "Policies among which those that drove are found by their digests, to show where they "
+        "looked; *.onnx, models/*.onnx and runs/*/*.onnx here if not given. Repeatable.",
+        "--model",
+        metavar="MODEL.onnx",
+    )
+    as_json: bool = json_option()
+
+
+@dataclass(frozen=True, slots=True)
+class ReportedDrive:
+    """A recorded drive in a sentence and in numbers."""
+
+    recording: str
+    sentence: str
+    models: Sequence[str]
+    decisions: int
+    missed_beats: int
+    lost_records: int
+    faults: Sequence[Sequence[Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """A page about drives, and what it says of each."""
+
+    path: Path
+    drives: list[ReportedDrive]
+
+
+@with_options
+def report(options: ReportOptions) -> Answer:
+    """Write what happened in recorded drives as one page; several for comparison.
+
+    A sentence, pictures over the whole drive and what mattered in them to the policy, wheels,
+    latencies, missed beats, faults, the model's digest. The page needs no other file and no
+    network, prints, and reads on a phone.
+
+    Example: `workstation report drives/mbot-1/drive-0012-20261122-171501`
+    """
+    from mbot_protocol.beat.recorded_drive import read_drives
+    from mbot_protocol.files import atomic_file
+    from mbot_workstation.look.drives.attention import attention
+    from mbot_workstation.look.drives.drive_figures import figures
+    from mbot_workstation.look.drives.drive_page import STRIP_TILES, drive_page
+    from mbot_workstation.look.drives.driven_path import read_path
+    from mbot_workstation.look.drives.replayed_drive import models_near
+
+    check_new_file(options.output)
+    drives = [figures(drive) for drive in read_drives(options.recordings)]
+    places = [place for path in options.maps or [] for place in read_path(path)]
+    models = options.models or models_near(Path())
+    looked = [attention(one.chosen(STRIP_TILES), models) for one in drives]
+    page = drive_page(drives, places, [looks for looks, _ in looked])
+    try:
+        atomic_file.replace(options.output, page.encode())
+    except OSError as error:
+        raise ConfigurationError(f"can't write {options.output}: {error.strerror}") from None
+    told = [
+        ReportedDrive(
+            recording=one.drive.name,
+            sentence=one.sentence,
+            models=one.models,
+            decisions=len(one.drive.decided),
+            missed_beats=one.missed_beats,
+            lost_records=one.lost_records,
+            faults=one.faults,
+        )
+        for one in drives
+    ]
+    said = [f"{one.recording}: {one.sentence}" for one in told]
+    notes = [] if options.as_json else [line for _, words in looked for line in words]
+    return Answer(Report(options.output, told), [*said, f"wrote {options.output}"], notes)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FilmOptions:
+    """What `film` takes."""
+
+    recording: Path = _recording("A folder or file", "RECORDING")
+    output: Path = argument(
+        "The film, a new file, by its name MP4 or GIF.", metavar="FILE.mp4|FILE.gif"
+    )
+
+
+@with_options
+def film(options: FilmOptions) -> None:
+    """Make a film of a recorded drive: what the policy saw, with its wheels, in real time.
+
+    Example: `workstation film drives/mbot-1/drive-0012-20261122-171501 drive.mp4`
+    """
+    from mbot_protocol.beat.recorded_drive import read_drive
+    from mbot_workstation.look.drives.drive_film import film as make_film
+
+    check_new_file(options.output)
+    lasts_s = make_film(read_drive(options.recording), options.output)
+    print(f"wrote {options.output}, {lasts_s:.1f} s")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayOptions:
+    """What `replay` takes."""
+
+    recording: Path = argument(
+        "A folder that `recordings fetch` made, or one of its files.", metavar="RECORDING"
+    )
+    model: Path | None = option(
+        None,
+        "By which model; if not given, the one that drove, found by its digest among *.onnx, "
+        "models/*.onnx and runs/*/*.onnx here.",
+        "--model",
+        metavar="MODEL.onnx",
+    )
+    strip: Path | None = option(
+        None, "Also draw the decisions that differ most.", "--strip", metavar="FILE.png"
+    )
+    as_json: bool = json_option()
+
+
+@with_options
+def replay(options: ReplayOptions) -> Answer:
+    """Decide a recorded drive once more, by the daemon's own code, and compare.
+
+    The model that drove must decide the same again: to the last bit on the same kind of processor,
+    to 1e-5 on another; if it does not, the exit code is 1. With --model OTHER: where would it have
+    done otherwise?
+
+    Examples:
+    `workstation replay drives/mbot-1/drive-0012-20261122-171501`,
+    `workstation replay RECORDING --model other.onnx --strip other.png`
+
+    """
+    from mbot_protocol.beat.recorded_drive import read_drive
+    from mbot_workstation.look.drives import replay_words
+    from mbot_workstation.look.drives.replayed_drive import models_near
+    from mbot_workstation.look.drives.replayed_drive import replay as decide_again
+    from mbot_workstation.pictures.picture_file import write_picture
+
+    drive = read_drive(options.recording)
+    found = decide_again(drive, models_near(Path()), options.model)
+    if not options.as_json:
+        for words in drive.words:
+            print(f"workstation: {words}", file=sys.stderr)
+    if options.strip is not None:
+        write_picture(options.strip, replay_words.strip(found))
+        print(f"drawn into {options.strip}", file=sys.stderr)
+    exit_code = 0 if found.is_as_expected else DIFFERS
+    return Answer(replay_words.fields(found), replay_words.lines(found), exit_code=exit_code)
