@@ -2,6 +2,7 @@ import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 import torch
@@ -219,7 +220,7 @@ def test_who_knows_of_a_weak_motor_drives_straight_with_it() -> None:
 
 def test_a_trim_is_a_weak_motor_to_a_body() -> None:
     maps = RobotParameters().wheel_maps
-    weaker = WheelMaps(maps.left, replace(maps.right, trim=0.5))
+    weaker = WheelMaps(maps.left, msgspec.structs.replace(maps.right, trim=0.5))
     body = np.array(
         [body_record(RealWorldEffects(), replace(RobotParameters(), wheel_maps=weaker))],
         BODY_RECORD,
