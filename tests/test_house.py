@@ -128,9 +128,21 @@ def test_a_field_of_telemetry_is_three_files() -> None:
     """The schema, where it is known, its words: JSON, recordings and viewers ask the schema."""
     named = {path.name for path in modules() if "under_voltage" in path.read_text()}
     assert named == {"health.py", "wording.py"}
-    steps = (CHECKOUT / "ARCHITECTURE.md").read_text().partition("**A field of telemetry**")[2]
+    steps = (CHECKOUT / "ARCHITECTURE.md").read_text().partition("### Adding a field of telemetry")[2]
     files = re.findall(
-        r"`((?:robot|shared|workstation)/[\w/]+\.\w+)`", steps.partition("\n- **")[0]
+        r"`((?:robot|shared|workstation)/[\w/]+\.\w+)`", steps.partition("\n### ")[0]
     )
     assert {Path(file).name for file in files} >= named | {"messages.proto", "fields.py"}
     assert all((CHECKOUT / file).is_file() for file in files)
+
+
+def test_every_file_that_the_architecture_names_is_there() -> None:
+    """Its ways and its steps of adding something can be walked."""
+    text = (CHECKOUT / "ARCHITECTURE.md").read_text()
+    assert len(text.splitlines()) < 250
+    for what in ("task", "board", "camera effect", "field of telemetry", "command"):
+        assert f"### Adding a {what}\n\n1. " in text
+    sides = "robot|shared|workstation|tests|benchmarks|deploy|docs"
+    named = re.findall(rf"[`(]((?:{sides})/[\w/.-]+\.\w+)[`)]", text)
+    assert len(named) > 50
+    assert not [name for name in named if not (CHECKOUT / name).is_file()]
