@@ -5,6 +5,7 @@ import io
 import re
 import subprocess
 import tokenize
+from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -19,6 +20,9 @@ SOURCE = (
     "robot/mbot_update",
 )
 LONGEST_FUNCTION = 60
+SHARED_NAMES: set[str] = {"Room", "Shape", "View", "Estimate", "Verdict"}
+"""Left from before; measuring and the rest of the workstation both have one."""
+
 ROOMS = sorted(path.parent for path in (CHECKOUT / SOURCE[0]).glob("*/__init__.py"))
 
 
@@ -117,6 +121,19 @@ def test_nothing_names_this_machine() -> None:
     assert found.stdout == "" or place in everywhere
 
 
+@pytest.mark.parametrize("side", SOURCE)
+def test_a_class_has_its_name_to_itself(side: str) -> None:
+    """Within a side, so that a search finds what is meant. Private ones may be called alike."""
+    named = Counter(
+        node.name
+        for path in modules()
+        if CHECKOUT / side in path.parents
+        for node in ast.parse(path.read_text()).body
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    )
+    assert not {name for name, times in named.items() if times > 1} - SHARED_NAMES
+
+
 @pytest.mark.parametrize("name", ["inertia_scale", "turning_knee_rad_s"])
 def test_a_parameter_of_the_robot_is_three_files(name: str) -> None:
     """Its field, its row, its law: motion.toml, the fit, reports and training ask the table."""
@@ -128,7 +145,9 @@ def test_a_field_of_telemetry_is_three_files() -> None:
     """The schema, where it is known, its words: JSON, recordings and viewers ask the schema."""
     named = {path.name for path in modules() if "under_voltage" in path.read_text()}
     assert named == {"health.py", "wording.py"}
-    steps = (CHECKOUT / "ARCHITECTURE.md").read_text().partition("### Adding a field of telemetry")[2]
+    steps = (
+        (CHECKOUT / "ARCHITECTURE.md").read_text().partition("### Adding a field of telemetry")[2]
+    )
     files = re.findall(
         r"`((?:robot|shared|workstation)/[\w/]+\.\w+)`", steps.partition("\n### ")[0]
     )

@@ -60,7 +60,7 @@ def address_advice(source: str) -> str:
     return "; its address has more than one @: a password's own is written %40"
 
 
-class Camera(Struct, frozen=True, forbid_unknown_fields=True):
+class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True):
     """Where frames come from and when they are too bad to drive on."""
 
     source: str = "picamera2"
@@ -100,7 +100,7 @@ class Camera(Struct, frozen=True, forbid_unknown_fields=True):
         return abs(width_px / height_px / calibrated - 1) <= ASPECT_TOLERANCE
 
 
-class Board(Struct, frozen=True, forbid_unknown_fields=True):
+class BoardSettings(Struct, frozen=True, forbid_unknown_fields=True):
     """Which kind of board turns the wheels, how to reach it, and what is expected of its firmware.
 
     Attributes:
@@ -149,7 +149,7 @@ def state_directory() -> Path:
     return Path(os.environ.get("STATE_DIRECTORY", DEFAULT_STATE_DIRECTORY))
 
 
-class Trust(Struct, frozen=True, forbid_unknown_fields=True):
+class TrustSettings(Struct, frozen=True, forbid_unknown_fields=True):
     """Whose models and releases the robot takes: public keys as `workstation keys show` prints
     them."""
 
@@ -188,7 +188,7 @@ class Tls(Struct, frozen=True, forbid_unknown_fields=True):
     key: str
 
 
-class Telemetry(Struct, frozen=True, forbid_unknown_fields=True):
+class TelemetrySettings(Struct, frozen=True, forbid_unknown_fields=True):
     """What the robot tells of itself."""
 
     pictures: bool | Literal["while-watched"] = "while-watched"
@@ -231,13 +231,13 @@ class Configuration(Struct, frozen=True, forbid_unknown_fields=True):
 
     robot_id: str
     calibration: str = ""
-    camera: Camera = Camera()
-    board: Board = Board()
+    camera: CameraSettings = CameraSettings()
+    board: BoardSettings = BoardSettings()
     motors: WheelMaps = WheelMaps()
     control: Control = Control()
     models: Models = Models()
-    trust: Trust = Trust()
-    telemetry: Telemetry = Telemetry()
+    trust: TrustSettings = TrustSettings()
+    telemetry: TelemetrySettings = TelemetrySettings()
     recording: Recording = Recording()
     network: Network = Network()
     access: Access = Access()
@@ -317,7 +317,7 @@ def load(path: Path) -> Configuration:
     return decode(text, str(path))
 
 
-def load_board(path: Path) -> Board:
+def load_board(path: Path) -> BoardSettings:
     """How to reach the board, from whatever of the file can be read: a mistake in another section,
     or no valid TOML at all, must not keep anybody from stopping the motors.
     """
@@ -328,14 +328,14 @@ def load_board(path: Path) -> Board:
     try:
         text = path.read_text(errors="replace")
     except OSError:
-        return Board()
+        return BoardSettings()
     section = re.search(r"^\s*\[board\]([^\[]*)", text, re.MULTILINE)
     found: dict[str, str] = {}
     if section is not None:
         setting = r"^\s*(kind|port|baud_rate)\s*=\s*[\"']?([^\"'#\s]+)"
         found = dict(re.findall(setting, section[1], re.M))
-    nominal, baud_rate = Board(), found.get("baud_rate", "")
-    return Board(
+    nominal, baud_rate = BoardSettings(), found.get("baud_rate", "")
+    return BoardSettings(
         kind=found.get("kind", nominal.kind),
         port=found.get("port", nominal.port),
         baud_rate=int(baud_rate) if baud_rate.isdecimal() else nominal.baud_rate,

@@ -20,7 +20,7 @@ FULL_DISK_BYTES = 64 << 20
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Check:
     """The result of one check.
 
     Attributes:
@@ -37,7 +37,7 @@ class Finding:
 
 def examine(
     configuration: Configuration, keys: Mapping[Path, tuple[PublicKey, ...]]
-) -> list[Finding]:
+) -> list[Check]:
     """Run every check; takes up to 10 s with a board that does not answer.
 
     Args:
@@ -45,7 +45,7 @@ def examine(
         keys: whose models are taken, by the file that says so.
 
     """
-    checks: tuple[tuple[str, Callable[[Configuration], Finding]], ...] = (
+    checks: tuple[tuple[str, Callable[[Configuration], Check]], ...] = (
         ("camera", _camera),
         ("lens", examine_lens),
         ("board", _board),
@@ -56,29 +56,29 @@ def examine(
         ("brltty", _brltty),
         ("clock", _clock),
     )
-    findings: list[Finding] = []
+    findings: list[Check] = []
     for subject, check in checks:
         try:
             findings.append(check(configuration))
         except MbotError as error:
-            findings.append(Finding(subject, "failed", str(error)))
+            findings.append(Check(subject, "failed", str(error)))
         except Exception as error:
             # A camera's library, a serial driver, a file of anybody's: each may raise anything, and
             # must not keep the other findings from whoever asks.
             reason = " ".join(f"{type(error).__name__} {error}".split())
-            findings.append(Finding(subject, "failed", f"could not be looked at: {reason}"))
+            findings.append(Check(subject, "failed", f"could not be looked at: {reason}"))
     return findings
 
 
-def _camera(configuration: Configuration) -> Finding:
+def _camera(configuration: Configuration) -> Check:
     try:
         return _seen(configuration)
     except CameraError as error:
         advice = address_advice(configuration.camera.source)
-        return Finding("camera", "failed", f"{error}{advice}")
+        return Check("camera", "failed", f"{error}{advice}")
 
 
-def _seen(configuration: Configuration) -> Finding:
+def _seen(configuration: Configuration) -> Check:
     check = PictureCheck(configuration.camera)
     with frame_source(configuration.camera) as source:
         started_s = time.monotonic()
@@ -89,21 +89,19 @@ def _seen(configuration: Configuration) -> Finding:
             try:
                 fault = check.judge(shot.picture(), shot.captured_ns)
             except JpegError as error:
-                return Finding("camera", "failed", f"sends a damaged picture: {error}")
+                return Check("camera", "failed", f"sends a damaged picture: {error}")
             if fault is not None:
-                return Finding("camera", "failed", fault.detail)
+                return Check("camera", "failed", fault.detail)
         rate_hz = FRAMES / (time.monotonic() - started_s)
     shown = shown_source(configuration.camera.source)
-    return Finding(
-        "camera", "ok", f"{shown}: {width_px} x {height_px}, about {rate_hz:.0f} frames/s"
-    )
+    return Check("camera", "ok", f"{shown}: {width_px} x {height_px}, about {rate_hz:.0f} frames/s")
 
 
-def examine_lens(configuration: Configuration) -> Finding:
+def examine_lens(configuration: Configuration) -> Check:
     """What the picture pipeline takes the camera for."""
     camera = configuration.camera
     if camera.intrinsics is None:
-        return Finding(
+        return Check(
             "lens",
             "warning",
             f"not calibrated: taken for {camera.horizontal_fov_deg:g} x "
@@ -112,10 +110,10 @@ def examine_lens(configuration: Configuration) -> Finding:
         )
     size = f"{camera.intrinsics.width_px} x {camera.intrinsics.height_px}"
     origin = configuration.calibration or "[camera.intrinsics]"
-    return Finding("lens", "ok", f"calibrated at {size}, from {origin}")
+    return Check("lens", "ok", f"calibrated at {size}, from {origin}")
 
 
-def _board(configuration: Configuration) -> Finding:
+def _board(configuration: Configuration) -> Check:
     from mbot_agent.board.board_kinds import opener
 
     board = configuration.board
@@ -124,13 +122,13 @@ def _board(configuration: Configuration) -> Finding:
     firmware = session.firmware
     found = f"{session.path}: firmware {firmware.version}"
     if firmware.mistaken:
-        return Finding("board", "failed", f"{session.path}: {firmware.mistaken}")
+        return Check("board", "failed", f"{session.path}: {firmware.mistaken}")
     if firmware.has_deadman:
-        return Finding("board", "ok", found)
+        return Check("board", "ok", found)
     warning = f"{found} keeps its last command for ever if this computer dies"
     if board.accept_no_deadman:
-        return Finding("board", "warning", f"{warning}; accepted by board.accept_no_deadman")
-    return Finding(
+        return Check("board", "warning", f"{warning}; accepted by board.accept_no_deadman")
+    return Check(
         "board",
         "failed",
         f"{warning}: flash firmware with a time-out, or set board.accept_no_deadman = true",
@@ -139,30 +137,30 @@ def _board(configuration: Configuration) -> Finding:
 
 def examine_trust(
     configuration: Configuration, keys: Mapping[Path, tuple[PublicKey, ...]]
-) -> Finding:
+) -> Check:
     """Whose models will be taken, and which file says so; `keys` as `examine`."""
     if configuration.trust.allow_unsigned:
-        return Finding("trust", "warning", "takes anybody's models: trust.allow_unsigned is set")
+        return Check("trust", "warning", "takes anybody's models: trust.allow_unsigned is set")
     found = [
         f"{', '.join(key.name for key in named)} ({path})" for path, named in keys.items() if named
     ]
     if not found:
-        return Finding(
+        return Check(
             "trust",
             "warning",
             "no key, so no model is taken: `workstation keys new` makes one and says how it gets "
             "here",
         )
-    return Finding("trust", "ok", f"takes models signed by {', '.join(found)}")
+    return Check("trust", "ok", f"takes models signed by {', '.join(found)}")
 
 
-def _model(configuration: Configuration) -> Finding:
+def _model(configuration: Configuration) -> Check:
     from mbot_agent.models.model_directory import ModelDirectory
     from mbot_agent.models.sequence_floors import SequenceFloors
     from mbot_agent.models.trust import Trust
     from mbot_protocol.policy.policy import Policy
 
-    none = Finding("model", "warning", "none yet: `workstation push-model` sends one")
+    none = Check("model", "warning", "none yet: `workstation push-model` sends one")
     if not configuration.models.path.is_dir():  # the daemon makes it, and whose it is matters
         return none
     store = ModelDirectory(configuration.models.path, configuration.models.keep)
@@ -177,60 +175,58 @@ def _model(configuration: Configuration) -> Finding:
     rate_hz = configuration.control.decision_rate_hz
     detail = f"{policy.metadata.name}, {active[:12]}, for {policy.metadata.decision_rate_hz:g} Hz"
     if abs(policy.metadata.decision_rate_hz - rate_hz) > 1e-6:
-        return Finding("model", "warning", f"{detail}, but control.decision_rate_hz is {rate_hz:g}")
-    return Finding("model", "ok", detail)
+        return Check("model", "warning", f"{detail}, but control.decision_rate_hz is {rate_hz:g}")
+    return Check("model", "ok", detail)
 
 
-def _disk(configuration: Configuration) -> Finding:
+def _disk(configuration: Configuration) -> Check:
     wanted = configuration.models.path
     path = next(folder for folder in (wanted, *wanted.absolute().parents) if folder.is_dir())
     if not os.access(path, os.W_OK):
-        return Finding("disk", "failed", f"cannot write {path}: run as the daemon's user, or chown")
+        return Check("disk", "failed", f"cannot write {path}: run as the daemon's user, or chown")
     owner, above = path.stat().st_uid, path.parent.stat().st_uid
     if path == wanted and owner == 0 != above:  # root may write it, and would not notice
-        return Finding("disk", "failed", f"{path} is root's, and not the daemon's: chown -R it")
+        return Check("disk", "failed", f"{path} is root's, and not the daemon's: chown -R it")
     free_bytes = shutil.disk_usage(path).free
     verdict = "ok" if free_bytes >= FULL_DISK_BYTES else "warning"
-    return Finding("disk", verdict, f"{free_bytes / 2**20:.0f} MiB free in {path}")
+    return Check("disk", verdict, f"{free_bytes / 2**20:.0f} MiB free in {path}")
 
 
-def _network(configuration: Configuration) -> Finding:
+def _network(configuration: Configuration) -> Check:
     from mbot_agent.network.listening import obstacle
 
     network = configuration.network
     found = f"listens on {', '.join(network.listen)}"
     obstacles = [there for there in map(obstacle, network.listen) if there is not None]
     if strange := [there.reason for there in obstacles if not there.is_agent]:
-        return Finding("network", "failed", f"cannot listen: {'; '.join(strange)} (network.listen)")
+        return Check("network", "failed", f"cannot listen: {'; '.join(strange)} (network.listen)")
     if obstacles:
         found += ", as the daemon that runs does"
     if network.tls is None:
-        return Finding("network", "ok", found)
+        return Check("network", "ok", found)
     from mbot_agent.network.tls_files import check_certificates
 
     validity = check_certificates(network.tls, configuration.robot_id)
     if validity.advice:
-        return Finding("network", "warning" if validity.usable else "failed", validity.advice)
+        return Check("network", "warning" if validity.usable else "failed", validity.advice)
     people = ", ".join(configuration.access.people) or "nobody"
     routers = "".join(f", by router {name}" for name in configuration.access.routers)
-    return Finding(
+    return Check(
         "network", "ok", f"{found} for {people}{routers}, certificate until {validity.until}"
     )
 
 
-def _brltty(_: Configuration) -> Finding:
+def _brltty(_: Configuration) -> Check:
     """The braille daemon takes the mCore's CH340 away as soon as it is plugged in."""
     if shutil.which("brltty") is None:
-        return Finding("brltty", "ok", "not installed")
-    return Finding(
-        "brltty", "warning", "installed, and may take the board's port: apt remove brltty"
-    )
+        return Check("brltty", "ok", "not installed")
+    return Check("brltty", "warning", "installed, and may take the board's port: apt remove brltty")
 
 
-def _clock(_: Configuration) -> Finding:
+def _clock(_: Configuration) -> Check:
     """Nothing depends on the wall clock but the dates in logs and recordings."""
     if shutil.which("timedatectl") is None or not Path("/run/systemd/system").is_dir():
-        return Finding("clock", "ok", "not checked: no systemd here; only log dates depend on it")
+        return Check("clock", "ok", "not checked: no systemd here; only log dates depend on it")
     answer = subprocess.run(
         ["timedatectl", "show", "--property=NTPSynchronized", "--value"],
         capture_output=True,
@@ -239,7 +235,7 @@ def _clock(_: Configuration) -> Finding:
         check=False,
     )
     if answer.stdout.strip() == "yes":
-        return Finding("clock", "ok", "synchronised")
-    return Finding(
+        return Check("clock", "ok", "synchronised")
+    return Check(
         "clock", "warning", "not synchronised: dates in logs are wrong, driving is not affected"
     )

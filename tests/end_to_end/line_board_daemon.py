@@ -17,12 +17,12 @@ from mbot_agent.board.board_session import (
     UnacknowledgedError,
 )
 from mbot_agent.board.serial_line import SerialLine
-from mbot_agent.configuration import Board
+from mbot_agent.configuration import BoardSettings
 from mbot_protocol.drive.wheel_command import Duties
 
 
 class LineSession:
-    def __init__(self, board: Board, wake_fd: int | None) -> None:
+    def __init__(self, board: BoardSettings, wake_fd: int | None) -> None:
         self.path, self.firmware, self._heard = board.port, Firmware(), b""
         self._line = SerialLine(board.port, board.baud_rate, wake_fd)
 

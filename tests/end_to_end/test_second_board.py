@@ -15,7 +15,7 @@ from typing import Self
 import pytest
 
 from mbot_agent.board.board_session import BoardSession
-from mbot_agent.configuration import Board
+from mbot_agent.configuration import BoardSettings
 from mbot_protocol.v1.messages_pb2 import State
 from mbot_workstation.fleet.link.remote_control import RemoteControl
 
@@ -156,7 +156,7 @@ def test_check_looks_at_it_and_an_unknown_kind_is_named(
 
 def test_it_is_what_every_kind_must_be(line_board: LineBoard) -> None:
     reader, writer = os.pipe()
-    session: BoardSession = LineSession(Board(port=line_board.path), reader)
+    session: BoardSession = LineSession(BoardSettings(port=line_board.path), reader)
     with session:
         assert session.handshake(lambda: False)
         os.write(writer, b"x")

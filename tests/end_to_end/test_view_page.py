@@ -12,7 +12,7 @@ from playwright.sync_api import Page, sync_playwright
 
 from mbot_protocol.beat.recorded_drive import RecordedDrive, read_drive
 from mbot_protocol.drive.picture import Picture
-from mbot_workstation.look.drives.driven_path import Place
+from mbot_workstation.look.drives.driven_path import PathPoint
 from mbot_workstation.look.drives.rerun_view import RerunView
 
 from ..free_port import free_port
@@ -88,7 +88,7 @@ def test_a_drive_is_drawn_and_what_follows_as_well(page: Page) -> None:
         assert red(first) < 20
         viewer.log_drive(later(drive, 6.0))
         end_ns = drive.beats[-1].decision.unix_time_ns
-        viewer.log_place("virtual", Place(end_ns, (0.0, 0.0), 0.0, (0.3, 0.2)))
+        viewer.log_place("virtual", PathPoint(end_ns, (0.0, 0.0), 0.0, (0.3, 0.2)))
         viewer.log_path("virtual", end_ns, [[(-0.5, -0.5), (0.0, -0.3), (0.0, 0.0)]])
         then = watch(page, lambda shot: red(shot) > 20, "map")
         assert (np.abs(then.astype(int) - first).max(axis=-1) > 40).mean() > 0.01

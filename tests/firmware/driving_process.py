@@ -7,13 +7,13 @@ import sys
 import time
 
 from mbot_agent.board.motors import Motors
-from mbot_agent.configuration import Board
+from mbot_agent.configuration import BoardSettings
 from mbot_protocol.drive.mcore import Joystick
 from mbot_protocol.drive.wheel_command import WheelCommand
 
 
 def main() -> None:
-    with Motors(Board(port=sys.argv[1])) as motors:
+    with Motors(BoardSettings(port=sys.argv[1])) as motors:
         while motors.fault is not None:
             time.sleep(0.01)
         motors.arm()  # once: as after one `run`

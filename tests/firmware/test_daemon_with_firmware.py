@@ -12,7 +12,7 @@ import pytest
 
 from mbot_agent.board.motor_stop import stop_motors
 from mbot_agent.board.motors import Motors
-from mbot_agent.configuration import Board
+from mbot_agent.configuration import BoardSettings
 from mbot_protocol.drive.mcore import ARM_REQUEST, Joystick, stop_burst
 from mbot_protocol.drive.wheel_command import WheelCommand
 
@@ -54,7 +54,7 @@ def silence_ms(board: LiveBoard) -> float:
 
 
 def test_the_daemon_trusts_it_and_drives(board: LiveBoard) -> None:
-    with Motors(Board(port=board.port)) as motors:
+    with Motors(BoardSettings(port=board.port)) as motors:
         assert until(lambda: motors.fault is None)
         assert motors.version == "mbot-deadman 2 300ms"
         assert motors.has_deadman
@@ -74,7 +74,7 @@ def test_a_killed_daemon_stops_in_time_and_another_takes_over(board: LiveBoard) 
         child.kill()
         assert board.wait_for(*OFF)
         assert TIMEOUT_MS - 1 <= silence_ms(board) <= TIMEOUT_MS + BAR_MS
-    with Motors(Board(port=board.port)) as motors:
+    with Motors(BoardSettings(port=board.port)) as motors:
         assert until(lambda: motors.fault is None)
         motors.arm()
         motors.drive(for_s(10))
@@ -110,7 +110,7 @@ def drive_again_and_again(motors: Motors) -> None:
 
 
 def test_the_loop_learns_of_a_board_that_has_latched(board: LiveBoard) -> None:
-    with Motors(Board(port=board.port)) as motors:
+    with Motors(BoardSettings(port=board.port)) as motors:
         assert until(lambda: motors.fault is None)
         drive_again_and_again(motors)  # not armed
         assert motors.resets == 1
@@ -121,7 +121,7 @@ def test_the_loop_learns_of_a_board_that_has_latched(board: LiveBoard) -> None:
 
 
 def test_arm_is_not_said_for_somebody_who_has_changed_his_mind(board: LiveBoard) -> None:
-    with Motors(Board(port=board.port)) as motors:
+    with Motors(BoardSettings(port=board.port)) as motors:
         assert until(lambda: motors.fault is None)
         motors.arm()
         motors.disarm()
@@ -134,5 +134,5 @@ def test_the_stop_command_after_a_crash_is_confirmed(board: LiveBoard) -> None:
     with driving_process(board) as child:
         child.kill()
         child.wait()
-        stop_motors(Board(port=board.port))
+        stop_motors(BoardSettings(port=board.port))
         assert board.wait_for(*OFF)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mbot_protocol.errors import MbotError, NewerSchemaError, RefusedError
-from mbot_protocol.signing.model_manifest import ModelManifest, Tensor, decode, encode
+from mbot_protocol.signing.model_manifest import ModelManifest, SignedTensor, decode, encode
 
 MANIFEST = ModelManifest(
     robot_id="mbot-1", sequence=7, sha256="ab" * 32, size_bytes=1000, nonce="0f" * 16
@@ -21,7 +21,7 @@ manifests = st.builds(
     nonce=st.binary(min_size=16, max_size=16).map(bytes.hex),
     not_after_unix_s=st.integers(0, 2**63 - 1),
     allow_downgrade=st.booleans(),
-    input=st.builds(Tensor, st.text(), st.text(), st.lists(st.integers(0, 99)).map(tuple)),
+    input=st.builds(SignedTensor, st.text(), st.text(), st.lists(st.integers(0, 99)).map(tuple)),
 )
 
 

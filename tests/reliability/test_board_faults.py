@@ -15,7 +15,7 @@ import serial
 
 from mbot_agent.board.mcore import mcore_session
 from mbot_agent.board.motors import Motors
-from mbot_agent.configuration import Board
+from mbot_agent.configuration import BoardSettings
 from mbot_protocol.drive.mcore import STOP, VERSION_REQUEST, Joystick
 from mbot_protocol.drive.wheel_command import WheelCommand
 
@@ -85,7 +85,7 @@ def test_a_torn_write_ends_in_a_stop(
         whole_write(self, data[:sent])
         raise serial.SerialTimeoutException("Write timeout")
 
-    with Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
+    with Motors(BoardSettings(port=board.path, accept_no_deadman=True)) as motors:
         assert until(lambda: motors.fault is None)
         motors.drive(for_10_s())
         assert board.wait_for(FULL_SPEED.m1, FULL_SPEED.m2)
@@ -177,7 +177,7 @@ def test_a_wrong_device_never_gets_a_drive_frame(
 ) -> None:
     monkeypatch.setattr(mcore_session, "HANDSHAKE_TIMEOUT_S", 0.5)
     with device(answer) as (path, received):
-        with Motors(Board(port=path, accept_no_deadman=True)) as motors:
+        with Motors(BoardSettings(port=path, accept_no_deadman=True)) as motors:
             assert until(lambda: motors.fault is not None and "baud" in motors.fault.detail)
             motors.drive(for_10_s())
             asked = received.count(VERSION_REQUEST)
@@ -233,7 +233,7 @@ def test_a_reset_announced_right_behind_an_acknowledgement_counts() -> None:
 
     with (
         device(answer) as (path, received),
-        Motors(Board(port=path, accept_no_deadman=True)) as motors,
+        Motors(BoardSettings(port=path, accept_no_deadman=True)) as motors,
     ):
         assert until(lambda: motors.fault is None)
         motors.drive(for_10_s())

@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from mbot_agent.board.motors import Motors
-from mbot_agent.configuration import Board
+from mbot_agent.configuration import BoardSettings
 from mbot_protocol.drive.mcore import Joystick
 from mbot_protocol.drive.wheel_command import WheelCommand
 
@@ -71,7 +71,10 @@ def attack(seed: int, cases: int) -> tuple[int, int]:
     """Garbage against one board: in how many cases it was turning, and did not come to rest."""
     chance = random.Random(seed)
     turning = not_stopped = 0
-    with FakeBoard() as board, Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
+    with (
+        FakeBoard() as board,
+        Motors(BoardSettings(port=board.path, accept_no_deadman=True)) as motors,
+    ):
         for _ in range(cases):
             assert until(lambda: motors.fault is None)  # some garbage is a reset's announcement
             motors.drive(WheelCommand(FULL_SPEED.duties, time.monotonic_ns() + 10**10))

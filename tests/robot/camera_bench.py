@@ -12,7 +12,7 @@ import pytest
 from mbot_agent.camera import capture as capture_module
 from mbot_agent.camera.capture import CaptureThread
 from mbot_agent.camera.source_contract import CameraError, FrameSource, JpegError, Shot
-from mbot_agent.configuration import Camera
+from mbot_agent.configuration import CameraSettings
 
 MILLISECOND = 1_000_000
 
@@ -32,7 +32,7 @@ class Encoded:
     """
 
     def __init__(self, **settings: Any) -> None:
-        self.capture = CaptureThread(Camera(source="http://camera/stream", **settings))
+        self.capture = CaptureThread(CameraSettings(source="http://camera/stream", **settings))
         self.every_ms = 33
         self.now_ns = 100 * 33 * MILLISECOND
         self.decoded: list[int] = []
@@ -116,7 +116,7 @@ class Handed:
 @contextmanager
 def handed(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[CaptureThread, Handed]]:
     """A capture thread, and the camera it has opened."""
-    camera, capture = Handed(), CaptureThread(Camera(source="0"))
+    camera, capture = Handed(), CaptureThread(CameraSettings(source="0"))
     monkeypatch.setattr(capture_module, "frame_source", lambda _: camera)
     monkeypatch.setattr(capture, "_closing", camera.pauses)
     with capture:

@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from mbot_agent.configuration import Configuration, Models, Trust
+from mbot_agent.configuration import Configuration, Models, TrustSettings
 from mbot_agent.faults import Notice
 from mbot_agent.models.model_directory import ModelDirectory
 from mbot_agent.models.model_keeper import ModelKeeper
@@ -83,7 +83,7 @@ class Robot:
         self,
         directory: Path,
         *,
-        trust: Trust | None = None,
+        trust: TrustSettings | None = None,
         keep: int = 4,
         try_model: TryModel = untried,
         robot_id: str = ROBOT_ID,
@@ -92,7 +92,7 @@ class Robot:
         self.robot_id = robot_id
         self.used: list[tuple[Policy, Trial]] = []
         self.changes: list[str] = []
-        settings = Trust((KEY.public.line,)) if trust is None else trust
+        settings = TrustSettings((KEY.public.line,)) if trust is None else trust
         configuration = Configuration(
             robot_id=robot_id, models=Models(str(directory), keep=keep), trust=settings
         )

@@ -8,7 +8,7 @@ import pytest
 from mbot_agent.camera.automatics import SETTLES_NS, STANDS_AFTER_NS, Automatics
 from mbot_agent.camera.capture import CaptureThread
 from mbot_agent.camera.source_contract import FrameSource, Shot
-from mbot_agent.configuration import Camera
+from mbot_agent.configuration import CameraSettings
 
 SECOND = 1_000_000_000
 
@@ -80,7 +80,7 @@ def frames(
 def test_the_thread_says_it_once_and_tells_what_is_so(monkeypatch: pytest.MonkeyPatch) -> None:
     source = Adjustable()
     monkeypatch.setattr("time.monotonic_ns", lambda: source.now_ns)
-    capture = CaptureThread(Camera())
+    capture = CaptureThread(CameraSettings())
     assert capture.light == "unknown"
     capture._begin(cast(FrameSource, source))
     frames(capture, source, 3)
@@ -102,7 +102,7 @@ def test_a_camera_that_is_opened_anew_in_mid_drive_settles_first(
 ) -> None:
     source = Adjustable()
     monkeypatch.setattr("time.monotonic_ns", lambda: source.now_ns)
-    capture = CaptureThread(Camera())
+    capture = CaptureThread(CameraSettings())
     for opened_s in (0, 5):
         capture._begin(cast(FrameSource, source))
         frames(capture, source, opened_s + SETTLES_NS / SECOND - 0.1, driving=True)
@@ -115,7 +115,7 @@ def test_a_camera_whose_light_cannot_be_held_is_asked_once(monkeypatch: pytest.M
     source = Adjustable()
     source.can = False
     monkeypatch.setattr("time.monotonic_ns", lambda: source.now_ns)
-    capture = CaptureThread(Camera())
+    capture = CaptureThread(CameraSettings())
     capture._begin(cast(FrameSource, source))
     assert capture.light == "unknown"
     frames(capture, source, 5, driving=True)

@@ -11,7 +11,7 @@ from mbot_agent.camera.capture import CaptureThread
 from mbot_agent.camera.frame_sources import OpenCvSource, frame_source, is_real_camera
 from mbot_agent.camera.picture_check import REMEMBERED, PictureCheck
 from mbot_agent.camera.source_contract import CameraError, Shot
-from mbot_agent.configuration import Camera
+from mbot_agent.configuration import CameraSettings
 
 from .camera_bench import MILLISECOND, Encoded, noise
 
@@ -32,12 +32,12 @@ def kind(check: PictureCheck, picture: np.ndarray, at_ms: float) -> str | None:
 
 
 def test_a_picture_that_changes_is_good() -> None:
-    check = PictureCheck(Camera())
+    check = PictureCheck(CameraSettings())
     assert [kind(check, noise(k), k * 33) for k in range(20)] == [None] * 20
 
 
 def test_black_and_nearly_black_pictures_are_refused() -> None:
-    check = PictureCheck(Camera())
+    check = PictureCheck(CameraSettings())
     assert kind(check, noise(0) // 64, 0) == "camera-black"
     assert kind(check, np.zeros((48, 64, 3), np.uint8), 33) == "camera-black"
     assert kind(check, noise(1) // 8, 66) is None
@@ -48,21 +48,21 @@ def test_black_and_nearly_black_pictures_are_refused() -> None:
     [noise(0, 50, 64), noise(0)[..., 0], noise(0).astype(np.float32), noise(0)[..., :2]],
 )
 def test_another_shape_than_before_is_refused(picture: np.ndarray) -> None:
-    check = PictureCheck(Camera())
+    check = PictureCheck(CameraSettings())
     assert kind(check, noise(1), 0) is None
     assert kind(check, picture, 33) == "camera-wrong-shape"
     assert kind(check, noise(2), 66) is None
 
 
 def test_a_configured_shape_is_held_from_the_first_frame() -> None:
-    check = PictureCheck(Camera(width_px=320, height_px=240))
+    check = PictureCheck(CameraSettings(width_px=320, height_px=240))
     fault = check.judge(noise(0), 0)
     assert fault is not None
     assert "expected uint8 (240, 320, 3)" in fault.detail
 
 
 def test_a_sensor_that_repeats_itself_is_frozen_after_300_ms() -> None:
-    check = PictureCheck(Camera(source="/dev/video0"))
+    check = PictureCheck(CameraSettings(source="/dev/video0"))
     same = noise(0)
     kinds = [kind(check, same, k * 50) for k in range(8)]
     assert kinds == [None] * 6 + ["camera-frozen"] * 2
@@ -70,7 +70,7 @@ def test_a_sensor_that_repeats_itself_is_frozen_after_300_ms() -> None:
 
 
 def test_a_still_stream_is_believed_until_the_robot_drives(monkeypatch: pytest.MonkeyPatch) -> None:
-    check = PictureCheck(Camera(source="http://127.0.0.1/stream"))
+    check = PictureCheck(CameraSettings(source="http://127.0.0.1/stream"))
     same = noise(0)
     assert kind(check, same, 0) is None
     assert kind(check, same, 60_000) is None
@@ -86,14 +86,14 @@ def test_a_still_stream_is_believed_until_the_robot_drives(monkeypatch: pytest.M
 
 @pytest.mark.parametrize("buffers", [2, 4, 6, REMEMBERED])
 def test_a_ring_of_old_pictures_is_frozen_as_soon_as_nothing_new_has_come(buffers: int) -> None:
-    check = PictureCheck(Camera(source="/dev/video0"))
+    check = PictureCheck(CameraSettings(source="/dev/video0"))
     kinds = [kind(check, noise(k % buffers), k * 50) for k in range(buffers + 8)]
     assert kinds == [None] * (buffers + 5) + ["camera-frozen"] * 3
     assert kind(check, noise(99), 5000) is None
 
 
 def test_black_pictures_that_are_alike_are_called_black() -> None:
-    check = PictureCheck(Camera(source="/dev/video0"))
+    check = PictureCheck(CameraSettings(source="/dev/video0"))
     kinds = [kind(check, np.full((48, 64, 3), k % 2, np.uint8), k * 50) for k in range(12)]
     assert kinds == ["camera-black"] * 12
     assert kind(check, noise(1), 600) is None
@@ -102,7 +102,7 @@ def test_black_pictures_that_are_alike_are_called_black() -> None:
 def test_a_stream_that_goes_round_is_found_when_the_robot_drives(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    check = PictureCheck(Camera(source="http://127.0.0.1/stream"))
+    check = PictureCheck(CameraSettings(source="http://127.0.0.1/stream"))
     for k in range(60):  # a simulated robot that stands, or that is turned to and fro
         assert kind(check, noise(k % 5), k * 100) is None
     monkeypatch.setattr(time, "monotonic_ns", lambda: 6_000 * MILLISECOND)
@@ -113,7 +113,7 @@ def test_a_stream_that_goes_round_is_found_when_the_robot_drives(
 
 def test_a_picture_is_another_if_any_of_its_pixels_is() -> None:
     """A camera without noise, and a change between the rows that are looked at first."""
-    check = PictureCheck(Camera(identical_frames="refuse"))
+    check = PictureCheck(CameraSettings(identical_frames="refuse"))
     for k in range(20):
         picture = noise(0)
         picture[5, 7] = k
@@ -122,14 +122,14 @@ def test_a_picture_is_another_if_any_of_its_pixels_is() -> None:
 
 def test_which_sources_have_a_sensor() -> None:
     for source in ("picamera2", "0", "/dev/video2"):
-        assert is_real_camera(Camera(source=source))
+        assert is_real_camera(CameraSettings(source=source))
     for source in ("clip.mp4", "http://127.0.0.1:8090/stream.mjpg"):
-        assert not is_real_camera(Camera(source=source))
+        assert not is_real_camera(CameraSettings(source=source))
 
 
 def test_colours_arrive_as_rgb(tmp_path: Path) -> None:
     clip = video(tmp_path / "red.avi", colour=(20, 10, 200))
-    with OpenCvSource(Camera(source=str(clip))) as source:
+    with OpenCvSource(CameraSettings(source=str(clip))) as source:
         shot = source.read()
     red, green, blue = shot.picture().reshape(-1, 3).mean(axis=0)
     assert red > 150
@@ -139,17 +139,17 @@ def test_colours_arrive_as_rgb(tmp_path: Path) -> None:
 
 def test_a_missing_camera_is_explained() -> None:
     with pytest.raises(CameraError, match=r"cannot open the camera '/nothing\.mp4'"):
-        frame_source(Camera(source="/nothing.mp4")).__enter__()
+        frame_source(CameraSettings(source="/nothing.mp4")).__enter__()
 
 
 def test_picamera2_is_explained_where_there_is_none() -> None:
     with pytest.raises(CameraError, match=r"apt install python3-picamera2.* --without-picamera2"):
-        frame_source(Camera()).__enter__()
+        frame_source(CameraSettings()).__enter__()
 
 
 def test_the_thread_keeps_the_newest_frame_and_reopens_an_ended_camera(tmp_path: Path) -> None:
     clip = video(tmp_path / "clip.avi", frames=12)
-    with CaptureThread(Camera(source=str(clip))) as capture:
+    with CaptureThread(CameraSettings(source=str(clip))) as capture:
         fault = capture.fault
         assert fault is not None
         assert fault.kind == "camera-starting"
@@ -190,14 +190,14 @@ def test_a_hanging_camera_turns_stale_and_is_opened_again(monkeypatch: pytest.Mo
     opened: list[HangingSource] = []
     reopened = threading.Event()
 
-    def source(_: Camera) -> HangingSource:
+    def source(_: CameraSettings) -> HangingSource:
         if opened:
             reopened.set()
         opened.append(HangingSource())
         return opened[-1]
 
     monkeypatch.setattr(camera_module, "frame_source", source)
-    with CaptureThread(Camera(source="0")) as capture:
+    with CaptureThread(CameraSettings(source="0")) as capture:
         deadline = time.monotonic() + 5
         while not capture.is_fresh() and time.monotonic() < deadline:
             time.sleep(0.005)
@@ -218,7 +218,7 @@ def test_a_source_that_raises_what_nobody_thought_of_is_told_once(
             raise ZeroDivisionError("by a driver")
 
     monkeypatch.setattr(camera_module, "frame_source", lambda _: Broken())
-    with CaptureThread(Camera(source="0")) as capture:
+    with CaptureThread(CameraSettings(source="0")) as capture:
         time.sleep(1.0)
         fault = capture.fault
     assert fault is not None
@@ -249,7 +249,7 @@ def test_a_refused_frame_ends_freshness_at_once(monkeypatch: pytest.MonkeyPatch)
             return Shot.decoded(picture, time.monotonic_ns())
 
     monkeypatch.setattr(camera_module, "frame_source", lambda _: TurningBlack())
-    with CaptureThread(Camera(source="0")) as capture:
+    with CaptureThread(CameraSettings(source="0")) as capture:
         deadline = time.monotonic() + 5
         while not capture.is_fresh() and time.monotonic() < deadline:
             time.sleep(0.002)

@@ -97,7 +97,7 @@ def test_whatever_a_check_raises_the_others_go_on(
     }
 
 
-def findings(path: Path) -> dict[str, doctor.Finding]:
+def findings(path: Path) -> dict[str, doctor.Check]:
     return {finding.subject: finding for finding in doctor.examine(load(path), {})}
 
 

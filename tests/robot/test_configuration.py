@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mbot_agent.camera.picture_check import PictureCheck
-from mbot_agent.configuration import Camera, Configuration, decode, load, load_board
+from mbot_agent.configuration import CameraSettings, Configuration, decode, load, load_board
 from mbot_agent.configuration_files import calibrated
 from mbot_agent.doctor import examine_lens
 from mbot_protocol.drive.actions import MotorMap, Steps
@@ -22,7 +22,7 @@ def test_the_annotated_example_shows_the_defaults() -> None:
 
 def test_the_example_shows_every_setting() -> None:
     text = EXAMPLE.read_text()
-    for section in (Camera, CameraModel):
+    for section in (CameraSettings, CameraModel):
         for name in section.__struct_fields__:
             assert f"{name} = " in text or f".{name}]" in text, name
 
@@ -106,7 +106,7 @@ def test_a_motor_section_keeps_the_sides_own_direction() -> None:
 
 
 def test_calibrated_intrinsics_are_scaled_to_the_frames() -> None:
-    camera = Camera(
+    camera = CameraSettings(
         intrinsics=CameraModel(
             width_px=640,
             height_px=480,
@@ -201,7 +201,7 @@ def test_the_calibration_gives_camera_and_motors(robot_toml: Path) -> None:
 def test_half_a_calibration_leaves_the_other_half_nominal(robot_toml: Path) -> None:
     (robot_toml.parent / "calibration" / "camera.toml").unlink()
     configuration = calibrated(load(robot_toml), robot_toml)
-    assert configuration.camera == Camera()
+    assert configuration.camera == CameraSettings()
     assert configuration.motors.left.trim == 0.9
     (robot_toml.parent / "calibration" / "motion.toml").unlink()
     with pytest.raises(ConfigurationError, match=r"neither camera\.toml nor motion\.toml"):

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from mbot_agent.configuration import Configuration, Network, Trust, decode
+from mbot_agent.configuration import Configuration, Network, TrustSettings, decode
 from mbot_agent.configuration_files import (
     ENROLMENT_FILE,
     TRUSTED_KEYS_FILE,
@@ -91,7 +91,7 @@ def send_keys(origin: Path, *lines: str) -> Path:
 
 
 def test_keys_that_were_sent_are_trusted_beside_those_of_the_configuration(origin: Path) -> None:
-    configuration = Configuration("mbot-1", trust=Trust(keys=(ANNA.line,)))
+    configuration = Configuration("mbot-1", trust=TrustSettings(keys=(ANNA.line,)))
     assert trusting(configuration, origin) is configuration
     send_keys(origin, ANNA.line.replace("anna", "ann"), BERT.line, BERT.line)
     found = trusting(configuration, origin)

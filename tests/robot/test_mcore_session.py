@@ -11,7 +11,7 @@ import pytest
 from mbot_agent.board.board_session import BoardLostError, BoardResetError, UnacknowledgedError
 from mbot_agent.board.mcore import mcore_session
 from mbot_agent.board.mcore.mcore_session import STOP_ATTEMPTS, STOP_REPEATS, McoreSession
-from mbot_agent.configuration import Board
+from mbot_agent.configuration import BoardSettings
 from mbot_protocol.drive.actions import AS_BUILT
 from mbot_protocol.drive.mcore import (
     ARM_REQUEST,
@@ -42,7 +42,7 @@ def wake() -> Iterator[tuple[int, int]]:
 @pytest.fixture
 def session(board: FakeBoard, wake: tuple[int, int]) -> Iterator[McoreSession]:
     """Open, and nothing has been said yet."""
-    with McoreSession.open(Board(port=board.path), wake[0]) as opened:
+    with McoreSession.open(BoardSettings(port=board.path), wake[0]) as opened:
         yield opened
 
 
@@ -98,7 +98,7 @@ def test_whatever_ends_a_session_stops_the_motors_and_gives_the_port_back(
 ) -> None:
     for error in (None, ValueError("anything")):
         try:
-            with McoreSession.open(Board(port=board.path), wake[0]) as session:
+            with McoreSession.open(BoardSettings(port=board.path), wake[0]) as session:
                 session.send(FORWARD)
                 assert board.speeds == (-100, 100)
                 if error is not None:
@@ -111,11 +111,11 @@ def test_whatever_ends_a_session_stops_the_motors_and_gives_the_port_back(
 def test_a_lost_board_is_not_talked_to_and_its_port_is_given_back(
     board: FakeBoard, wake: tuple[int, int]
 ) -> None:
-    session = McoreSession.open(Board(port=board.path), wake[0])
+    session = McoreSession.open(BoardSettings(port=board.path), wake[0])
     session.send(FORWARD)
     mark = len(board.received)
     session.__exit__(BoardLostError, BoardLostError("the cable is out"), None)
-    with McoreSession.open(Board(port=board.path), wake[0]):
+    with McoreSession.open(BoardSettings(port=board.path), wake[0]):
         assert bytes(board.received[mark:]) == b""
         board.acknowledge = False  # a stop that nobody confirms hides nothing at the end
 
@@ -188,7 +188,7 @@ def test_only_firmware_that_latches_is_armed(wake: tuple[int, int]) -> None:
     for version, latches in (("mbot-deadman 2 300ms", True), ("mbot-deadman 1", False)):
         with (
             FakeBoard(version) as board,
-            McoreSession.open(Board(port=board.path), wake[0]) as session,
+            McoreSession.open(BoardSettings(port=board.path), wake[0]) as session,
         ):
             assert session.handshake(never)
             assert session.firmware.may_latch is latches
@@ -239,7 +239,7 @@ def test_nobody_wakes_a_command_that_waits_for_its_acknowledgement(
 def test_a_cable_that_is_pulled_is_named(wake: tuple[int, int]) -> None:
     for act in (lambda one: one.send(FORWARD), lambda one: one.wait(5.0)):
         with FakeBoard() as board:
-            session = McoreSession.open(Board(port=board.path), wake[0])
+            session = McoreSession.open(BoardSettings(port=board.path), wake[0])
             assert session.handshake(never)
             board.unplug()
             with pytest.raises(BoardLostError, match=board.path) as lost:
@@ -250,7 +250,7 @@ def test_a_cable_that_is_pulled_is_named(wake: tuple[int, int]) -> None:
 
 def test_a_port_that_takes_nothing_any_more_is_named(wake: tuple[int, int]) -> None:
     board = FakeBoard()  # which reads nothing: it was never plugged in
-    session = McoreSession.open(Board(port=board.path), wake[0])
+    session = McoreSession.open(BoardSettings(port=board.path), wake[0])
     fd = session._line._fd  # pyright: ignore[reportPrivateUsage]
     with suppress(BlockingIOError):
         while True:
@@ -263,7 +263,7 @@ def test_a_port_that_takes_nothing_any_more_is_named(wake: tuple[int, int]) -> N
 
 
 def test_a_port_that_fails_is_named(board: FakeBoard, wake: tuple[int, int]) -> None:
-    session = McoreSession.open(Board(port=board.path), wake[0])
+    session = McoreSession.open(BoardSettings(port=board.path), wake[0])
     session._line.close()  # pyright: ignore[reportPrivateUsage]
     with pytest.raises(BoardLostError, match=f"reading from {board.path} failed"):
         session.wait(5.0)

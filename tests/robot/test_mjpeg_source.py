@@ -18,7 +18,7 @@ from mbot_agent.camera.capture import CaptureThread
 from mbot_agent.camera.frame_sources import frame_source
 from mbot_agent.camera.mjpeg_source import MjpegSource
 from mbot_agent.camera.source_contract import CameraError, Shot
-from mbot_agent.configuration import Camera, decode
+from mbot_agent.configuration import CameraSettings, decode
 from mbot_protocol.errors import ConfigurationError
 
 GREETING = b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=frame\r\n\r\n"
@@ -143,7 +143,7 @@ def test_half_a_picture_with_an_older_ones_end_is_damaged_and_not_decided_on() -
     mixed = good.tobytes()[: len(good) // 2] + older.tobytes()[-300:]
     with (
         server(sends(*[part(mixed)] * 200)) as url,
-        CaptureThread(Camera(source=url)) as capture,
+        CaptureThread(CameraSettings(source=url)) as capture,
     ):
         deadline_s = time.monotonic() + 5
         while (fault := capture.fault) is None or fault.kind == "camera-starting":
@@ -278,7 +278,7 @@ def test_an_answer_that_is_no_http_is_told_in_one_line(answer: bytes, words: str
 @pytest.mark.parametrize("url", ["http://127.0.0.1:1/x", "http://127.0.0.1:99999/", "http:///x"])
 def test_nobody_there_is_told_in_one_line(url: str) -> None:
     with pytest.raises(CameraError, match="cannot open the camera"):
-        frame_source(Camera(source=url)).__enter__()
+        frame_source(CameraSettings(source=url)).__enter__()
 
 
 def test_name_and_password_of_the_address_are_shown() -> None:
@@ -290,7 +290,7 @@ def test_name_and_password_of_the_address_are_shown() -> None:
 
     with server(serve) as url:
         address = url.replace("127", "anna:pass%20word@127") + "?fps=30"
-        with frame_source(Camera(source=address)) as source:
+        with frame_source(CameraSettings(source=address)) as source:
             source.read()
     lines = heard[0].split(b"\r\n")
     assert lines[0] == b"GET /stream.mjpg?fps=30 HTTP/1.1"
@@ -308,8 +308,8 @@ def test_what_is_no_stream_of_jpegs_is_opened_by_ffmpeg_only_if_told_so(tmp_path
     greeting = b"HTTP/1.0 200 OK\r\nContent-Type: video/x-msvideo\r\nContent-Length: %d\r\n\r\n"
     with server(ends_after(greeting % len(film), film)) as url:
         with pytest.raises(CameraError, match=r'status 200.*set camera.source = "ffmpeg:'):
-            frame_source(Camera(source=url)).__enter__()
-        with frame_source(Camera(source=f"ffmpeg:{url}")) as source:
+            frame_source(CameraSettings(source=url)).__enter__()
+        with frame_source(CameraSettings(source=f"ffmpeg:{url}")) as source:
             assert source.read().picture().shape == (48, 64, 3)
 
 
@@ -333,7 +333,7 @@ def test_nobody_sends_us_to_another_address(prefix: str) -> None:
         with (
             server(ends_after(moved)) as url,
             pytest.raises(CameraError),
-            frame_source(Camera(source=f"{prefix}{url}")) as source,
+            frame_source(CameraSettings(source=f"{prefix}{url}")) as source,
         ):
             source.read()
     assert (asked == []) is (not prefix or ffmpeg_can_stay())
@@ -359,7 +359,7 @@ def test_ffmpeg_goes_where_rtsp_sends_it() -> None:
         server(lambda _, request: asked.append(request)) as elsewhere,
         server(moved) as url,
         pytest.raises(CameraError),
-        frame_source(Camera(source=f"ffmpeg:{rtsp(url)}")),
+        frame_source(CameraSettings(source=f"ffmpeg:{rtsp(url)}")),
     ):
         pass
     assert asked
@@ -373,8 +373,8 @@ def test_a_password_is_shown_to_the_camera_and_to_nobody_else(
     """Whatever is in it, though a browser would want it quoted."""
     source = f"{prefix}http://anna:{password}@127.0.0.1:1/stream?token=geheim"
     with pytest.raises(CameraError) as caught:
-        frame_source(Camera(source=source)).__enter__()
-    with CaptureThread(Camera(source=source)) as capture:
+        frame_source(CameraSettings(source=source)).__enter__()
+    with CaptureThread(CameraSettings(source=source)) as capture:
         deadline_s = time.monotonic() + 5
         while capture.fault is None or capture.fault.kind != "camera-lost":
             assert time.monotonic() < deadline_s

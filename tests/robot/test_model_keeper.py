@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from mbot_agent.configuration import Trust
+from mbot_agent.configuration import TrustSettings
 from mbot_agent.models import model_directory as model_store
 from mbot_agent.models import model_keeper
 from mbot_agent.models.trial import Finding, Trial, Verdict
@@ -353,7 +353,7 @@ def test_what_was_found_before_the_end_is_carried_out(robot: Robot) -> None:
 HANGS = """
 import sys, time
 from pathlib import Path
-from mbot_agent.configuration import Trust
+from mbot_agent.configuration import TrustSettings
 from mbot_agent.models import model_keeper
 from tests.robot.model_bench import Robot
 
@@ -363,7 +363,7 @@ class Hangs(list):
         time.sleep(600)
 
 model_keeper.END_WAIT_S = 0.1
-robot = Robot(Path(sys.argv[1]), trust=Trust((sys.argv[2],)))
+robot = Robot(Path(sys.argv[1]), trust=TrustSettings((sys.argv[2],)))
 robot.used = hangs = Hangs(robot.used)
 with robot.keeper:
     for _ in range(3):
@@ -494,7 +494,9 @@ def test_the_journal_tells_why_there_is_no_way_back(
 def test_the_journal_tells_who_has_signed_nothing(
     tmp_path: Path, journal: pytest.LogCaptureFixture
 ) -> None:
-    Robot(tmp_path, trust=Trust(allow_unsigned=True)).push(FIRST, SignedManifest(b"", b"", b""))
+    Robot(tmp_path, trust=TrustSettings(allow_unsigned=True)).push(
+        FIRST, SignedManifest(b"", b"", b"")
+    )
     assert f"{named(FIRST)} (first, not signed) is active, on trial" in journal.messages
     (tmp_path / "active.json").write_bytes(b"damaged")
     Robot(tmp_path)  # the store says so in the keeper's turn, and the watch over all tests listens

@@ -12,7 +12,7 @@ import pytest
 from mbot_agent.board import motor_stop
 from mbot_agent.board.mcore import mcore_session
 from mbot_agent.board.motor_stop import PAUSE_S, stop_motors
-from mbot_agent.configuration import Board
+from mbot_agent.configuration import BoardSettings
 from mbot_protocol.errors import UnreachableError
 
 from ..until import until
@@ -37,7 +37,7 @@ def test_a_board_that_drives_is_stopped_and_says_so(
 ) -> None:
     kept = descriptors()
     with caplog.at_level(logging.INFO):
-        stop_motors(Board(port=board.path))
+        stop_motors(BoardSettings(port=board.path))
     assert board.speeds == (0, 0)
     assert len(board.commands) >= mcore_session.STOP_REPEATS
     assert f"motors stopped ({board.path}, {board.version})" in caplog.text
@@ -56,7 +56,7 @@ def test_a_port_that_comes_back_is_waited_for(
         os.symlink(board.path, link)  # noqa: PTH211
 
     monkeypatch.setattr(motor_stop, "time", clock(plug_in))
-    stop_motors(Board(port=str(link)))
+    stop_motors(BoardSettings(port=str(link)))
     assert len(board.commands) >= mcore_session.STOP_REPEATS
     assert time.monotonic() - began_s < 1.0
 
@@ -66,7 +66,7 @@ def test_a_board_that_says_nothing_is_asked_until_the_time_is_over(board: FakeBo
     kept = descriptors()
     began_s = time.monotonic()
     with pytest.raises(UnreachableError, match=board.path):
-        stop_motors(Board(port=board.path))
+        stop_motors(BoardSettings(port=board.path))
     assert 1.0 < time.monotonic() - began_s < 2.5
     assert descriptors() <= kept
 
@@ -75,7 +75,7 @@ def test_a_port_that_is_not_there_is_looked_for_until_the_time_is_over() -> None
     began_s = time.monotonic()
     busy_s = time.process_time()
     with pytest.raises(UnreachableError, match="/dev/there-is-none"):
-        stop_motors(Board(port="/dev/there-is-none"))
+        stop_motors(BoardSettings(port="/dev/there-is-none"))
     assert 1.5 - PAUSE_S <= time.monotonic() - began_s < 1.5 + PAUSE_S
     assert time.process_time() - busy_s < 0.5
 
@@ -92,11 +92,11 @@ def test_a_board_that_answers_late_is_stopped(
 
     monkeypatch.setattr(mcore_session, "HANDSHAKE_TIMEOUT_S", 0.3)
     monkeypatch.setattr(motor_stop, "time", clock(speak))
-    stop_motors(Board(port=board.path))
+    stop_motors(BoardSettings(port=board.path))
     assert pauses == [PAUSE_S]
     assert until(lambda: len(board.commands) >= mcore_session.STOP_REPEATS)
 
 
 def test_a_kind_that_nobody_knows_keeps_nobody_from_stopping(board: FakeBoard) -> None:
-    stop_motors(Board(kind="nocore", port=board.path))
+    stop_motors(BoardSettings(kind="nocore", port=board.path))
     assert len(board.commands) >= mcore_session.STOP_REPEATS

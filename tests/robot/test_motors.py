@@ -15,7 +15,7 @@ from mbot_agent.board import motors as motors_module
 from mbot_agent.board.mcore import mcore_port, mcore_session
 from mbot_agent.board.mcore.mcore_session import McoreSession
 from mbot_agent.board.motors import IDLE_HEARTBEAT_S, REFRESH_S, Motors
-from mbot_agent.configuration import Board
+from mbot_agent.configuration import BoardSettings
 from mbot_agent.process.watchdog import LONGEST_PAUSE_NS
 from mbot_protocol.drive.actions import MotorMap, WheelMaps
 from mbot_protocol.drive.mcore import ARM_REQUEST, FLUSH_PADDING, STOP, Joystick
@@ -50,7 +50,7 @@ def brisk(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def motors(board: FakeBoard) -> Iterator[Motors]:
-    with Motors(Board(port=board.path, accept_no_deadman=True)) as running:
+    with Motors(BoardSettings(port=board.path, accept_no_deadman=True)) as running:
         assert until(lambda: running.fault is None)
         yield running
 
@@ -151,7 +151,10 @@ def test_a_command_is_on_the_wire_within_20_ms(motors: Motors, board: FakeBoard)
 def test_the_end_of_the_daemon_stops_the_motors_within_20_ms() -> None:
     took_ms: list[float] = []
     for _ in range(3):
-        with FakeBoard() as board, Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
+        with (
+            FakeBoard() as board,
+            Motors(BoardSettings(port=board.path, accept_no_deadman=True)) as motors,
+        ):
             assert until(lambda motors=motors: motors.fault is None)
             motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
             assert board.wait_for(-100, 100)
@@ -165,7 +168,7 @@ def test_the_end_of_the_daemon_stops_the_motors_within_20_ms() -> None:
 
 def test_whoever_stops_the_motors_is_held_up_by_nobody(board: FakeBoard) -> None:
     """Not even by a motor thread that takes no notice: the pipe that wakes it is full by then."""
-    motors = Motors(Board(port=board.path))  # its thread was never started
+    motors = Motors(BoardSettings(port=board.path))  # its thread was never started
     assert time.monotonic_ns() - motors.progress_ns < 10**9, "it is not called stuck by that"
 
     def halt() -> None:
@@ -259,7 +262,7 @@ def test_a_lost_board_stands_for_nobody_and_says_so_at_once(
 
 
 def test_leaving_the_context_stops_the_motors(board: FakeBoard) -> None:
-    with Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
+    with Motors(BoardSettings(port=board.path, accept_no_deadman=True)) as motors:
         assert until(lambda: motors.fault is None)
         motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
         assert board.wait_for(-100, 100)
@@ -269,7 +272,7 @@ def test_leaving_the_context_stops_the_motors(board: FakeBoard) -> None:
 def test_stock_firmware_drives_only_when_accepted(
     board: FakeBoard, caplog: pytest.LogCaptureFixture
 ) -> None:
-    with Motors(Board(port=board.path)) as motors:
+    with Motors(BoardSettings(port=board.path)) as motors:
         assert until(lambda: motors.version != "")
         assert until(lambda: "keeps driving if this computer dies" in caplog.text)
         assert motors.fault is not None
@@ -280,7 +283,7 @@ def test_stock_firmware_drives_only_when_accepted(
 
 
 def test_firmware_with_a_deadman_drives_without_asking() -> None:
-    with FakeBoard("mbot-deadman 1") as board, Motors(Board(port=board.path)) as motors:
+    with FakeBoard("mbot-deadman 1") as board, Motors(BoardSettings(port=board.path)) as motors:
         assert until(lambda: motors.fault is None)
         motors.drive(WheelCommand(AHEAD, for_ms(500)))
         assert board.wait_for(-100, 100)
@@ -364,7 +367,7 @@ def test_unplugging_is_noticed_and_plugging_in_mended(tmp_path: object) -> None:
     link = os.path.join(str(tmp_path), "board")  # noqa: PTH118
     first, second = FakeBoard(), FakeBoard()
     os.symlink(first.path, link)  # noqa: PTH211
-    with first, second, Motors(Board(port=link, accept_no_deadman=True)) as motors:
+    with first, second, Motors(BoardSettings(port=link, accept_no_deadman=True)) as motors:
         assert until(lambda: motors.fault is None)
         motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
         assert first.wait_for(-100, 100)
@@ -380,7 +383,7 @@ def test_unplugging_is_noticed_and_plugging_in_mended(tmp_path: object) -> None:
 
 
 def test_a_second_process_is_kept_out(motors: Motors, board: FakeBoard) -> None:
-    with Motors(Board(port=board.path, accept_no_deadman=True)) as second:
+    with Motors(BoardSettings(port=board.path, accept_no_deadman=True)) as second:
         assert until(lambda: second.fault is not None and "in use" in second.fault.detail)
     assert motors.fault is None
 
@@ -389,7 +392,7 @@ def test_a_second_process_is_kept_out(motors: Motors, board: FakeBoard) -> None:
     ("port", "words"), [("/dev/nothing-here", "is it plugged in"), ("/dev/null", "cannot open")]
 )
 def test_a_wrong_port_is_explained(port: str, words: str) -> None:
-    with Motors(Board(port=port)) as motors:
+    with Motors(BoardSettings(port=port)) as motors:
         assert until(lambda: motors.fault is not None and words in motors.fault.detail)
 
 
@@ -398,7 +401,7 @@ def test_a_silent_device_never_gets_a_drive_frame(
 ) -> None:
     monkeypatch.setattr(mcore_session, "HANDSHAKE_TIMEOUT_S", 0.5)
     board.mute = True
-    with Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
+    with Motors(BoardSettings(port=board.path, accept_no_deadman=True)) as motors:
         assert until(lambda: motors.fault is not None and "baud" in motors.fault.detail)
         motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
         asked = bytes(board.received).count(ASK_VERSION)
@@ -409,7 +412,10 @@ def test_a_silent_device_never_gets_a_drive_frame(
 @settings(max_examples=60)
 @given(st.binary(min_size=1, max_size=80))
 def test_garbage_from_the_board_ends_stopped(garbage: bytes) -> None:
-    with FakeBoard() as board, Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
+    with (
+        FakeBoard() as board,
+        Motors(BoardSettings(port=board.path, accept_no_deadman=True)) as motors,
+    ):
         assert until(lambda: motors.fault is None)
         motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
         board.say(garbage)
@@ -435,7 +441,7 @@ def test_waiting_for_a_board_is_not_spinning(
     monkeypatch.setattr(mcore_session, "HANDSHAKE_TIMEOUT_S", 0.6)
     monkeypatch.setattr(McoreSession, "_read", counted)
     board.mute = True
-    with Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
+    with Motors(BoardSettings(port=board.path, accept_no_deadman=True)) as motors:
         motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
         assert until(lambda: motors.fault is not None and "baud" in motors.fault.detail)
     assert looks < 20
@@ -444,7 +450,10 @@ def test_waiting_for_a_board_is_not_spinning(
 @pytest.fixture
 def latching() -> Iterator[tuple[Motors, FakeBoard]]:
     """Firmware that refuses to drive after a reset or a silence until it is armed."""
-    with FakeBoard("mbot-deadman 2 300ms") as board, Motors(Board(port=board.path)) as motors:
+    with (
+        FakeBoard("mbot-deadman 2 300ms") as board,
+        Motors(BoardSettings(port=board.path)) as motors,
+    ):
         assert until(lambda: motors.fault is None)
         yield motors, board
 
@@ -535,7 +544,10 @@ def test_refusals_that_follow_at_once_are_a_latch_too_and_no_lost_board(
     """The stop between them was acknowledged, so the board is there."""
     monkeypatch.setattr(mcore_session, "ACKNOWLEDGE_TIMEOUT_S", 0.3)
     monkeypatch.setattr(motors_module, "IDLE_HEARTBEAT_S", 30.0)
-    with FakeBoard("mbot-deadman 2 300ms") as board, Motors(Board(port=board.path)) as motors:
+    with (
+        FakeBoard("mbot-deadman 2 300ms") as board,
+        Motors(BoardSettings(port=board.path)) as motors,
+    ):
         assert until(lambda: motors.fault is None)
         board.latched = True
         for _ in range(2):  # the second one while the first one's acknowledgement is waited for
@@ -607,7 +619,7 @@ def test_a_thread_that_waits_is_seen_to_work(board: FakeBoard, tmp_path: Path) -
     """Else the watchdog would end a daemon whose board is just not there."""
     board.mute = True
     link = tmp_path / "board"
-    with Motors(Board(port=str(link))) as motors:
+    with Motors(BoardSettings(port=str(link))) as motors:
 
         def works() -> bool:
             now_ns = time.monotonic_ns()
@@ -636,7 +648,7 @@ def test_a_port_that_is_not_there_is_looked_for_now_and_then_and_told_of_once(
         return find_port(configured)
 
     monkeypatch.setattr(mcore_port, "find_port", counted)
-    with Motors(Board(port=str(tmp_path / "board"))) as motors:
+    with Motors(BoardSettings(port=str(tmp_path / "board"))) as motors:
         assert until(lambda: looks >= 3)
         assert looks == 3
         assert motors.wait_stopped(0.1), "there is nothing to wait for"
@@ -688,7 +700,7 @@ def test_a_thread_that_stumbles_again_and_again_pauses_between(
         raise ZeroDivisionError
 
     monkeypatch.setitem(board_kinds.KINDS, "stumbling", stumble)
-    with Motors(Board(kind="stumbling")):
+    with Motors(BoardSettings(kind="stumbling")):
         time.sleep(0.5)
     assert 1 <= caplog.text.count("the motor thread stumbled") < 10
 
@@ -727,7 +739,7 @@ def test_another_board_of_the_same_maker_is_never_driven(version: str) -> None:
     dead man's switch is asked for."""
     with (
         FakeBoard(version) as board,
-        Motors(Board(port=board.path, accept_no_deadman=True)) as motors,
+        Motors(BoardSettings(port=board.path, accept_no_deadman=True)) as motors,
     ):
         assert until(lambda: motors.version == version)
         assert motors.fault is not None
@@ -741,7 +753,7 @@ def test_closing_does_not_wait_for_the_next_word_to_the_board(
     board: FakeBoard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(motors_module, "IDLE_HEARTBEAT_S", 10.0)
-    motors = Motors(Board(port=board.path, accept_no_deadman=True))
+    motors = Motors(BoardSettings(port=board.path, accept_no_deadman=True))
     assert motors.fault is not None
     assert motors.fault.kind == "board-starting"
     with motors:
@@ -753,7 +765,7 @@ def test_closing_does_not_wait_for_the_next_word_to_the_board(
 
 
 def test_a_board_that_is_not_there_costs_no_processor() -> None:
-    with Motors(Board(port="/dev/there-is-none")) as motors:
+    with Motors(BoardSettings(port="/dev/there-is-none")) as motors:
         assert until(lambda: motors.fault is not None and motors.fault.kind == "board-lost")
         assert processor_share(0.4) < 0.15
 
@@ -775,7 +787,7 @@ def processor_share(seconds: float) -> float:
 
 def test_a_kind_of_board_that_nobody_knows_is_named_at_once() -> None:
     with pytest.raises(ConfigurationError, match=r"board\.kind is 'nocore', expected one of mcore"):
-        Motors(Board(kind="nocore"))
+        Motors(BoardSettings(kind="nocore"))
 
 
 @pytest.mark.parametrize(("left", "right"), [(True, False), (False, True), (False, False)])
@@ -783,7 +795,7 @@ def test_a_reversed_motor_runs_backward_when_its_wheel_rolls_forward(
     board: FakeBoard, left: bool, right: bool
 ) -> None:
     wheels = WheelMaps(MotorMap(left), MotorMap(right))
-    with Motors(Board(port=board.path, accept_no_deadman=True), wheels) as motors:
+    with Motors(BoardSettings(port=board.path, accept_no_deadman=True), wheels) as motors:
         assert until(lambda: motors.fault is None)
         motors.drive(WheelCommand(Duties(0.4, 0.2), for_ms(10_000)))
         assert board.wait_for(-102 if left else 102, -51 if right else 51)

@@ -12,7 +12,7 @@ import pytest
 from mbot_agent.camera.capture import CaptureThread
 from mbot_agent.camera.pi_camera_source import SENSOR_MODE, PiCameraSource
 from mbot_agent.camera.source_contract import CameraError
-from mbot_agent.configuration import Camera
+from mbot_agent.configuration import CameraSettings
 
 from ..end_to_end.processes import until
 
@@ -99,7 +99,7 @@ def picamera2(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_full_view_mode_is_pinned_and_the_colour_order_asked_for() -> None:
-    with PiCameraSource(Camera()):
+    with PiCameraSource(CameraSettings()):
         configuration = StandIn.newest.configuration
         # picamera2 names formats backwards: BGR888 lies as R, G, B in memory.
         assert configuration["main"] == {"size": (320, 240), "format": "BGR888"}
@@ -109,7 +109,7 @@ def test_the_full_view_mode_is_pinned_and_the_colour_order_asked_for() -> None:
 
 
 def test_frames_carry_the_sensors_time_on_our_clock_and_are_given_back() -> None:
-    with PiCameraSource(Camera()) as source:
+    with PiCameraSource(CameraSettings()) as source:
         shot = source.read()
         age_ms = (time.monotonic_ns() - shot.captured_ns) / 1e6
     assert shot.picture().shape == (240, 320, 3)
@@ -118,20 +118,20 @@ def test_frames_carry_the_sensors_time_on_our_clock_and_are_given_back() -> None
 
 
 def test_a_configured_size_is_asked_of_the_isp() -> None:
-    with PiCameraSource(Camera(width_px=640, height_px=480)):
+    with PiCameraSource(CameraSettings(width_px=640, height_px=480)):
         main = StandIn.newest.configuration["main"]
     assert main == {"size": (640, 480), "format": "BGR888"}
 
 
 def test_a_hanging_camera_is_an_error_in_time() -> None:
-    with PiCameraSource(Camera()) as source:
+    with PiCameraSource(CameraSettings()) as source:
         StandIn.newest.hangs = True
         with pytest.raises(CameraError, match="delivers no frames"):
             source.read()
 
 
 def test_a_hung_camera_is_closed_and_started_anew() -> None:
-    with CaptureThread(Camera()) as capture:
+    with CaptureThread(CameraSettings()) as capture:
         assert until(capture.is_fresh)
         first = StandIn.newest
         first.hangs = True
@@ -151,7 +151,7 @@ def test_a_library_that_does_not_load_is_told_in_one_line_once(
     monkeypatch.delitem(sys.modules, "picamera2")
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(CameraError, match=rf"another numpy.*\({error} numpy.dtype size changed"):
-        PiCameraSource(Camera()).__enter__()
+        PiCameraSource(CameraSettings()).__enter__()
     assert_one_warning(caplog)
 
 
@@ -170,7 +170,7 @@ def test_whatever_the_library_raises_is_a_camera_that_is_lost(
 
 def assert_one_warning(caplog: pytest.LogCaptureFixture) -> None:
     """However often the camera is tried."""
-    with CaptureThread(Camera()) as capture:
+    with CaptureThread(CameraSettings()) as capture:
         assert until(lambda: capture.fault is not None and capture.fault.kind == "camera-lost")
         time.sleep(1.0)
     assert len(caplog.records) == 1
@@ -178,7 +178,7 @@ def assert_one_warning(caplog: pytest.LogCaptureFixture) -> None:
 
 
 def test_a_frame_without_its_time_is_no_frame(monkeypatch: pytest.MonkeyPatch) -> None:
-    with PiCameraSource(Camera()) as source:
+    with PiCameraSource(CameraSettings()) as source:
         monkeypatch.setattr(StandInRequest, "get_metadata", lambda _: {})
         with pytest.raises(CameraError, match=r"no frames.*KeyError 'SensorTimestamp'"):
             source.read()
@@ -188,25 +188,25 @@ def test_a_frame_without_its_time_is_no_frame(monkeypatch: pytest.MonkeyPatch) -
 def test_no_camera_on_the_cable_is_explained() -> None:
     StandIn.cameras = []
     with pytest.raises(CameraError, match="check the cable"):
-        PiCameraSource(Camera()).__enter__()
+        PiCameraSource(CameraSettings()).__enter__()
 
 
 def test_a_camera_of_another_format_is_closed_and_refused() -> None:
     StandIn.pixel_format = "YUYV"
     with pytest.raises(CameraError, match="gives YUYV"):
-        PiCameraSource(Camera()).__enter__()
+        PiCameraSource(CameraSettings()).__enter__()
     assert StandIn.newest.closed
 
 
 def test_a_camera_that_does_not_start_is_closed_for_the_next_attempt() -> None:
     StandIn.busy = True
     with pytest.raises(CameraError, match=r"is another program using it\? .*resource busy"):
-        PiCameraSource(Camera()).__enter__()
+        PiCameraSource(CameraSettings()).__enter__()
     assert StandIn.newest.closed
 
 
 def test_the_light_is_held_and_let_go() -> None:
-    with PiCameraSource(Camera()) as source:
+    with PiCameraSource(CameraSettings()) as source:
         assert source.hold_light(True)
         assert source.hold_light(False)
         assert StandIn.newest.controls == [
@@ -218,7 +218,7 @@ def test_the_light_is_held_and_let_go() -> None:
 def test_a_camera_without_these_controls_drives_on_and_says_so(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    with PiCameraSource(Camera()) as source:
+    with PiCameraSource(CameraSettings()) as source:
         StandIn.newest.refuses = True
         assert not source.hold_light(True)
         assert "AwbEnable is not advertised" in caplog.text

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mbot_agent.camera.picture_check import BLACK_BELOW, PictureCheck, RecentPictures, is_black
-from mbot_agent.configuration import Camera
+from mbot_agent.configuration import CameraSettings
 
 from .camera_bench import MILLISECOND, noise
 
@@ -41,7 +41,7 @@ def test_a_frozen_picture_says_what_may_be_done(
     source: str, mend: str, other: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A robot that cannot move is no reason for a sensor without any noise."""
-    check = PictureCheck(Camera(source=source))
+    check = PictureCheck(CameraSettings(source=source))
     monkeypatch.setattr(time, "monotonic_ns", lambda: 0)
     check.drives(driving=True)
     faults = [check.judge(noise(0), at_ms * MILLISECOND) for at_ms in (0, 2000)]

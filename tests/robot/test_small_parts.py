@@ -9,7 +9,7 @@ import pytest
 
 from mbot_agent.camera.opencv_source import OpenCvSource, device_index
 from mbot_agent.camera.source_contract import CameraError
-from mbot_agent.configuration import Camera
+from mbot_agent.configuration import CameraSettings
 from mbot_agent.network.pulse import Pulse
 from mbot_agent.process.service_manager import notify
 
@@ -28,7 +28,7 @@ def test_a_film_is_a_camera_until_its_end(tmp_path: Path) -> None:
     for level in (50, 100, 150):
         writer.write(np.full((48, 64, 3), level, np.uint8))
     writer.release()
-    with OpenCvSource(Camera(source=str(path))) as source:
+    with OpenCvSource(CameraSettings(source=str(path))) as source:
         shots = [source.read() for _ in range(3)]
         assert shots[0].captured_ns < shots[1].captured_ns < shots[2].captured_ns
         with pytest.raises(CameraError):
@@ -38,7 +38,7 @@ def test_a_film_is_a_camera_until_its_end(tmp_path: Path) -> None:
 def test_a_camera_that_is_not_there_is_named() -> None:
     with (
         pytest.raises(CameraError, match=r"missing\.avi"),
-        OpenCvSource(Camera(source="missing.avi")),
+        OpenCvSource(CameraSettings(source="missing.avi")),
     ):
         pass
 

@@ -51,7 +51,7 @@ def to_beat(tick: Tick) -> Beat:
 
 
 def telemetry_to(wire: Wire, **settings: Any) -> Telemetry:
-    return Telemetry(wire, to_beat, configuration.Telemetry(**settings), lambda: FRAME)
+    return Telemetry(wire, to_beat, configuration.TelemetrySettings(**settings), lambda: FRAME)
 
 
 @pytest.mark.parametrize("watched", [True, False])

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from mbot_agent.configuration import Trust
+from mbot_agent.configuration import TrustSettings
 from mbot_agent.models import trust
 from mbot_agent.models.trust import LIFETIME_S, MOST_OUTSTANDING, Nonces
 from mbot_protocol.errors import MbotError
 from mbot_protocol.policy.policy_contract import INPUT_NAME, INPUT_TYPE
-from mbot_protocol.signing.model_manifest import ModelManifest, Tensor
+from mbot_protocol.signing.model_manifest import ModelManifest, SignedTensor
 from mbot_protocol.v1.messages_pb2 import PushReply
 
 from .model_bench import KEY, OTHER_KEY, Robot, SignedManifest, digest, sign
@@ -20,7 +20,7 @@ from .tiny_models import constant_model
 OLD = constant_model(0.1, 0.1, name="old")
 NEW = constant_model(0.2, 0.2, name="new")
 UNSIGNED = SignedManifest(b"", b"", b"")
-BOTH = Trust((KEY.public.line, OTHER_KEY.public.line))
+BOTH = TrustSettings((KEY.public.line, OTHER_KEY.public.line))
 
 
 @pytest.fixture
@@ -51,7 +51,7 @@ def test_the_first_push_waits_for_no_library(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delitem(sys.modules, "nacl.signing", raising=False)
-    Robot(tmp_path, trust=Trust())
+    Robot(tmp_path, trust=TrustSettings())
     assert "nacl.signing" not in sys.modules, "without keys it would be for nothing"
     Robot(tmp_path)
     assert "nacl.signing" in sys.modules
@@ -150,10 +150,10 @@ def test_one_persons_clock_does_not_lock_the_other_out(tmp_path: Path) -> None:
 
 
 def test_a_wrong_input_shape_is_refused_before_a_byte_is_sent(robot: Robot) -> None:
-    other = Tensor(INPUT_NAME, INPUT_TYPE, (1, 96, 96, 3))
+    other = SignedTensor(INPUT_NAME, INPUT_TYPE, (1, 96, 96, 3))
     reply = robot.begin(NEW, sign(NEW, robot.nonce(), input=other))
     assert_refused(robot, reply, "[1, 96, 96, 3], expected 'observation' uint8 [1, 64, 64, 3]")
-    other = Tensor("action", "float32", (1, 3))
+    other = SignedTensor("action", "float32", (1, 3))
     reply = robot.begin(NEW, sign(NEW, robot.nonce(), output=other))
     assert_refused(robot, reply, "[1, 3], expected 'action' float32 [1, 2]")
 
@@ -187,7 +187,7 @@ def test_a_clock_that_jumps_by_ten_years_changes_nothing(
 
 
 def test_a_robot_without_keys_says_what_to_do(tmp_path: Path) -> None:
-    robot = Robot(tmp_path, trust=Trust())
+    robot = Robot(tmp_path, trust=TrustSettings())
     reply = robot.push(NEW)
     assert not reply.accepted
     assert "trusts no signing key yet" in reply.reason
@@ -196,13 +196,13 @@ def test_a_robot_without_keys_says_what_to_do(tmp_path: Path) -> None:
 
 
 def test_the_development_setting_takes_everything_and_says_so(tmp_path: Path) -> None:
-    robot = Robot(tmp_path, trust=Trust((), allow_unsigned=True))
+    robot = Robot(tmp_path, trust=TrustSettings((), allow_unsigned=True))
     reply = robot.push(NEW, UNSIGNED)
     assert reply.accepted, reply.reason
     assert reply.active_model.signed_by == ""
     assert [notice.kind for notice in robot.notices] == ["unsigned-models"]
     assert Robot(tmp_path).active == ""
-    assert Robot(tmp_path, trust=Trust((), allow_unsigned=True)).active == "new"
+    assert Robot(tmp_path, trust=TrustSettings((), allow_unsigned=True)).active == "new"
 
 
 def test_a_model_whose_key_is_removed_is_not_loaded_any_more(tmp_path: Path) -> None:
@@ -215,14 +215,14 @@ def test_a_model_whose_key_is_removed_is_not_loaded_any_more(tmp_path: Path) -> 
     reply = only_anna.activate(digest(NEW)[:8])
     assert not reply.accepted
     assert "not among this robot's [trust] keys" in reply.reason
-    assert Robot(tmp_path, trust=Trust()).active == ""
+    assert Robot(tmp_path, trust=TrustSettings()).active == ""
     assert Robot(tmp_path, trust=BOTH).active == "new"
 
 
 @pytest.mark.parametrize("allow_unsigned", [False, True])
 def test_a_copied_card_does_not_drive_another_robot(robot: Robot, allow_unsigned: bool) -> None:
     assert robot.push(NEW).accepted
-    trust = Trust((KEY.public.line,), allow_unsigned=allow_unsigned)
+    trust = TrustSettings((KEY.public.line,), allow_unsigned=allow_unsigned)
     other = Robot(robot.directory, trust=trust, robot_id="other")
     assert (other.active, other.used) == ("", [])
     assert other.notices[-1].kind == "model-unusable"
@@ -249,7 +249,7 @@ def test_rotating_a_key_keeps_the_robot_driving(tmp_path: Path) -> None:
     both = Robot(tmp_path, trust=BOTH)
     assert both.active == "old"
     assert both.push(OLD, sign(OLD, both.nonce(), OTHER_KEY)).accepted  # the same model again
-    only_bert = Robot(tmp_path, trust=Trust((OTHER_KEY.public.line,)))
+    only_bert = Robot(tmp_path, trust=TrustSettings((OTHER_KEY.public.line,)))
     assert only_bert.active == "old"
 
 
@@ -302,11 +302,13 @@ def test_another_start_of_the_daemon_knows_none_of_them() -> None:
 @pytest.mark.parametrize(
     ("settings", "kind"),
     [
-        (Trust(allow_unsigned=True), "unsigned-models"),
-        (Trust(), "no-trusted-key"),
-        (Trust((KEY.public.line,)), ""),
+        (TrustSettings(allow_unsigned=True), "unsigned-models"),
+        (TrustSettings(), "no-trusted-key"),
+        (TrustSettings((KEY.public.line,)), ""),
     ],
 )
-def test_it_is_said_whose_models_are_taken(tmp_path: Path, settings: Trust, kind: str) -> None:
+def test_it_is_said_whose_models_are_taken(
+    tmp_path: Path, settings: TrustSettings, kind: str
+) -> None:
     notice = Robot(tmp_path, trust=settings).trust.notice
     assert (notice.kind if notice else "") == kind

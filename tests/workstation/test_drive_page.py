@@ -25,7 +25,7 @@ from mbot_workstation.look.drives.attention import attention
 from mbot_workstation.look.drives.drive_figures import HISTOGRAM_BINS, Latency, figures
 from mbot_workstation.look.drives.drive_film import RATE_HZ, film
 from mbot_workstation.look.drives.drive_page import drive_page
-from mbot_workstation.look.drives.driven_path import Place
+from mbot_workstation.look.drives.driven_path import PathPoint
 from mbot_workstation.pictures.picture_file import encode_picture
 
 from .called import output_of
@@ -81,7 +81,7 @@ class Sources(HTMLParser):
 def test_a_path_is_drawn_where_it_is_known(drive: RecordedDrive) -> None:
     began_ns = drive.beats[0].decision.unix_time_ns
     places = [
-        Place(began_ns + n * 10**8, (0.1 * n, 0.5), 0.0, (1.0, 2.0 if n < 5 else 3.0))
+        PathPoint(began_ns + n * 10**8, (0.1 * n, 0.5), 0.0, (1.0, 2.0 if n < 5 else 3.0))
         for n in range(-3, 10)
     ]
     text = drive_page([figures(drive)], places)

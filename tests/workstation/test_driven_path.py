@@ -12,7 +12,7 @@ from mbot_workstation.look.drives.driven_path import (
     LONGEST_PATH,
     DrivenPath,
     PathFile,
-    Place,
+    PathPoint,
     Point,
 )
 from mbot_workstation.look.drives.live_view import MapLog
@@ -30,7 +30,7 @@ def test_half_a_line_is_read_when_it_is_whole(tmp_path: Path) -> None:
     path = tmp_path / "path.jsonl"
     path.write_bytes(line(0.1) + b'{"t": 2, "event": "touch", "score": 1}\n' + line(0.2)[:20])
     file = PathFile(path)
-    assert file.read() == [Place(2_500_000_000, (0.1, 0.5), 0.25, (1.0, 2.0))]
+    assert file.read() == [PathPoint(2_500_000_000, (0.1, 0.5), 0.25, (1.0, 2.0))]
     assert file.read() == []
     with path.open("ab") as more:
         more.write(line(0.2)[20:])
@@ -63,20 +63,20 @@ def test_what_the_virtual_robot_writes_can_be_read_at_once(tmp_path: Path) -> No
 def test_who_is_carried_draws_no_line() -> None:
     path = DrivenPath()
     for x_m in (0.0, 0.1, 0.2, 1.0, 1.1):
-        path.add(Place(0, (x_m, 0.0), 0.0, (0.0, 0.0)))
+        path.add(PathPoint(0, (x_m, 0.0), 0.0, (0.0, 0.0)))
     assert path.strips == [[(0.0, 0.0), (0.1, 0.0), (0.2, 0.0)], [(1.0, 0.0), (1.1, 0.0)]]
     for _ in range(2 * LONGEST_PATH):
-        path.add(Place(0, (1.1, 0.0), 0.0, (0.0, 0.0)))
+        path.add(PathPoint(0, (1.1, 0.0), 0.0, (0.0, 0.0)))
     assert sum(map(len, path.strips)) == LONGEST_PATH
 
 
 def test_a_map_grows_with_its_file(tmp_path: Path) -> None:
     class Viewer:
         def __init__(self) -> None:
-            self.places: list[Place] = []
+            self.places: list[PathPoint] = []
             self.paths: list[object] = []
 
-        def log_place(self, robot: str, place: Place) -> None:
+        def log_place(self, robot: str, place: PathPoint) -> None:
             assert robot == "mbot-1"
             self.places.append(place)
 

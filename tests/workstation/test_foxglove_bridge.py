@@ -20,7 +20,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision, State, Wheels
 from mbot_workstation.cli.subcommands import app as workstation
 from mbot_workstation.fleet.telemetry.stream import Sample
-from mbot_workstation.look.drives.driven_path import Place
+from mbot_workstation.look.drives.driven_path import PathPoint
 from mbot_workstation.look.drives.foxglove_bridge import FoxgloveBridge
 
 from .fake_robot import FakeRobot
@@ -72,7 +72,7 @@ def test_a_client_subscribes_and_gets_plain_topics() -> None:
                 for sample in (Sample(decision, 0), Sample(small, 0), Sample(large, 0, True)):
                     bridge.take(sample)
                 bridge._before = None
-                bridge.take_place(Place(TIME_NS, (1.0, 2.0), math.pi / 2, (0.0, 0.0)))
+                bridge.take_place(PathPoint(TIME_NS, (1.0, 2.0), math.pi / 2, (0.0, 0.0)))
                 try:
                     data = client.recv(timeout=0.05)
                 except TimeoutError:

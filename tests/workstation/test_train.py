@@ -33,7 +33,7 @@ from mbot_workstation.learn.learning.memory_policy import (
 )
 from mbot_workstation.learn.learning.picture_ppo import PicturePPO
 from mbot_workstation.learn.learning.progress_display import LineDisplay
-from mbot_workstation.learn.learning.progress_log import Episode, ProgressLog, read_progress
+from mbot_workstation.learn.learning.progress_log import FinishedEpisode, ProgressLog, read_progress
 from mbot_workstation.learn.learning.run_directory import RunDirectory
 from mbot_workstation.learn.learning.training_config import TrainingConfig, read_config
 from mbot_workstation.learn.learning.training_run import TrainingResult, begin_run, train
@@ -250,14 +250,14 @@ def test_what_is_no_run_is_named(tmp_path: Path) -> None:
 def test_progress_is_a_row_an_interval_and_forgets_a_lost_future(tmp_path: Path) -> None:
     path = tmp_path / "progress.csv"
     log = ProgressLog(path, "touches", row_every=100)
-    log.add(Episode(2.0, 10, 1))
-    log.add(Episode(-1.0, 30, 0))
+    log.add(FinishedEpisode(2.0, 10, 1))
+    log.add(FinishedEpisode(-1.0, 30, 0))
     assert log.row_if_due(99, 1.0, "1") is None
     row = log.row_if_due(104, 1.0, "1")
     assert row is not None
     assert (row.mean_reward, row.mean_length, row.mean_count, row.episodes) == (0.5, 20, 0.5, 2)
     assert log.row_if_due(205, 2.0, "1") is None  # no episode has ended
-    log.add(Episode(3.0, 10, 1))
+    log.add(FinishedEpisode(3.0, 10, 1))
     assert log.row_if_due(206, 2.0, "2") is not None
     assert [row.step for row in read_progress(path)] == [104, 206]
     ProgressLog(path, "touches", step=150, row_every=100)

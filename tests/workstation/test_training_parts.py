@@ -32,7 +32,7 @@ from mbot_workstation.learn.worlds.rooms import (
     training_rooms,
 )
 from mbot_workstation.learn.worlds.shared_arrays import SharedMemory
-from mbot_workstation.learn.worlds.worker import Done, Quit, Reset, Step, run_worker
+from mbot_workstation.learn.worlds.worker import Done, Quit, Reset, StepAll, run_worker
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.camera.frame_edges import FrameEdges
 from mbot_workstation.sim.effects.effects import IDEAL, RealWorldEffects
@@ -131,7 +131,7 @@ def test_memory_is_shared_by_its_arrays() -> None:
 def test_a_worker_serves_its_share_until_told_to_quit() -> None:
     ours, theirs = multiprocessing.Pipe()
     memory = SharedMemory.allocate(multiprocessing.get_context("spawn"), 1, TASK)
-    for request in ("fetch", settings(), Reset(seeds=(5,)), Step(), Quit()):
+    for request in ("fetch", settings(), Reset(seeds=(5,)), StepAll(), Quit()):
         ours.send(request)
     before = signal.getsignal(signal.SIGINT)
     try:

@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 from mbot_agent.board.board_session import BoardSession
 from mbot_agent.board.mcore.mcore_session import McoreSession
-from mbot_agent.configuration import Board
+from mbot_agent.configuration import BoardSettings
 from mbot_protocol.errors import ConfigurationError
 
-Opener = Callable[[Board, int | None], BoardSession]
+Opener = Callable[[BoardSettings, int | None], BoardSession]
 """Finds and opens the port of a board as configured; nothing is sent yet. The number is a pipe
 that interrupts `BoardSession.wait`, if somebody may want to. Raises UnreachableError."""
 
@@ -16,7 +16,7 @@ KINDS: dict[str, Opener] = {"mcore": McoreSession.open}
 is written here."""
 
 
-def opener(board: Board) -> Opener:
+def opener(board: BoardSettings) -> Opener:
     """What opens a board of this kind.
 
     Raises:

@@ -4,7 +4,7 @@ import logging
 import time
 
 from mbot_agent.board import board_kinds
-from mbot_agent.configuration import Board
+from mbot_agent.configuration import BoardSettings
 from mbot_protocol.errors import UnreachableError
 
 log = logging.getLogger(__name__)
@@ -15,7 +15,7 @@ TIME_LIMIT_S = 8.0
 PAUSE_S = 0.3
 
 
-def stop_motors(board: Board) -> None:
+def stop_motors(board: BoardSettings) -> None:
     """Open the port, stop the motors and wait for the board's word that they stand.
 
     Opening the port resets a real mCore, which already turns its motors off; the handshake then
@@ -26,7 +26,7 @@ def stop_motors(board: Board) -> None:
         UnreachableError: the board could not be told in 8 s.
 
     """
-    open_board = board_kinds.KINDS.get(board.kind, board_kinds.KINDS[Board().kind])
+    open_board = board_kinds.KINDS.get(board.kind, board_kinds.KINDS[BoardSettings().kind])
     end_s = time.monotonic() + TIME_LIMIT_S
     while True:
         try:

@@ -19,7 +19,7 @@ from mbot_agent.board.board_session import (
     Firmware,
     UnacknowledgedError,
 )
-from mbot_agent.configuration import Board
+from mbot_agent.configuration import BoardSettings
 from mbot_agent.faults import Fault
 from mbot_agent.hardware import Delivery
 from mbot_protocol.back_off import BackOff
@@ -52,7 +52,7 @@ class Motors:
 
     """
 
-    def __init__(self, board: Board, wheels: WheelMaps = AS_BUILT) -> None:
+    def __init__(self, board: BoardSettings, wheels: WheelMaps = AS_BUILT) -> None:
         """`wheels` say which motor is reversed.
 
         Raises:

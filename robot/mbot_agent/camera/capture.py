@@ -9,7 +9,7 @@ from mbot_agent.camera.automatics import Automatics, Light
 from mbot_agent.camera.frame_sources import frame_source
 from mbot_agent.camera.picture_check import PictureCheck, is_black
 from mbot_agent.camera.source_contract import CameraError, FrameSource, JpegError, Shot
-from mbot_agent.configuration import Camera, shown_source
+from mbot_agent.configuration import CameraSettings, shown_source
 from mbot_agent.faults import Fault
 from mbot_agent.hardware import Frame
 from mbot_protocol.back_off import BackOff
@@ -29,7 +29,7 @@ INTERVAL_WEIGHT = 1 / 32
 class CaptureThread:
     """Reads the camera as fast as it delivers, reopening it when it fails. A context manager."""
 
-    def __init__(self, camera: Camera) -> None:
+    def __init__(self, camera: CameraSettings) -> None:
         self._check = PictureCheck(camera)
         self._camera = camera
         self._stale_after_ns = int(camera.stale_after_ms * 1e6)

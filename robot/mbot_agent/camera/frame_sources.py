@@ -3,10 +3,10 @@
 from mbot_agent.camera.opencv_source import OpenCvSource, device_index
 from mbot_agent.camera.pi_camera_source import PiCameraSource
 from mbot_agent.camera.source_contract import FrameSource
-from mbot_agent.configuration import Camera
+from mbot_agent.configuration import CameraSettings
 
 
-def frame_source(camera: Camera) -> FrameSource:
+def frame_source(camera: CameraSettings) -> FrameSource:
     """The source a configuration names; not opened yet."""
     if camera.source == "picamera2":
         return PiCameraSource(camera)
@@ -18,6 +18,6 @@ def frame_source(camera: Camera) -> FrameSource:
     return OpenCvSource(camera)
 
 
-def is_real_camera(camera: Camera) -> bool:
+def is_real_camera(camera: CameraSettings) -> bool:
     """Whether frames come from a sensor on this machine, whose noise makes each one different."""
     return camera.source == "picamera2" or device_index(camera.source) is not None

@@ -8,7 +8,7 @@ from typing import Self, cast
 import cv2
 
 from mbot_agent.camera.source_contract import OPEN_TIMEOUT_S, READ_TIMEOUT_S, CameraError, Shot
-from mbot_agent.configuration import Camera, shown_source
+from mbot_agent.configuration import CameraSettings, shown_source
 from mbot_protocol.drive.picture import Picture
 from mbot_protocol.drive.video_capture import device_index, open_capture
 
@@ -28,7 +28,7 @@ class OpenCvSource:
     came. A file is played at its own rate, and its end is the camera's end.
     """
 
-    def __init__(self, camera: Camera) -> None:
+    def __init__(self, camera: CameraSettings) -> None:
         self._camera = camera
         self._capture: cv2.VideoCapture | None = None
         self._file_interval_s = 0.0

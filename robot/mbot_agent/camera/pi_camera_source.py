@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 from typing import Any, Self, cast
 
 from mbot_agent.camera.source_contract import READ_TIMEOUT_S, CameraError, Shot
-from mbot_agent.configuration import Camera
+from mbot_agent.configuration import CameraSettings
 from mbot_protocol.drive.picture import Picture
 
 log = logging.getLogger(__name__)
@@ -28,7 +28,7 @@ Another sensor gets the mode that picamera2 (0.3.38) finds nearest, which sees a
 class PiCameraSource:
     """The Raspberry Pi camera by picamera2, scaled on the ISP."""
 
-    def __init__(self, camera: Camera) -> None:
+    def __init__(self, camera: CameraSettings) -> None:
         self._camera = camera
         self._picamera: Any = None
 

@@ -4,7 +4,7 @@ import time
 from collections import deque
 
 from mbot_agent.camera.frame_sources import is_real_camera
-from mbot_agent.configuration import Camera
+from mbot_agent.configuration import CameraSettings
 from mbot_agent.faults import Fault
 from mbot_protocol.drive.picture import Picture
 
@@ -54,7 +54,7 @@ def is_black(picture: Picture) -> bool:
 class PictureCheck:
     """Judges each frame of a stream by its shape, its light and whether it was seen before."""
 
-    def __init__(self, camera: Camera) -> None:
+    def __init__(self, camera: CameraSettings) -> None:
         size = camera.height_px, camera.width_px
         self._shape = None if None in size else (*size, 3)
         self._camera = camera

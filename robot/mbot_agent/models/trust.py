@@ -93,7 +93,7 @@ class Trust:
     """
 
     def __init__(
-        self, settings: configuration.Trust, robot_id: str, floors: SequenceFloors
+        self, settings: configuration.TrustSettings, robot_id: str, floors: SequenceFloors
     ) -> None:
         self.keys: tuple[PublicKey, ...] = settings.public_keys
         self.accepts_unsigned = settings.allow_unsigned

@@ -51,7 +51,7 @@ class Telemetry:
         self,
         publisher: Publisher,
         to_beat: Callable[[Tick], Beat],
-        settings: configuration.Telemetry,
+        settings: configuration.TelemetrySettings,
         glance: Callable[[], Picture | None],
     ) -> None:
         """Prepare; `glance` gives the camera's newest frame: (height, width, 3), uint8, RGB."""

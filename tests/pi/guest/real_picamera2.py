@@ -21,7 +21,7 @@ def main() -> None:
     allocator: Any = importlib.import_module("picamera2.allocators.allocator")
     from mbot_agent.camera import pi_camera_source
     from mbot_agent.camera.source_contract import CameraError
-    from mbot_agent.configuration import Camera
+    from mbot_agent.configuration import CameraSettings
 
     class Mapped(allocator.Sync):
         def __init__(self, _: Any, buffer: Any, write: bool) -> None:
@@ -49,7 +49,7 @@ def main() -> None:
 
     picamera2.Picamera2 = Camera2
     said: dict[str, Any] = {"cameras": len(Camera2.global_camera_info())}
-    source = pi_camera_source.PiCameraSource(Camera())
+    source = pi_camera_source.PiCameraSource(CameraSettings())
     try:
         source.__enter__()
     except CameraError as error:

@@ -15,7 +15,7 @@ from mbot_agent.board.board_session import (
 )
 from mbot_agent.board.mcore import mcore_port
 from mbot_agent.board.serial_line import SerialLine
-from mbot_agent.configuration import Board
+from mbot_agent.configuration import BoardSettings
 from mbot_protocol.drive import mcore
 from mbot_protocol.drive.mcore import (
     Acknowledgement,
@@ -61,7 +61,7 @@ class McoreSession:
         self._parser = ReplyParser()
 
     @classmethod
-    def open(cls, board: Board, wake_fd: int | None) -> "McoreSession":
+    def open(cls, board: BoardSettings, wake_fd: int | None) -> "McoreSession":
         """Find and open the port, which resets a real board. Nothing has been sent yet.
 
         Raises:

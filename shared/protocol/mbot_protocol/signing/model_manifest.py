@@ -30,7 +30,7 @@ ACTION_MAP = f"left,right in -1..1 to -{STEP_LIMIT}..{STEP_LIMIT} motor steps"
 Positive = Annotated[int, Meta(ge=1, le=2**63 - 1)]
 
 
-class Tensor(Struct, frozen=True, forbid_unknown_fields=True):
+class SignedTensor(Struct, frozen=True, forbid_unknown_fields=True):
     """Name, numpy type and shape of a model's input or output."""
 
     name: str
@@ -38,8 +38,8 @@ class Tensor(Struct, frozen=True, forbid_unknown_fields=True):
     shape: tuple[int, ...]
 
 
-INPUT = Tensor(INPUT_NAME, INPUT_TYPE, OBSERVATION_SHAPE)
-OUTPUT = Tensor(OUTPUT_NAME, OUTPUT_TYPE, ACTION_SHAPE)
+INPUT = SignedTensor(INPUT_NAME, INPUT_TYPE, OBSERVATION_SHAPE)
+OUTPUT = SignedTensor(OUTPUT_NAME, OUTPUT_TYPE, ACTION_SHAPE)
 
 
 class ModelManifest(Struct, frozen=True, forbid_unknown_fields=True):
@@ -64,8 +64,8 @@ class ModelManifest(Struct, frozen=True, forbid_unknown_fields=True):
     nonce: Annotated[str, Meta(pattern=f"^[0-9a-f]{{{2 * NONCE_BYTES}}}$")]
     not_after_unix_s: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
     allow_downgrade: bool = False
-    input: Tensor = INPUT
-    output: Tensor = OUTPUT
+    input: SignedTensor = INPUT
+    output: SignedTensor = OUTPUT
     actions: str = ACTION_MAP
     version: int = MANIFEST_VERSION
 

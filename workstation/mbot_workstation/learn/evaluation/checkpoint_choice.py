@@ -18,7 +18,7 @@ from mbot_workstation.learn.evaluation.episodes import Score, Trial, evaluate_dr
 from mbot_workstation.learn.learning.checkpoint import read_weights, write_average
 from mbot_workstation.learn.learning.policy_graph import policy_graph
 from mbot_workstation.learn.learning.policy_source import Choice, Rewards, noted_choice
-from mbot_workstation.learn.learning.progress_display import Display
+from mbot_workstation.learn.learning.progress_display import RunDisplay
 from mbot_workstation.learn.learning.run_directory import (
     RunDirectory,
     first_candidate,
@@ -37,7 +37,7 @@ FINAL_EPISODES = 288
 
 
 def choose_checkpoint(
-    run: RunDirectory, config: TrainingConfig, display: Display, stop: threading.Event
+    run: RunDirectory, config: TrainingConfig, display: RunDisplay, stop: threading.Event
 ) -> None:
     """Try a finished run's last checkpoints and their average, and note the best in its folder.
 
@@ -101,7 +101,7 @@ def _trial(config: TrainingConfig) -> Trial:
 
 
 def _round(
-    candidates: Sequence[Path], trial: Trial, display: Display, stop: threading.Event
+    candidates: Sequence[Path], trial: Trial, display: RunDisplay, stop: threading.Event
 ) -> Rewards | None:
     """Each one's mean reward; None if someone says stop meanwhile."""
     found: Rewards = {}

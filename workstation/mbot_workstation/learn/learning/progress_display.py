@@ -12,7 +12,7 @@ from mbot_workstation.learn.learning.progress_log import ProgressRow
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class RunMoment:
     """A run at one moment.
 
     Attributes:
@@ -35,7 +35,7 @@ class Moment:
         return (self.steps - self.step) / self.steps_per_s if self.steps_per_s > 0 else 0.0
 
 
-class Display(Protocol):
+class RunDisplay(Protocol):
     """Shows a run; used in a `with`."""
 
     def __enter__(self) -> Self: ...
@@ -47,7 +47,7 @@ class Display(Protocol):
         trace: TracebackType | None,
     ) -> None: ...
 
-    def show(self, moment: Moment) -> None:
+    def show(self, moment: RunMoment) -> None:
         """Called a few times a second at most."""
         ...
 
@@ -74,7 +74,7 @@ class LineDisplay:
     ) -> None:
         return None
 
-    def show(self, moment: Moment) -> None:
+    def show(self, moment: RunMoment) -> None:
         """Nothing."""
 
     def row(self, row: ProgressRow, counted: str) -> None:
@@ -117,7 +117,7 @@ class BarDisplay(LineDisplay):
     ) -> None:
         self._progress.stop()
 
-    def show(self, moment: Moment) -> None:
+    def show(self, moment: RunMoment) -> None:
         """Move the bar."""
         self._progress.update(
             self._task,
@@ -128,7 +128,7 @@ class BarDisplay(LineDisplay):
         )
 
 
-def figures(moment: Moment) -> str:
+def figures(moment: RunMoment) -> str:
     """Reward, length, speed and time left in one short text."""
     speed = f"{moment.steps_per_s:,.0f} steps/s, {clock(moment.left_s)} left"
     if moment.means is None:
@@ -144,7 +144,7 @@ def clock(seconds: float) -> str:
     return f"{hours}:{minutes:02d}:{rest:02d}"
 
 
-def display() -> Display:
+def display() -> RunDisplay:
     """What suits stderr."""
     console = Console(stderr=True)
     return BarDisplay(console) if console.is_terminal else LineDisplay()

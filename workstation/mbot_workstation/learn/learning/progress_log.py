@@ -2,7 +2,7 @@
 
 import csv
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from statistics import fmean
@@ -46,7 +46,7 @@ def columns(counted: str) -> list[str]:
 
 
 @dataclass(frozen=True, slots=True)
-class Episode:
+class FinishedEpisode:
     """A finished episode: its reward, length in decisions, and what the task counts."""
 
     reward: float
@@ -62,15 +62,15 @@ class ProgressLog:
         self._path = path
         self._row_every = row_every
         self._next_step = (step // row_every + 1) * row_every
-        self._since_row: list[Episode] = []
-        self.recent: deque[Episode] = deque(maxlen=WINDOW_EPISODES)
+        self._since_row: list[FinishedEpisode] = []
+        self.recent: deque[FinishedEpisode] = deque(maxlen=WINDOW_EPISODES)
         kept = [row for row in read_progress(path) if row.step <= step] if path.is_file() else []
         with path.open("w", newline="") as file:
             writer = csv.writer(file)
             writer.writerow(columns(counted))
             writer.writerows(astuple(row) for row in kept)
 
-    def add(self, episode: Episode) -> None:
+    def add(self, episode: FinishedEpisode) -> None:
         """Count a finished episode."""
         self._since_row.append(episode)
         self.recent.append(episode)
@@ -127,7 +127,7 @@ def read_progress(path: Path) -> list[ProgressRow]:
         ) from None
 
 
-def _means(episodes: Sequence[Episode] | deque[Episode]) -> tuple[float, float, float]:
+def _means(episodes: Collection[FinishedEpisode]) -> tuple[float, float, float]:
     return (
         round(fmean(episode.reward for episode in episodes), 4),
         round(fmean(episode.length for episode in episodes), 2),

@@ -12,8 +12,8 @@ from mbot_workstation.learn.learning.checkpoint import (
     write_checkpoint,
 )
 from mbot_workstation.learn.learning.curriculum import CurriculumState, after_episode, is_last
-from mbot_workstation.learn.learning.progress_display import Display, Moment
-from mbot_workstation.learn.learning.progress_log import Episode, ProgressLog, ProgressRow
+from mbot_workstation.learn.learning.progress_display import RunDisplay, RunMoment
+from mbot_workstation.learn.learning.progress_log import FinishedEpisode, ProgressLog, ProgressRow
 from mbot_workstation.learn.learning.run_directory import RunDirectory, first_candidate
 from mbot_workstation.learn.learning.training_config import TrainingConfig
 from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
@@ -37,7 +37,7 @@ class TrainingCallback(BaseCallback):
         run: RunDirectory,
         config: TrainingConfig,
         environment: TaskVecEnv,
-        display: Display,
+        display: RunDisplay,
         stop: threading.Event,
         start: CheckpointState | None,
     ) -> None:
@@ -113,7 +113,7 @@ class TrainingCallback(BaseCallback):
     def _end_episode(self, info: dict[str, Any]) -> None:
         episode = info["episode"]
         reward = float(episode["r"])
-        self._progress.add(Episode(reward, int(episode["l"]), int(info[self._counted])))
+        self._progress.add(FinishedEpisode(reward, int(episode["l"]), int(info[self._counted])))
         before = self.curriculum.index
         self.curriculum = after_episode(
             self.curriculum, self._stages, info["lesson"], reward, self._config.pass_mark
@@ -141,7 +141,7 @@ class TrainingCallback(BaseCallback):
         self._shown_s = now_s
         steps_per_s = (self.num_timesteps - self._step_0) / (now_s - self._started_s)
         self._display.show(
-            Moment(
+            RunMoment(
                 self.num_timesteps,
                 self._config.steps,
                 self.lesson,

@@ -15,7 +15,7 @@ from mbot_workstation.learn.learning.git_state import git_state
 from mbot_workstation.learn.learning.guidance import GUIDE_REMEMBERS
 from mbot_workstation.learn.learning.learner import make_learner
 from mbot_workstation.learn.learning.processor import keep_freed_memory, prepare_gpu
-from mbot_workstation.learn.learning.progress_display import Display
+from mbot_workstation.learn.learning.progress_display import RunDisplay
 from mbot_workstation.learn.learning.run_directory import RunDirectory, write_json
 from mbot_workstation.learn.learning.training_callback import TrainingCallback
 from mbot_workstation.learn.learning.training_config import TrainingConfig
@@ -65,7 +65,7 @@ def begin_run(path: Path, config: TrainingConfig) -> RunDirectory:
 
 
 def train(
-    run: RunDirectory, config: TrainingConfig, display: Display, stop: threading.Event
+    run: RunDirectory, config: TrainingConfig, display: RunDisplay, stop: threading.Event
 ) -> TrainingResult:
     """Train until the steps are made, the target is reached or someone says stop.
 

@@ -17,7 +17,7 @@ from mbot_protocol.drive.picture import Picture
 from mbot_workstation.learn.worlds.segment import Decisions, Pilot, Segment, SegmentPlan
 from mbot_workstation.learn.worlds.shared_arrays import SLOTS
 from mbot_workstation.learn.worlds.task_env import action_space, observation_space
-from mbot_workstation.learn.worlds.worker import DriveSegment, Reset, SetLesson, SetPilot, Step
+from mbot_workstation.learn.worlds.worker import DriveSegment, Reset, SetLesson, SetPilot, StepAll
 from mbot_workstation.learn.worlds.worker_pool import WorkerPool
 from mbot_workstation.learn.worlds.world import info_of
 from mbot_workstation.learn.worlds.world_settings import world_settings
@@ -141,7 +141,7 @@ class TaskVecEnv(VecEnv):
         """Let all robots drive; shape (robots, 2)."""
         self._settle()
         self._arrays.actions[:] = actions
-        self._pool.ask([Step()] * len(self.shares))
+        self._pool.ask([StepAll()] * len(self.shares))
 
     def step_wait(self) -> VecEnvStepReturn:
         """Wait for them; observations, rewards, whether episodes ended, infos."""

@@ -24,7 +24,7 @@ from mbot_workstation.tasks.lesson import Lesson
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class StepAll:
     """Carry out the actions in shared memory."""
 
 
@@ -87,7 +87,7 @@ class Quit:
     """End."""
 
 
-Order = Step | SetPilot | DriveSegment | Reset | SetLesson
+Order = StepAll | SetPilot | DriveSegment | Reset | SetLesson
 Request = Order | Quit
 
 
@@ -160,11 +160,11 @@ class _Share:
         self._episode_lesson = [0] * len(robots)
 
     def carry_out(
-        self, request: Step | SetPilot | DriveSegment | Reset | SetLesson
+        self, request: StepAll | SetPilot | DriveSegment | Reset | SetLesson
     ) -> SegmentShare | None:
         """Do what is asked, and say what there is to be told of it."""
         match request:
-            case Step():
+            case StepAll():
                 self._step_all()
             case SetPilot(pilot):
                 self._pilot = pilot

@@ -20,7 +20,7 @@ _PAUSE_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class WatchedRobot:
     """What a page is to show.
 
     Attributes:
@@ -69,7 +69,7 @@ class RobotWatch:
         """Ask the robot at once: something has just been done to it."""
         self._ask_now.set()
 
-    def view(self) -> View:
+    def view(self) -> WatchedRobot:
         """What there is to show now."""
         with self._lock:
             window = self._window
@@ -80,7 +80,7 @@ class RobotWatch:
                 silence_s=time.monotonic() - self._answered_s,
                 problem=self._problem,
             )
-            return View(
+            return WatchedRobot(
                 self._version,
                 state,
                 window.picture.data if window.picture is not None else b"",
@@ -89,7 +89,7 @@ class RobotWatch:
 
     @property
     def version(self) -> int:
-        """As in `View`."""
+        """As in `WatchedRobot`."""
         return self._version
 
     def _again_and_again(self, work: Callable[[], None]) -> None:

@@ -12,7 +12,7 @@ from mbot_protocol.drive.actions import STEP_LIMIT
 from mbot_protocol.drive.picture import Picture
 from mbot_workstation.look.drives.attention import Looks
 from mbot_workstation.look.drives.drive_figures import DriveFigures, Latency
-from mbot_workstation.look.drives.driven_path import DrivenPath, Place, Point
+from mbot_workstation.look.drives.driven_path import DrivenPath, PathPoint, Point
 from mbot_workstation.pictures.picture_file import encode_picture, observation
 from mbot_workstation.wording import one_line, short_digest
 
@@ -33,7 +33,7 @@ JPEG_QUALITY = 92
 
 def drive_page(
     drives: Sequence[DriveFigures],
-    places: Sequence[Place] = (),
+    places: Sequence[PathPoint] = (),
     looks: Sequence[Looks] = (),
 ) -> str:
     """The whole page: one drive, or several below one another on the same scales.
@@ -73,7 +73,7 @@ def drive_page(
 
 
 @dataclass(frozen=True, slots=True)
-class Tile:
+class PageTile:
     """One picture of the strip, when it was seen, and both wheels in [-1, 1].
 
     `uri` and `looked_uri` are addresses inside the page: the picture, and what mattered in it to
@@ -87,15 +87,15 @@ class Tile:
     right: float
 
 
-def _strip(one: DriveFigures, looks: Looks) -> list[Tile]:
+def _strip(one: DriveFigures, looks: Looks) -> list[PageTile]:
     """Pictures over the whole drive, as the policy saw them: the page enlarges them."""
-    found: list[Tile] = []
+    found: list[PageTile] = []
     for beat in one.chosen(STRIP_TILES):
         picture, steps = observation(beat), beat.decision.steps
         if picture is not None:
             looked = looks.get(beat.key)
             found.append(
-                Tile(
+                PageTile(
                     _uri(picture),
                     "" if looked is None else _uri(looked.picture),
                     one.drive.since_s(beat),
@@ -112,7 +112,7 @@ def _uri(picture: Picture) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Map:
+class PageMap:
     """A path from above, in metres, y down as SVG has it.
 
     Attributes:
@@ -133,7 +133,7 @@ class Map:
     targets: tuple[Point, ...]
 
 
-def _map(one: DriveFigures, places: Sequence[Place]) -> Map | None:
+def _map(one: DriveFigures, places: Sequence[PathPoint]) -> PageMap | None:
     """A drive's own part of a path; None where nothing is known of it."""
     first, last = (one.drive.beats[index].decision.unix_time_ns for index in (0, -1))
     driven, targets = DrivenPath(longest=None), dict[Point, None]()
@@ -148,7 +148,7 @@ def _map(one: DriveFigures, places: Sequence[Place]) -> Map | None:
     points = [point for strip in strips for point in strip]
     seen_x, seen_y = zip(*points, *targets, strict=True)
     left, top = min(seen_x) - MAP_MARGIN_M, min(seen_y) - MAP_MARGIN_M
-    return Map(
+    return PageMap(
         left,
         top,
         max(seen_x) + MAP_MARGIN_M - left,

@@ -18,7 +18,7 @@ Point = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class PathPoint:
     """One moment.
 
     Attributes:
@@ -56,12 +56,12 @@ class PathFile:
         """Let go of it."""
         self._file.close()
 
-    def read(self) -> list[Place]:
+    def read(self) -> list[PathPoint]:
         """What is new; raises ConfigurationError if it is not a trajectory of ours."""
         *lines, self._rest = (self._rest + self._file.read()).split(b"\n")
         return [place for line in lines if (place := self._place(line)) is not None]
 
-    def _place(self, line: bytes) -> Place | None:
+    def _place(self, line: bytes) -> PathPoint | None:
         try:
             fields = json.loads(line)
             if "event" in fields:
@@ -75,10 +75,10 @@ class PathFile:
             ) from None
         if not all(map(math.isfinite, (time_s, x_m, y_m, yaw_rad, target_x_m, target_y_m))):
             raise ConfigurationError(f"{self._name} holds a value that is not finite")
-        return Place(round(time_s * 1e9), (x_m, y_m), yaw_rad, (target_x_m, target_y_m))
+        return PathPoint(round(time_s * 1e9), (x_m, y_m), yaw_rad, (target_x_m, target_y_m))
 
 
-def read_path(path: Path) -> list[Place]:
+def read_path(path: Path) -> list[PathPoint]:
     """A whole file, as far as it is written; raises ConfigurationError as `PathFile`."""
     file = PathFile(path)
     try:
@@ -94,7 +94,7 @@ class DrivenPath:
         """Begin; of a longer path the beginning is forgotten, unless it is None."""
         self._points: deque[Point] = deque(maxlen=longest)
 
-    def add(self, place: Place) -> None:
+    def add(self, place: PathPoint) -> None:
         """Take in one moment."""
         self._points.append(place.robot)
 

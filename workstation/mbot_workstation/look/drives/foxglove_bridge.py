@@ -25,7 +25,7 @@ from mbot_protocol.beat.fields import drive_numbers, drive_schema
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.fleet.telemetry.stream import Sample
-from mbot_workstation.look.drives.driven_path import Place
+from mbot_workstation.look.drives.driven_path import PathPoint
 from mbot_workstation.wording import one_line
 
 LOOPBACK = "127.0.0.1"
@@ -132,7 +132,7 @@ class FoxgloveBridge:
             self._log.log(log, log_time=time_ns)
         self._before = message
 
-    def take_place(self, place: Place) -> None:
+    def take_place(self, place: PathPoint) -> None:
         """Publish where it is, which is known of a virtual robot."""
         messages, (x_m, y_m) = self._messages, place.robot
         turned = messages.Quaternion(

@@ -9,7 +9,7 @@ from typing import Protocol
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.fleet.link.robot_link import RobotLink
 from mbot_workstation.fleet.telemetry.stream import Sample, TelemetryStream
-from mbot_workstation.look.drives.driven_path import DrivenPath, PathFile, Place, Point
+from mbot_workstation.look.drives.driven_path import DrivenPath, PathFile, PathPoint, Point
 from mbot_workstation.look.drives.rerun_view import RerunView
 
 _POLL_S = 0.05
@@ -71,7 +71,7 @@ def log_sample(viewer: RerunView, robot: str, sample: Sample) -> None:
 class Map(Protocol):
     """What of a `RerunView` a map is drawn by."""
 
-    def log_place(self, robot: str, place: Place) -> None:
+    def log_place(self, robot: str, place: PathPoint) -> None:
         """Where a robot and its object are."""
         ...
 

@@ -24,7 +24,7 @@ from mbot_protocol.drive.actions import STEP_LIMIT
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.look.drives.attention import Look, Looks
-from mbot_workstation.look.drives.driven_path import Place, Point
+from mbot_workstation.look.drives.driven_path import PathPoint, Point
 from mbot_workstation.wording import one_line
 
 APPLICATION = "mbot"
@@ -188,7 +188,7 @@ class RerunView:
             log(f"{robot}/log", rerun.TextLog(one_line(words), level=level))
         self._before[robot] = decision
 
-    def log_place(self, robot: str, place: Place) -> None:
+    def log_place(self, robot: str, place: PathPoint) -> None:
         """Where a robot and its object are; the map's up is y, which Rerun draws downward."""
         self._at(place.unix_time_ns)
         (x_m, y_m), (target_x_m, target_y_m) = place.robot, place.target
