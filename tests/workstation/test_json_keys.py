@@ -21,7 +21,9 @@ from mbot_workstation.fleet.link.fleet import Found, Motor, RobotReport
 from mbot_workstation.fleet.models.model_findings import ModelFinding
 from mbot_workstation.fleet.models.stored_models import StoredModel
 from mbot_workstation.fleet.models.written_policy import WrittenPolicy
-from mbot_workstation.learn.evaluation.episodes import Score
+from mbot_workstation.learn.evaluation.episodes import EpisodeResult, score
+from mbot_workstation.learn.evaluation.evaluation_report import Line
+from mbot_workstation.learn.evaluation.evaluation_report import fields as line_fields
 from mbot_workstation.learn.evaluation.trim_trial import TrimTrial
 from mbot_workstation.learn.learning.training_run import TrainingResult
 from mbot_workstation.look.demo.demo_result import DemoResult
@@ -29,6 +31,7 @@ from mbot_workstation.measure.calibration.body.body_check import Finding
 from mbot_workstation.measure.calibration.body.mass_properties import MassProperties
 from mbot_workstation.measure.calibration.camera.camera_result import CameraResult, FittedPicture
 from mbot_workstation.measure.calibration.light.light_result import CardPhotograph, LightResult
+from mbot_workstation.tasks.fetch.task import TASK
 
 KEYS: dict[type, str] = {
     CameraResult: "camera standard_deviations reprojection_error_px limit_px pictures "
@@ -63,7 +66,6 @@ KEYS: dict[type, str] = {
     "board_version board_has_deadman left_motor right_motor camera software_version release error",
     Roll: "schema me people robots routers revoked",
     RunOutcome: "robot_id state faults",
-    Score: "episodes reward touches success length decisions_per_object",
     StoredModel: "sha256 name size_bytes decision_rate_hz stored_unix_time_ns active previous "
     "signed_by proven rejected",
     TrainingResult: "run step wall_s lesson mean_reward reason",
@@ -78,3 +80,11 @@ def test_a_script_finds_the_keys_that_it_knows(kind: type) -> None:
     fields: Any = dataclasses.fields if dataclasses.is_dataclass(kind) else msgspec.structs.fields
     found = {getattr(field, "encode_name", field.name) for field in fields(kind)}
     assert found == set(KEYS[kind].split())
+
+
+def test_a_score_is_told_in_its_tasks_words() -> None:
+    line = Line("servo", "nominal", score([EpisodeResult(3.0, 20, 1, completed=True)]))
+    assert " ".join(line_fields(line, [line], TASK)) == (
+        "contestant preset episodes reward touches success length decisions_per_object "
+        "share_of_oracle"
+    )
