@@ -24,8 +24,8 @@ from unseen_robots import UNSEEN
 
 from mbot_protocol.drive.actions import WheelMaps
 from mbot_workstation.measure.identification.fit import identify
-from mbot_workstation.measure.identification.model import simulate_run
 from mbot_workstation.measure.identification.result import Identification
+from mbot_workstation.measure.identification.rollout import simulate_run
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS
 from mbot_workstation.measure.tracks.recording_folder import read_recording
 from mbot_workstation.measure.tracks.run import CommandSeries, Recording, Run
@@ -182,7 +182,7 @@ def measure(recording: Recording, truth: Rates) -> dict[str, Any]:
         "path_cm_repeats": round(100 * scatter, 1),
         "path_ratio": round(after / scatter, 2),
         "misfit_percent": round(100 * max(one.size for one in found.misfits), 2),
-        "left_out": found.left_out,
+        "left_out": {name: one.why for name, one in found.excluded.items()},
         "parameters": {e.name: (e.value, e.low, e.high) for e in found.estimates},
     }
 

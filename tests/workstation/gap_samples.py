@@ -104,7 +104,7 @@ def report(
         "recordings": (str(folder),),
         "recorded_runs": 2 * len(runs),
         "held_out_words": "Every other repetition.",
-        "left_out": {},
+        "excluded": {},
         "files": files,
         "driving": driven,
         "judged": tuple(judge(one, maps) for one in quantities(files, runs)),

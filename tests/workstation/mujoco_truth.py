@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mbot_workstation.measure.identification.model import (
+from mbot_workstation.measure.identification.rollout import (
     simulate_paths,
     step_count,
     wheel_volts,

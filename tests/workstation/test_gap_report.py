@@ -16,6 +16,7 @@ from mbot_workstation.learn.studies.tolerance_file import write_tolerances
 from mbot_workstation.measure.gap_report.page import light_from, page, way
 from mbot_workstation.measure.gap_report.report import as_fields, build
 from mbot_workstation.measure.gap_report.simulated_view import FramePair
+from mbot_workstation.measure.identification.exclusion import Exclusion, Fault
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS, maneuver_named
 from mbot_workstation.measure.tracks.recording_folder import write_recording
 from mbot_workstation.sim.body.parameter_table import PARAMETERS
@@ -160,8 +161,8 @@ def test_what_is_missing_is_said_with_the_command_that_makes_it() -> None:
 
 
 def test_words_from_files_are_no_html() -> None:
-    left_out = {"run <b>": "a & b"}
-    text = page(report(compared_runs(MANEUVERS[:1], 1), ONLY_MOTION, left_out=left_out))
+    excluded = {"run <b>": Exclusion(Fault.ODD_MOTOR, "a & b")}
+    text = page(report(compared_runs(MANEUVERS[:1], 1), ONLY_MOTION, excluded=excluded))
     assert "run &lt;b&gt;: a &amp; b" in text
     assert "run <b>" not in text
 

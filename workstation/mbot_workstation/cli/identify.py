@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from mbot_protocol.drive.actions import WheelMaps
     from mbot_workstation.learn.evaluation.trim_trial import TrimTrial
-    from mbot_workstation.measure.identification.handicap import Handicap
+    from mbot_workstation.measure.identification.motor_trim import TrimChoice
     from mbot_workstation.measure.identification.result import Identification
     from mbot_workstation.measure.tracks.run import Recording
     from mbot_workstation.sim.body.robot_parameters import RobotParameters
@@ -79,8 +79,8 @@ def identify(options: IdentifyOptions) -> None:
     # Before numpy is loaded: on matrices as small as these, threads of its own cost more than they
     # bring, and the simulations want the cores.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from mbot_workstation.measure.identification.handicap import handicap
     from mbot_workstation.measure.identification.motion_file import motion_calibration
+    from mbot_workstation.measure.identification.motor_trim import trim_choice
     from mbot_workstation.measure.identification.result_words import as_fields
     from mbot_workstation.measure.tracks.recording_folder import read_recording
     from mbot_workstation.sim.calibrated.calibration_folder import write_motion
@@ -97,7 +97,7 @@ def identify(options: IdentifyOptions) -> None:
     maps = _maps(read)
     files = _known(folder)
     found = _identified(read, files.robot, robot_id, same_clock=options.same_clock)
-    uneven = handicap(found, maps)
+    uneven = trim_choice(found, maps)
     tried: TrimTrial | None = None
     written: list[str] = []
     if not found.is_worse:
@@ -190,26 +190,26 @@ def _identified(
 
 def _show(
     found: "Identification",
-    uneven: "Handicap",
+    uneven: "TrimChoice",
     tried: "TrimTrial | None",
     written: "Sequence[str]",
 ) -> None:
     from rich.console import Console
 
-    from mbot_workstation.measure.identification.left_out import grouped
+    from mbot_workstation.measure.identification.exclusion import grouped
     from mbot_workstation.measure.identification.result_words import (
         backward_lines,
         error_lines,
         error_table,
-        handicap_lines,
         misfit_lines,
         parameter_table,
         steady_table,
+        trim_lines,
         undetermined_lines,
     )
 
     console = Console()
-    for line in grouped(found.left_out):
+    for line in grouped(found.excluded):
         print(f"left out: {line}")
     print(f"{found.robot_id}: fitted {found.fitted} runs, {len(found.errors)} held out\n")
     console.print(parameter_table(found))
@@ -225,7 +225,7 @@ def _show(
     for line in error_lines(found):
         print(line)
     print()
-    for line in (*handicap_lines(uneven), *backward_lines(found)):
+    for line in (*trim_lines(uneven), *backward_lines(found)):
         print(line)
     if tried is not None:
         print(tried.line())

@@ -23,6 +23,7 @@ from mbot_workstation.measure.gap_report.frames import read_frames, telemetry_fr
 from mbot_workstation.measure.gap_report.quantities import TITLES, quantities
 from mbot_workstation.measure.gap_report.simulated_view import FramePair, frame_pairs
 from mbot_workstation.measure.gap_report.verdict import Judged, judge
+from mbot_workstation.measure.identification.exclusion import Exclusion
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS
 from mbot_workstation.measure.tracks.recording_folder import read_recording
 from mbot_workstation.sim.calibrated.body_calibration import BODY_FILE
@@ -69,7 +70,7 @@ class GapReport:
         made_on: ISO date.
         recorded_runs: in all recordings.
         held_out_words: which runs were held out.
-        left_out: runs that could not be used, by name, and why.
+        excluded: runs that could not be used, by name.
         driving: figures of the held-out runs.
         given_frames: of the frames those from marked places, first; the others are telemetry's.
 
@@ -80,7 +81,7 @@ class GapReport:
     recordings: tuple[str, ...]
     recorded_runs: int
     held_out_words: str
-    left_out: dict[str, str]
+    excluded: dict[str, Exclusion]
     files: CalibrationFiles
     driving: Driving
     judged: tuple[Judged, ...]
@@ -136,7 +137,7 @@ def build(
         recordings=tuple(str(one) for one in recordings),
         recorded_runs=sum(len(one.runs) for one in read),
         held_out_words=comparison.words,
-        left_out=comparison.left_out,
+        excluded=comparison.excluded,
         files=files,
         driving=driven,
         judged=tuple(judge(one, tolerances) for one in quantities(files, driven.runs)),
@@ -210,7 +211,7 @@ def as_fields(report: GapReport) -> dict[str, Any]:
         "recordings": report.recordings,
         "recorded_runs": report.recorded_runs,
         "held_out_runs": len(driven.runs),
-        "left_out": report.left_out,
+        "left_out": {name: one.why for name, one in report.excluded.items()},
         "after_s": round(driven.driven_s, 3),
         "turned_deg": float(np.degrees(driven.turned_rad)),
         "calibrated": asdict(driven.calibrated),

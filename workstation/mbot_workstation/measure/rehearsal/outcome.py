@@ -11,7 +11,7 @@ from rich.table import Table
 
 from mbot_protocol.drive.actions import WheelMaps
 from mbot_workstation.measure.gap_report.compare import Rate, steady_rate
-from mbot_workstation.measure.identification.model import simulate_run
+from mbot_workstation.measure.identification.rollout import simulate_run
 from mbot_workstation.measure.tracks.maneuver import maneuver_named
 from mbot_workstation.measure.tracks.run import CommandSeries, Run
 from mbot_workstation.sim.body.robot_parameters import RobotParameters

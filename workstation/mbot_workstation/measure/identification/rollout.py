@@ -135,7 +135,7 @@ def _since(commands: CommandSeries) -> Array:
     return commands.time_s - commands.start_s
 
 
-def drive_plans(robots: Sequence[RobotParameters], plans: Sequence[Plan]) -> list[list[Array]]:
+def rollouts(robots: Sequence[RobotParameters], plans: Sequence[Plan]) -> list[list[Array]]:
     """Every robot drives every plan up to its last command.
 
     A command that is held for longer than SETTLED_S is driven that long; from there the robot goes
