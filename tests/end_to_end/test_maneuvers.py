@@ -9,9 +9,9 @@ import pytest
 
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.fleet.recorded.drive_mcap import read_recording as read_telemetry
-from mbot_workstation.measure.tracks.driven_run import DrivenRun
+from mbot_workstation.measure.tracks.motion import DrivenRun
 from mbot_workstation.measure.tracks.recording_folder import read_recording
-from mbot_workstation.measure.tracks.track_files import read_track
+from mbot_workstation.measure.tracks.track_file import read_track
 
 from .processes import Daemon, until, workstation
 

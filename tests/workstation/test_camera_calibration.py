@@ -17,11 +17,6 @@ from mbot_protocol.drive.calibration import read_camera
 from mbot_protocol.drive.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError, UnreachableError
 from mbot_workstation.cli.calibrate_camera import camera as camera_command
-from mbot_workstation.measure.calibration.camera.board_collector import (
-    STILL_S,
-    BoardCollector,
-    Verdict,
-)
 from mbot_workstation.measure.calibration.camera.board_detection import (
     MOST_BEND,
     FoundBoard,
@@ -31,6 +26,11 @@ from mbot_workstation.measure.calibration.camera.board_detection import (
     most_likely_checkerboard,
 )
 from mbot_workstation.measure.calibration.camera.camera_fit import CameraFit, fit_camera, solve
+from mbot_workstation.measure.calibration.camera.camera_live import (
+    STILL_S,
+    BoardCollector,
+    Verdict,
+)
 from mbot_workstation.measure.calibration.camera.camera_pictures import look_for_boards
 from mbot_workstation.measure.calibration.camera.camera_quality import judge
 from mbot_workstation.measure.calibration.camera.picture_sizes import View, error_px

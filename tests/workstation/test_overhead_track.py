@@ -21,18 +21,20 @@ from hypothesis import strategies as st
 
 from mbot_protocol.drive.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError, UnreachableError
+from mbot_workstation.measure.targets.marker_detection import MarkerDetector, to_grey
 from mbot_workstation.measure.tracking.floor_plane import FloorPlane, pixel_rays
-from mbot_workstation.measure.tracking.marker_detection import MarkerDetector, to_grey
-from mbot_workstation.measure.tracking.openvr_recording import record_poses
 from mbot_workstation.measure.tracking.openvr_tracker import (
     OpenVrTracker,
     load_openvr,
     quaternion_of,
+    record_poses,
 )
-from mbot_workstation.measure.tracking.overhead_track import Sight, overhead_track
-from mbot_workstation.measure.tracking.plane_from_marker import plane_from_marker
-from mbot_workstation.measure.tracking.track_file import TrackFile
-from mbot_workstation.measure.tracks.track_files import read_track
+from mbot_workstation.measure.tracking.overhead_track import (
+    Sight,
+    overhead_track,
+    plane_from_marker,
+)
+from mbot_workstation.measure.tracks.track_file import TrackFile, read_track
 from mbot_workstation.sim.track import Array, Track
 
 from .overhead_film import Overhead, drive, film, sheet_corners, webcam

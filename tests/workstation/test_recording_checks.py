@@ -10,11 +10,14 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.tracks.axes_check import check_frame
 from mbot_workstation.measure.tracks.commands_csv import CommandedRun
 from mbot_workstation.measure.tracks.direction_check import check_directions
-from mbot_workstation.measure.tracks.driven_run import DrivenRun
-from mbot_workstation.measure.tracks.plausibility import check_runs
+from mbot_workstation.measure.tracks.motion import DrivenRun
+from mbot_workstation.measure.tracks.plausibility import (
+    check_repeated_numbers,
+    check_run,
+    check_runs,
+)
 from mbot_workstation.measure.tracks.raw_track import RawTrack
 from mbot_workstation.measure.tracks.run import Run
-from mbot_workstation.measure.tracks.run_check import check_repeated_numbers, check_run
 from mbot_workstation.measure.tracks.session_track import find_tracker_ahead_s, parts_of
 from mbot_workstation.measure.tracks.track_format import TrackFormat
 from mbot_workstation.measure.tracks.track_mcap import read_mcap

@@ -13,19 +13,23 @@ from mbot_workstation.measure.calibration.camera.board_detection import find_boa
 from mbot_workstation.measure.calibration.light.light_measurement import CardSettings, measure_light
 from mbot_workstation.measure.gap_report.frames import read_frames
 from mbot_workstation.measure.rehearsal.afternoon import TRUTH_FOLDER
-from mbot_workstation.measure.rehearsal.board_photos import board_photos
-from mbot_workstation.measure.rehearsal.card_photos import (
+from mbot_workstation.measure.rehearsal.command_line import CommandLine
+from mbot_workstation.measure.rehearsal.driving import (
+    ROBOT_ID,
+    drive_session,
+    leave_out_spoilt,
+    robot_pair,
+)
+from mbot_workstation.measure.rehearsal.outcome import as_fields, as_table, outcome
+from mbot_workstation.measure.rehearsal.photographs import (
     CARD_MM,
+    PLACES,
     REFLECTANCE,
     TURNS_DEG,
+    board_photos,
     card_photos,
+    take_frames,
 )
-from mbot_workstation.measure.rehearsal.command_line import CommandLine
-from mbot_workstation.measure.rehearsal.drive_session import drive_session
-from mbot_workstation.measure.rehearsal.frame_photos import PLACES, take_frames
-from mbot_workstation.measure.rehearsal.leave_out import leave_out_spoilt
-from mbot_workstation.measure.rehearsal.outcome import as_fields, as_table, outcome
-from mbot_workstation.measure.rehearsal.robot_pair import ROBOT_ID, robot_pair
 from mbot_workstation.measure.rehearsal.truth import (
     MOTION,
     TRUTH,
@@ -39,7 +43,7 @@ from mbot_workstation.measure.tracks.maneuver import MANEUVERS
 from mbot_workstation.measure.tracks.recording_folder import read_recording, write_recording
 from mbot_workstation.measure.tracks.recording_toml import read_info
 from mbot_workstation.measure.tracks.run import Run
-from mbot_workstation.measure.tracks.track_files import read_track
+from mbot_workstation.measure.tracks.track_file import read_track
 from mbot_workstation.measure.tracks.track_format import PRESETS
 from mbot_workstation.pictures.picture_file import write_picture
 from mbot_workstation.sim.body.robot_parameters import RobotParameters

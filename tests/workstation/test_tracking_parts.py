@@ -9,11 +9,14 @@ import pytest
 
 from mbot_protocol.drive.camera_model import CameraModel
 from mbot_protocol.errors import MbotError
+from mbot_workstation.measure.targets.marker_detection import refine_corners
 from mbot_workstation.measure.targets.specifications import MARKER_DICTIONARY, ROBOT_MARKER_ID
-from mbot_workstation.measure.tracking.floor_reference import plane_from_board, plane_from_corners
-from mbot_workstation.measure.tracking.marker_edges import refine_corners
-from mbot_workstation.measure.tracking.marker_track import MarkerSettings, track_marker
-from mbot_workstation.measure.tracking.marker_watch import watch_marker
+from mbot_workstation.measure.tracking.floor_plane import plane_from_board, plane_from_corners
+from mbot_workstation.measure.tracking.marker_track import (
+    MarkerSettings,
+    track_marker,
+    watch_marker,
+)
 
 from .overhead_film import marker_sheet, webcam
 

@@ -17,15 +17,14 @@ from mcap_protobuf.schema import register_schema
 from scipy.spatial.transform import Rotation
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.measure.tracks.track_files import read_track
+from mbot_workstation.measure.tracks.raw_track import from_euler, to_file_frame, to_our_frame
+from mbot_workstation.measure.tracks.track_file import read_track, write_tum
 from mbot_workstation.measure.tracks.track_format import (
     PRESETS,
     TrackFormat,
     read_track_format,
     track_format,
 )
-from mbot_workstation.measure.tracks.track_frame import from_euler, to_file_frame, to_our_frame
-from mbot_workstation.measure.tracks.track_tum import write_tum
 from mbot_workstation.sim.track import Array, Track
 
 UPS = ("x", "y", "z", "-x", "-y", "-z")

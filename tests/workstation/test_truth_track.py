@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.tracks.track_cleaning import noise
-from mbot_workstation.measure.tracks.track_files import read_track
+from mbot_workstation.measure.tracks.track_file import read_track
 from mbot_workstation.measure.tracks.track_format import PRESETS
 from mbot_workstation.sim.simulation import SceneState
 from mbot_workstation.virtual.scene_history import SceneHistory

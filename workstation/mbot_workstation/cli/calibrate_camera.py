@@ -161,8 +161,7 @@ def _collect(source: str, boards: list[Board], folder: Path, count: int) -> list
     from rich.console import Console
 
     from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.measure.calibration.camera.board_collector import Verdict
-    from mbot_workstation.measure.calibration.camera.camera_live import collect
+    from mbot_workstation.measure.calibration.camera.camera_live import Verdict, collect
 
     console = Console(stderr=True)
     looked_for = boards or [Board(charuco=True), Board()]  # the one that is quicker to rule out

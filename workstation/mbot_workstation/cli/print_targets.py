@@ -151,11 +151,11 @@ def _write(page: "Page", path: Path) -> None:
 
     ending = path.suffix.lower()
     if ending == ".pdf":
-        from mbot_workstation.measure.targets.pdf import to_pdf as encode
+        from mbot_workstation.measure.targets.page_files import to_pdf as encode
     elif ending == ".svg":
-        from mbot_workstation.measure.targets.svg_page import to_svg as encode
+        from mbot_workstation.measure.targets.page_files import to_svg as encode
     elif ending == ".png":
-        from mbot_workstation.measure.targets.png import to_png as encode
+        from mbot_workstation.measure.targets.page_files import to_png as encode
     else:
         raise ConfigurationError(
             f"can't write {path}: expected a file ending in .pdf, .svg or .png"

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mbot_protocol.drive.camera_model import CameraModel
-    from mbot_workstation.measure.tracking.marker_watch import FindFloor
+    from mbot_workstation.measure.tracking.marker_track import FindFloor
 
 OPENVR = "openvr"
 
@@ -95,7 +95,7 @@ def track(options: TrackOptions) -> None:
     - `workstation track 0 --corners 1.80 1.20`
     - `workstation track openvr --output recordings/mbot-1-2026-11-21/track.tum`
     """
-    from mbot_workstation.measure.tracking.track_file import check_new
+    from mbot_workstation.measure.tracks.track_file import check_new
 
     if options.corners is not None and options.board_mm is not None:
         raise ConfigurationError("--corners and --board-mm exclude each other")
@@ -178,7 +178,7 @@ def _camera_model(folder: Path | None, fov_deg: float) -> "Callable[[int, int], 
 def _floor_finder(
     corners: tuple[float, float] | None, board_mm: float | None
 ) -> "FindFloor | None":
-    from mbot_workstation.measure.tracking.floor_reference import (
+    from mbot_workstation.measure.tracking.floor_plane import (
         plane_from_board,
         plane_from_corners,
     )
@@ -193,9 +193,12 @@ def _floor_finder(
 def _record_openvr(
     output: Path, serial: str | None, rate_hz: float, stop: "threading.Event"
 ) -> None:
-    from mbot_workstation.measure.tracking.openvr_recording import record_poses
-    from mbot_workstation.measure.tracking.openvr_tracker import OpenVrTracker, load_openvr
-    from mbot_workstation.measure.tracking.track_file import TrackFile
+    from mbot_workstation.measure.tracking.openvr_tracker import (
+        OpenVrTracker,
+        load_openvr,
+        record_poses,
+    )
+    from mbot_workstation.measure.tracks.track_file import TrackFile
 
     reporter = _Reporter()
     recorded, lost = 0, 0

@@ -9,11 +9,15 @@ from typing import Protocol
 from mbot_protocol.errors import MbotError, RefusedError, UnreachableError
 from mbot_workstation.fleet.link.remote_control import RemoteControl
 from mbot_workstation.fleet.link.robot_link import RobotLink
-from mbot_workstation.measure.maneuvers.keyboard import Keys
-from mbot_workstation.measure.maneuvers.maneuver_drive import SpoiltRunError, drive_maneuver
+from mbot_workstation.measure.maneuvers.maneuver_drive import (
+    RobotTime,
+    SpoiltRunError,
+    drive_maneuver,
+    measure_robot_time,
+)
 from mbot_workstation.measure.maneuvers.plan import Planned
-from mbot_workstation.measure.maneuvers.robot_time import RobotTime, measure_robot_time
 from mbot_workstation.measure.maneuvers.session_journal import Journal
+from mbot_workstation.measure.maneuvers.terminal import Keys
 from mbot_workstation.measure.tracks.maneuver import maneuver_named
 
 LOOK_S = 0.05

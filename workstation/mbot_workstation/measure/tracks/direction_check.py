@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.measure.tracks.driven_run import DrivenRun, numbers_of
 from mbot_workstation.measure.tracks.maneuver import Maneuver
+from mbot_workstation.measure.tracks.motion import DrivenRun, numbers_of
 
 TURNING_RADPS = 1.0
 """Below this nothing is concluded from a turn: a seventh of a full spin."""

@@ -16,9 +16,8 @@ from mbot_workstation.measure.tracks.recording_toml import (
 )
 from mbot_workstation.measure.tracks.run import Recording, Run
 from mbot_workstation.measure.tracks.session_track import find_tracker_ahead_s, parts_of
-from mbot_workstation.measure.tracks.track_files import TRACK_SUFFIXES, read_track
+from mbot_workstation.measure.tracks.track_file import TRACK_SUFFIXES, read_track, write_tum
 from mbot_workstation.measure.tracks.track_format import TrackFormat, read_track_format
-from mbot_workstation.measure.tracks.track_tum import write_tum
 from mbot_workstation.sim.track import Track
 
 COMMANDS_FILE = "commands.csv"

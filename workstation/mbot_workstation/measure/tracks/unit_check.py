@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.measure.tracks.driven_run import DrivenRun, numbers_of
+from mbot_workstation.measure.tracks.motion import DrivenRun, numbers_of
 from mbot_workstation.measure.tracks.track_cleaning import noise
 from mbot_workstation.measure.tracks.track_format import METRES
 

@@ -12,8 +12,7 @@ from mbot_workstation.measure.calibration.room.panorama_checks import (
     check_projection,
     read_tags,
 )
-from mbot_workstation.measure.calibration.room.panorama_tilt import Tilt, find_tilt
-from mbot_workstation.measure.calibration.room.panorama_turn import level, tilt_of
+from mbot_workstation.measure.calibration.room.panorama_level import Tilt, find_tilt, level, tilt_of
 from mbot_workstation.pictures.picture_file import read_picture, write_picture
 from mbot_workstation.sim.calibrated.calibration_folder import ROOMS_FOLDER
 from mbot_workstation.sim.scene.room import LARGEST_WIDTH_PX, fit_room
