@@ -10,7 +10,7 @@ import pytest
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.fleet.recorded.drive_mcap import read_recording as read_telemetry
 from mbot_workstation.measure.tracks.motion import DrivenRun
-from mbot_workstation.measure.tracks.recording_folder import read_recording
+from mbot_workstation.measure.tracks.recording_folder import read_maneuvers
 from mbot_workstation.measure.tracks.track_file import read_track
 
 from .processes import Daemon, until, workstation
@@ -46,7 +46,7 @@ def test_maneuvers_are_driven_recorded_and_found_in_the_track(tmp_path: Path) ->
 
     (tmp_path / "truth.csv").rename(folder / "track.csv")
     (folder / "track.toml").write_text('preset = "triad-openvr"\n')
-    recording = read_recording(folder)
+    recording = read_maneuvers(folder)
     assert recording.robot_id == "mbot-test"
     assert tuple(run.maneuver for run in recording.runs) == TOLD * 2
     ahead_s = recording.tracker_ahead_s

@@ -17,7 +17,7 @@ from mbot_workstation.measure.targets.specifications import (
     charuco_board,
     marker_cells,
 )
-from mbot_workstation.sim.track import Array
+from mbot_workstation.measure.tracks.track import Array
 
 FRAME_RATE_HZ = 30.0
 CELL_PX = 24

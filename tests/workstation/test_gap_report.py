@@ -18,7 +18,7 @@ from mbot_workstation.measure.gap_report.report import as_fields, build
 from mbot_workstation.measure.gap_report.simulated_view import FramePair
 from mbot_workstation.measure.identification.exclusion import Exclusion, Fault
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS, maneuver_named
-from mbot_workstation.measure.tracks.recording_folder import write_recording
+from mbot_workstation.measure.tracks.recording_folder import write_maneuvers
 from mbot_workstation.sim.body.parameter_table import PARAMETERS
 from mbot_workstation.sim.calibrated.calibration_folder import (
     CalibrationFiles,
@@ -221,7 +221,7 @@ run_command = partial(output_of, gap_report)
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recordings") / "mbot-1"
-    write_recording(folder, "mbot-1", session(repetitions=2, duration_s=3.0))
+    write_maneuvers(folder, "mbot-1", session(repetitions=2, duration_s=3.0))
     return folder
 
 
@@ -280,7 +280,7 @@ def test_bad_input_is_named(recording: Path, tmp_path: Path) -> None:
     options = ("--calibration", str(tmp_path))
     assert "wrong.json" in fails(str(recording), *options, "--tolerance", str(wrong))
     other = tmp_path / "other"
-    write_recording(other, "mbot-2", session(None, 1, 2.0, MANEUVERS[:1]))
+    write_maneuvers(other, "mbot-2", session(None, 1, 2.0, MANEUVERS[:1]))
     assert "mbot-2" in fails(str(recording), str(other), *options)
     missing = str(tmp_path / "no" / "gap.html")
     assert "there is no folder" in fails(str(recording), *options, "-o", missing)

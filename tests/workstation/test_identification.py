@@ -20,10 +20,10 @@ from mbot_workstation.measure.identification.result_words import (
 )
 from mbot_workstation.measure.identification.rollout import simulate_run
 from mbot_workstation.measure.tracks.maneuver import maneuver_named
-from mbot_workstation.measure.tracks.run import CommandSeries, Recording, Run
+from mbot_workstation.measure.tracks.run import CommandSeries, ManeuverRecording, Run
+from mbot_workstation.measure.tracks.track import Array, Track
 from mbot_workstation.sim.body.parameter_table import with_values
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
-from mbot_workstation.sim.track import Array, Track
 
 from .mujoco_truth import record_simulated
 from .planar_robot import PlanarRobot, Session, Tracker, record
@@ -71,12 +71,12 @@ def wheel_ratio(speed: float, rate: float, track_m: float) -> float:
 
 
 @pytest.fixture(scope="module")
-def recording() -> Recording:
+def recording() -> ManeuverRecording:
     return record(TRUTH, SHORT, seed=1)
 
 
 @pytest.fixture(scope="module")
-def found(recording: Recording) -> Identification:
+def found(recording: ManeuverRecording) -> Identification:
     return identify([recording], RobotParameters(), robot_id="planar")
 
 
@@ -284,7 +284,7 @@ def test_the_delay_is_told_with_one_clock() -> None:
 
 
 @pytest.mark.slow
-def test_spoilt_runs_are_named_and_left_out(recording: Recording) -> None:
+def test_spoilt_runs_are_named_and_left_out(recording: ManeuverRecording) -> None:
     runs = list(recording.runs)
     runs[0] = _held_at(runs[0], 1.5)  # a fitted one
     runs[3] = _held_at(runs[3], 1.5)  # a held-out one
@@ -301,7 +301,7 @@ def test_spoilt_runs_are_named_and_left_out(recording: Recording) -> None:
     assert rate == pytest.approx(TRUTH.steady(-1, -1)[1], abs=0.02)
 
 
-def test_too_few_runs_are_refused(recording: Recording) -> None:
+def test_too_few_runs_are_refused(recording: ManeuverRecording) -> None:
     once = replace(recording, runs=recording.runs[::2])
     with pytest.raises(ConfigurationError, match="8 runs, and no maneuver twice"):
         identify([once], RobotParameters(), robot_id="once")

@@ -51,7 +51,8 @@ from mbot_workstation.measure.identification.variance_components import (
     common_and_individual,
     estimate_noise,
 )
-from mbot_workstation.measure.tracks.run import CommandSeries, Recording, Run
+from mbot_workstation.measure.tracks.run import CommandSeries, ManeuverRecording, Run
+from mbot_workstation.measure.tracks.track import Array, Track
 from mbot_workstation.sim.body.parameter_table import (
     BY_NAME,
     NAMES,
@@ -63,7 +64,6 @@ from mbot_workstation.sim.body.parameter_table import (
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.scene.room_generator import generate_room
 from mbot_workstation.sim.simulation import Simulation
-from mbot_workstation.sim.track import Array, Track
 
 from .planar_robot import PlanarRobot, Session, Tracker, record
 
@@ -76,11 +76,11 @@ MAPS = WheelMaps()
 
 
 @pytest.fixture(scope="module")
-def recording() -> Recording:
+def recording() -> ManeuverRecording:
     return record(TRUTH, Session().shortened(2.5, 1), seed=4)
 
 
-def guess(recording: Recording) -> KinematicGuess:
+def guess(recording: ManeuverRecording) -> KinematicGuess:
     runs = flatten(recording)
     ahead_s, excluded = clocks(runs, recording.tracker_ahead_s)
     assert not excluded
@@ -293,7 +293,7 @@ def test_the_floor_becomes_level_and_the_mount_does_not_matter() -> None:
         assert flat.heading[end] - flat.heading[begin] == pytest.approx(true_rad, abs=0.15)
 
 
-def test_a_floor_that_stands_upright_is_refused(recording: Recording) -> None:
+def test_a_floor_that_stands_upright_is_refused(recording: ManeuverRecording) -> None:
     tilt = np.array([[1, 0, 0], [0, 0.7, -0.7], [0, 0.7, 0.7]])
     runs = tuple(
         replace(run, track=replace(run.track, position_m=run.track.position_m @ tilt.T))
@@ -324,7 +324,7 @@ def test_increments_know_nothing_of_where_a_run_began(
     )
 
 
-def test_the_onset_is_found_and_not_made_up(recording: Recording) -> None:
+def test_the_onset_is_found_and_not_made_up(recording: ManeuverRecording) -> None:
     ahead_s, excluded = clocks(flatten(replace(recording, tracker_ahead_s=None)), None)
     assert not excluded
     np.testing.assert_allclose(ahead_s, 5.03, atol=0.08)
@@ -339,7 +339,7 @@ def test_the_onset_is_found_and_not_made_up(recording: Recording) -> None:
 # The first guess, and what it refuses
 
 
-def test_kinematics_give_wheels_track_and_tracker(recording: Recording) -> None:
+def test_kinematics_give_wheels_track_and_tracker(recording: ManeuverRecording) -> None:
     found = guess(recording)
     assert found.left_m_s == pytest.approx(0.41, abs=0.03)
     assert found.right_m_s == pytest.approx(0.385, abs=0.03)
@@ -348,7 +348,7 @@ def test_kinematics_give_wheels_track_and_tracker(recording: Recording) -> None:
     assert not found.excluded
 
 
-def test_without_turns_the_known_track_is_used(recording: Recording) -> None:
+def test_without_turns_the_known_track_is_used(recording: ManeuverRecording) -> None:
     straight = [run for run in recording.runs if run.maneuver == "forward-forward"]
     found = guess(replace(recording, runs=tuple(straight)))
     assert found.track_m is None
@@ -379,14 +379,14 @@ def _in_millimetres(track: Track) -> Track:
     ],
 )
 def test_tracks_that_cannot_be_are_refused(
-    recording: Recording, spoil: Callable[[Track], Track], message: str
+    recording: ManeuverRecording, spoil: Callable[[Track], Track], message: str
 ) -> None:
     runs = tuple(replace(run, track=spoil(run.track)) for run in recording.runs)
     with pytest.raises(ConfigurationError, match=message):
         guess(replace(recording, runs=runs))
 
 
-def test_another_unit_is_named(recording: Recording) -> None:
+def test_another_unit_is_named(recording: ManeuverRecording) -> None:
     straight = [_steady_track(run) for run in recording.runs if "neutral" not in run.maneuver]
     guess(replace(recording, runs=tuple(straight)))
     runs = tuple(replace(run, track=_in_millimetres(run.track)) for run in straight)
@@ -415,7 +415,7 @@ def _steady_track(run: Run) -> Run:
     ],
 )
 def test_swapped_and_reversed_motors_are_named(
-    recording: Recording, left: str, right: str, message: str
+    recording: ManeuverRecording, left: str, right: str, message: str
 ) -> None:
     def told(commands: CommandSeries) -> CommandSeries:
         sides = {"left": commands.left, "right": commands.right}
@@ -430,7 +430,7 @@ def test_swapped_and_reversed_motors_are_named(
 # Prediction
 
 
-def test_jacobians_are_those_of_the_prediction(recording: Recording) -> None:
+def test_jacobians_are_those_of_the_prediction(recording: ManeuverRecording) -> None:
     """Against central differences."""
     data = prepare([recording], RobotParameters())
     index = next(i for i, r in enumerate(data.runs) if r.maneuver == "forward-backward")
@@ -450,7 +450,7 @@ def test_jacobians_are_those_of_the_prediction(recording: Recording) -> None:
     assert np.abs(found.nuisance[3] - later / 0.002).max() < 0.1 * np.abs(later / 0.002).max()
 
 
-def test_a_stronger_motor_moves_its_wheel_alone(recording: Recording) -> None:
+def test_a_stronger_motor_moves_its_wheel_alone(recording: ManeuverRecording) -> None:
     data = prepare([recording], RobotParameters())
     index = next(i for i, r in enumerate(data.runs) if r.maneuver == "forward-forward")
     problem = data.problem([index], ())
@@ -464,7 +464,7 @@ def test_a_stronger_motor_moves_its_wheel_alone(recording: Recording) -> None:
     assert change[0, steady].sum() == pytest.approx(expected[0, steady].sum(), rel=0.05)
 
 
-def test_whitened_noise_is_white(recording: Recording) -> None:
+def test_whitened_noise_is_white(recording: ManeuverRecording) -> None:
     rng = np.random.default_rng(0)
     run = prepare([recording], RobotParameters()).runs[0]
     noise = Noise(0.004, 0.005, 0.002, 0.003)

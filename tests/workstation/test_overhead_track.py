@@ -30,12 +30,12 @@ from mbot_workstation.measure.tracking.openvr_tracker import (
     record_poses,
 )
 from mbot_workstation.measure.tracking.overhead_track import (
-    Sight,
+    MarkerSight,
     overhead_track,
     plane_from_marker,
 )
+from mbot_workstation.measure.tracks.track import Array, Track
 from mbot_workstation.measure.tracks.track_file import TrackFile, read_track
-from mbot_workstation.sim.track import Array, Track
 
 from .overhead_film import Overhead, drive, film, sheet_corners, webcam
 
@@ -117,9 +117,11 @@ def test_a_plane_maps_known_points() -> None:
     assert np.allclose(straight_down.raised(0.5).places_m(rays)[1], [0.75, 0])
 
 
-def sights(count: int, edge_px: float = 40.0) -> list[Sight]:
+def sights(count: int, edge_px: float = 40.0) -> list[MarkerSight]:
     square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float64) * edge_px
-    return [Sight(row / 30, square + np.array([300 + row, 200 + row % 7])) for row in range(count)]
+    return [
+        MarkerSight(row / 30, square + np.array([300 + row, 200 + row % 7])) for row in range(count)
+    ]
 
 
 def test_too_little_is_refused() -> None:
@@ -285,7 +287,7 @@ def test_ctrl_c_ends_a_live_camera_and_keeps_the_track(eight: Path, tmp_path: Pa
         (("0", "--corners", "1", "1", "--board-mm", "60"), 2, "exclude each other"),
         (("0", "--corners", "1", "-1"), 2, "expected 0.1 to 20"),
         (("0", "--camera", "nowhere"), 2, "no calibration folder"),
-        (("openvr",), 2, "pip install -e '.[tracking]'"),
+        (("openvr",), 2, "'.[measure,tracking]'"),
     ],
 )
 def test_nonsense_is_refused(

@@ -19,11 +19,11 @@ from mbot_workstation.measure.tracks.plausibility import (
 from mbot_workstation.measure.tracks.raw_track import RawTrack
 from mbot_workstation.measure.tracks.run import Run
 from mbot_workstation.measure.tracks.session_track import find_tracker_ahead_s, parts_of
+from mbot_workstation.measure.tracks.track import Track
 from mbot_workstation.measure.tracks.track_format import TrackFormat
 from mbot_workstation.measure.tracks.track_mcap import read_mcap
 from mbot_workstation.measure.tracks.track_table import read_table
 from mbot_workstation.measure.tracks.unit_check import check_units
-from mbot_workstation.sim.track import Track
 
 from .driven_robot import Robot, session, track_of
 

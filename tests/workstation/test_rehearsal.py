@@ -40,7 +40,7 @@ from mbot_workstation.measure.rehearsal.truth import (
 from mbot_workstation.measure.targets.specifications import Board
 from mbot_workstation.measure.tracks.commands_csv import read_commands
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS
-from mbot_workstation.measure.tracks.recording_folder import read_recording, write_recording
+from mbot_workstation.measure.tracks.recording_folder import read_maneuvers, write_maneuvers
 from mbot_workstation.measure.tracks.recording_toml import read_info
 from mbot_workstation.measure.tracks.run import Run
 from mbot_workstation.measure.tracks.track_file import read_track
@@ -167,16 +167,16 @@ def with_hole(run: Run) -> Run:
 def test_runs_without_a_whole_track_are_left_out(tmp_path: Path) -> None:
     runs = list(session(repetitions=1, duration_s=3.0))
     runs[3] = with_hole(runs[3])
-    write_recording(tmp_path, "mbot-1", runs)
+    write_maneuvers(tmp_path, "mbot-1", runs)
     assert leave_out_spoilt(tmp_path) == (4,)
     assert read_info(tmp_path).leave_out == (4,)
-    assert len(read_recording(tmp_path).runs) == 7
+    assert len(read_maneuvers(tmp_path).runs) == 7
 
 
 def test_too_many_holes_are_no_rehearsal(tmp_path: Path) -> None:
     runs = [with_hole(run) for run in session(None, 1, 3.0, MANEUVERS[:4])]
     runs[0] = session(None, 1, 3.0, MANEUVERS[:1])[0]
-    write_recording(tmp_path, "mbot-1", runs)
+    write_maneuvers(tmp_path, "mbot-1", runs)
     with pytest.raises(ConfigurationError, match="too busy"):
         leave_out_spoilt(tmp_path)
 
@@ -198,7 +198,7 @@ class FailingLine(CommandLine):
 
 def test_a_spoilt_session_is_resumed(tmp_path: Path) -> None:
     recording = tmp_path / "recording"
-    write_recording(recording, "mbot-1", session(None, 1, 2.0, MANEUVERS[:1]))
+    write_maneuvers(recording, "mbot-1", session(None, 1, 2.0, MANEUVERS[:1]))
     line = FailingLine(tmp_path, failures=2)
     drive_session(line, "recording", "--yes")
     assert [words[-2:] for words in line.typed] == [

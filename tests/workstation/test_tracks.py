@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.tracks.raw_track import from_euler, to_file_frame, to_our_frame
+from mbot_workstation.measure.tracks.track import Array, Track
 from mbot_workstation.measure.tracks.track_file import read_track, write_tum
 from mbot_workstation.measure.tracks.track_format import (
     PRESETS,
@@ -25,7 +26,6 @@ from mbot_workstation.measure.tracks.track_format import (
     read_track_format,
     track_format,
 )
-from mbot_workstation.sim.track import Array, Track
 
 UPS = ("x", "y", "z", "-x", "-y", "-z")
 

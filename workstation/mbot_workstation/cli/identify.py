@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mbot_workstation.learn.evaluation.trim_trial import TrimTrial
     from mbot_workstation.measure.identification.motor_trim import TrimChoice
     from mbot_workstation.measure.identification.result import Identification
-    from mbot_workstation.measure.tracks.run import Recording
+    from mbot_workstation.measure.tracks.run import ManeuverRecording
     from mbot_workstation.sim.body.robot_parameters import RobotParameters
     from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
     from mbot_workstation.sim.calibrated.motion_calibration import MotionCalibration
@@ -82,7 +82,7 @@ def identify(options: IdentifyOptions) -> None:
     from mbot_workstation.measure.identification.motion_file import motion_calibration
     from mbot_workstation.measure.identification.motor_trim import trim_choice
     from mbot_workstation.measure.identification.result_words import as_fields
-    from mbot_workstation.measure.tracks.recording_folder import read_recording
+    from mbot_workstation.measure.tracks.recording_folder import read_maneuvers
     from mbot_workstation.sim.calibrated.calibration_folder import write_motion
 
     if options.no_trim and options.policy is not None:
@@ -91,7 +91,7 @@ def identify(options: IdentifyOptions) -> None:
         from mbot_workstation.learn.drivers.contestants import read_policy
 
         read_policy(options.policy)  # now, not after the fit
-    read = [read_recording(folder) for folder in options.recordings]
+    read = [read_maneuvers(folder) for folder in options.recordings]
     robot_id = options.robot or _robot_id(read)
     folder = options.calibration or Path("calibration") / robot_id
     maps = _maps(read)
@@ -118,7 +118,7 @@ def identify(options: IdentifyOptions) -> None:
         )
 
 
-def _robot_id(recordings: "Sequence[Recording]") -> str:
+def _robot_id(recordings: "Sequence[ManeuverRecording]") -> str:
     names = list(dict.fromkeys(recording.robot_id for recording in recordings))
     if len(names) > 1:
         raise ConfigurationError(
@@ -128,7 +128,7 @@ def _robot_id(recordings: "Sequence[Recording]") -> str:
     return names[0]
 
 
-def _maps(recordings: "Sequence[Recording]") -> "WheelMaps":
+def _maps(recordings: "Sequence[ManeuverRecording]") -> "WheelMaps":
     maps = [recording.wheel_maps for recording in recordings]
     for one in maps[1:]:
         if (one.left.reversed, one.right.reversed) != (
@@ -164,7 +164,7 @@ def _tried(
 
 
 def _identified(
-    recordings: "Sequence[Recording]",
+    recordings: "Sequence[ManeuverRecording]",
     nominal: "RobotParameters",
     robot_id: str,
     *,

@@ -9,7 +9,7 @@ from mbot_workstation.cli.options import argument, option, with_options
 from mbot_workstation.cli.simulation_options import calibration_output_option
 
 if TYPE_CHECKING:
-    from mbot_workstation.measure.calibration.room.panorama_import import Room
+    from mbot_workstation.measure.calibration.room.panorama_import import ImportedRoom
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,7 +108,7 @@ def panorama(options: PanoramaOptions) -> None:
     print(f"wrote {preview}: look whether it is level, and not mirrored")
 
 
-def _words(room: "Room", *, given: bool) -> str:
+def _words(room: "ImportedRoom", *, given: bool) -> str:
     tilt = f"pitch {room.pitch_deg:+.1f}, roll {room.roll_deg:+.1f} degrees"
     if given:
         return f"levelled by {tilt}, as given"
@@ -119,7 +119,7 @@ def _words(room: "Room", *, given: bool) -> str:
     return f"levelled by {tilt}, as {room.tilt.edges} upright edges say"
 
 
-def _fields(room: "Room", path: Path, preview: Path) -> dict[str, Any]:
+def _fields(room: "ImportedRoom", path: Path, preview: Path) -> dict[str, Any]:
     return {
         "pitch_deg": room.pitch_deg,
         "roll_deg": room.roll_deg,

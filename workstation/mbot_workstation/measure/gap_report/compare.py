@@ -13,12 +13,12 @@ from mbot_workstation.measure.identification.observed_run import ObservedRun
 from mbot_workstation.measure.identification.outliers import outlying_runs
 from mbot_workstation.measure.identification.rollout import rollouts
 from mbot_workstation.measure.identification.validation import axle_path, is_held_out
-from mbot_workstation.measure.tracks.run import Recording
+from mbot_workstation.measure.tracks.run import ManeuverRecording
+from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.sim.body.parameter_table import with_values
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
 from mbot_workstation.sim.timestep import TIMESTEP_S
-from mbot_workstation.sim.track import Array
 
 MEASURED, CALIBRATED, NOMINAL = PATHS = ("measured", "calibrated", "nominal")
 
@@ -104,7 +104,7 @@ class Comparison:
     excluded: dict[str, Exclusion]
 
 
-def compare(recordings: Sequence[Recording], files: CalibrationFiles) -> Comparison:
+def compare(recordings: Sequence[ManeuverRecording], files: CalibrationFiles) -> Comparison:
     """Align every run and simulate it twice.
 
     Where the tracker sits and how its clock is off is found from the fitted runs alone; each run

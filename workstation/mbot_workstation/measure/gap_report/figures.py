@@ -14,7 +14,7 @@ from mbot_workstation.measure.gap_report.compare import (
 )
 from mbot_workstation.measure.identification.validation import heading_share
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS
-from mbot_workstation.sim.track import Array
+from mbot_workstation.measure.tracks.track import Array
 
 STEP_S = 0.05
 """Between the moments at which errors are given."""

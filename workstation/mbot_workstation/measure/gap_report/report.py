@@ -22,10 +22,10 @@ from mbot_workstation.measure.gap_report.figures import Driving, driving, path_e
 from mbot_workstation.measure.gap_report.frames import read_frames, telemetry_frames
 from mbot_workstation.measure.gap_report.quantities import TITLES, quantities
 from mbot_workstation.measure.gap_report.simulated_view import FramePair, frame_pairs
-from mbot_workstation.measure.gap_report.verdict import Judged, judge
+from mbot_workstation.measure.gap_report.verdict import JudgedQuantity, judge
 from mbot_workstation.measure.identification.exclusion import Exclusion
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS
-from mbot_workstation.measure.tracks.recording_folder import read_recording
+from mbot_workstation.measure.tracks.recording_folder import read_maneuvers
 from mbot_workstation.sim.calibrated.body_calibration import BODY_FILE
 from mbot_workstation.sim.calibrated.calibration_folder import (
     CalibrationFiles,
@@ -84,7 +84,7 @@ class GapReport:
     excluded: dict[str, Exclusion]
     files: CalibrationFiles
     driving: Driving
-    judged: tuple[Judged, ...]
+    judged: tuple[JudgedQuantity, ...]
     tolerances: Tolerances | None
     frames: tuple[FramePair, ...]
     given_frames: int
@@ -115,7 +115,7 @@ def build(
     given = read_frames(frames) if frames else ()
     files = read_files(calibration) if calibration else None
     tell("reading the recordings")
-    folder, read = recordings[0], [read_recording(one) for one in recordings]
+    folder, read = recordings[0], [read_maneuvers(one) for one in recordings]
     robot_id = read[0].robot_id
     for other, recording in zip(recordings, read, strict=True):
         if recording.robot_id != robot_id:

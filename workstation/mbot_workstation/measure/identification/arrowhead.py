@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from mbot_workstation.sim.track import Array
+from mbot_workstation.measure.tracks.track import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,6 +7,7 @@ from mbot_workstation.measure.identification.prediction import NUISANCE
 from mbot_workstation.measure.identification.result import ParameterEstimate, SteadyRate
 from mbot_workstation.measure.identification.rollout import STEADY_S, Plan, rollouts
 from mbot_workstation.measure.identification.solver import Problem, Solution, VarianceComponents
+from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.sim.body.parameter_table import (
     BY_NAME,
     PARAMETERS,
@@ -16,7 +17,6 @@ from mbot_workstation.sim.body.parameter_table import (
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.effects.presets import KNOWN
 from mbot_workstation.sim.timestep import TIMESTEP_S
-from mbot_workstation.sim.track import Array
 
 QUANTILE_95 = 1.96
 

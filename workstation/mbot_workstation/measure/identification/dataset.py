@@ -19,9 +19,9 @@ from mbot_workstation.measure.identification.observed_run import ObservedRun, ob
 from mbot_workstation.measure.identification.prediction import SETTING, Noise
 from mbot_workstation.measure.identification.rollout import plans_of
 from mbot_workstation.measure.identification.solver import Problem
-from mbot_workstation.measure.tracks.run import Recording
+from mbot_workstation.measure.tracks.run import ManeuverRecording
+from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
-from mbot_workstation.sim.track import Array
 
 LEAST_COVERED = 0.85
 """Of a run's driving that its track must cover."""
@@ -91,7 +91,7 @@ class Dataset:
 
 
 def prepare(
-    recordings: Sequence[Recording], robot: RobotParameters, *, same_clock: bool = False
+    recordings: Sequence[ManeuverRecording], robot: RobotParameters, *, same_clock: bool = False
 ) -> Dataset:
     """Look at all recordings of one robot.
 
@@ -130,7 +130,9 @@ def prepare(
     return Dataset(tuple(runs), robot, _guessed(guesses, robot), settings, free, maps, excluded)
 
 
-def _observed(recording: Recording, index: int) -> tuple[list[ObservedRun], dict[str, Exclusion]]:
+def _observed(
+    recording: ManeuverRecording, index: int
+) -> tuple[list[ObservedRun], dict[str, Exclusion]]:
     flat = flatten(recording, index)
     own_clock = recording.tracker_ahead_s is None
     begins_s = np.array([run.run.commands.start_s for run in flat])
@@ -161,7 +163,7 @@ def _cut_short(run: ObservedRun) -> Exclusion | None:
     return Exclusion(Fault.SHORT_TRACK, why)
 
 
-def _check_same_clock(recording: Recording) -> None:
+def _check_same_clock(recording: ManeuverRecording) -> None:
     ahead_s = recording.tracker_ahead_s
     if ahead_s is None or abs(ahead_s) > SAME_CLOCK_S:
         found = "unknown" if ahead_s is None else f"{ahead_s:.1f} s"

@@ -32,10 +32,10 @@ from mbot_workstation.measure.identification.variance_components import (
     estimate_noise,
     estimate_variances,
 )
-from mbot_workstation.measure.tracks.run import Recording
+from mbot_workstation.measure.tracks.run import ManeuverRecording
+from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.sim.body.parameter_table import TOLD_BY_DRIVING, usual, with_values
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
-from mbot_workstation.sim.track import Array
 
 MOST_ITERATIONS = 8
 """Of fitting, learning the scatter, and fitting again; those tried settled in 2 to 6. So that a fit
@@ -69,7 +69,7 @@ Advance = Callable[[float], None]
 
 
 def identify(
-    recordings: Sequence[Recording],
+    recordings: Sequence[ManeuverRecording],
     nominal: RobotParameters,
     *,
     robot_id: str,

@@ -20,9 +20,9 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.identification.exclusion import Exclusion, Fault
 from mbot_workstation.measure.identification.floor import FlatRun
 from mbot_workstation.measure.identification.observed_run import ObservedRun, driving
+from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.sim.body.motor import duties, motor_voltage
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
-from mbot_workstation.sim.track import Array
 
 RESTING_S = 0.1
 """At a track's beginning, by which motion is told: nine samples."""

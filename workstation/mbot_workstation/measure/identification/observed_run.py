@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbot_workstation.measure.identification.floor import FlatRun, Plane
-from mbot_workstation.sim.track import Array
+from mbot_workstation.measure.tracks.track import Array
 
 BIN_S = 0.1
 """About a time constant; nine samples at 90 Hz."""

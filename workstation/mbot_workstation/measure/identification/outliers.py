@@ -7,7 +7,7 @@ from mbot_workstation.measure.identification.exclusion import Exclusion, Fault
 from mbot_workstation.measure.identification.observed_run import maneuvers
 from mbot_workstation.measure.identification.solver import Problem, Solution
 from mbot_workstation.measure.identification.variance_components import ROBUST
-from mbot_workstation.sim.track import Array
+from mbot_workstation.measure.tracks.track import Array
 
 FAR = 6.0
 """Standard deviations from the other repetitions."""

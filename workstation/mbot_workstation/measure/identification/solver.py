@@ -26,9 +26,9 @@ from mbot_workstation.measure.identification.prediction import (
     predicted,
 )
 from mbot_workstation.measure.identification.rollout import Plan, rollouts
+from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.sim.body.parameter_table import BY_NAME, usual, value, with_values
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
-from mbot_workstation.sim.track import Array
 
 Indices: TypeAlias = NDArray[np.intp]
 

@@ -11,8 +11,8 @@ from mbot_workstation.measure.identification.observed_run import ObservedRun, ma
 from mbot_workstation.measure.identification.prediction import moments_s, simulated_at
 from mbot_workstation.measure.identification.result import Repeatability, RunError
 from mbot_workstation.measure.identification.rollout import Plan, rollouts
+from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
-from mbot_workstation.sim.track import Array
 
 LEAST_TURNS_RAD = 2 * math.pi
 """From one turn on, a heading's error is told as a share of what was turned."""

@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 from mbot_workstation.measure.identification.observed_run import BIN_S, ObservedRun, maneuvers
 from mbot_workstation.measure.identification.prediction import NUISANCE, Noise
 from mbot_workstation.measure.identification.solver import Solution, VarianceComponents
-from mbot_workstation.sim.track import Array
+from mbot_workstation.measure.tracks.track import Array
 
 ASSUMED = VarianceComponents()
 ASSUMED_COUNT = 2.0

@@ -30,7 +30,7 @@ CLOCK_JUMP_NS = 1_000_000_000
 """A drifting clock moves by milliseconds between runs; one that began anew by far more."""
 
 
-class Display(Protocol):
+class SessionDisplay(Protocol):
     """Who is told what goes on."""
 
     def next_run(self, run: Planned, done: int, total: int) -> None:
@@ -85,7 +85,7 @@ class Session:
         plan: Sequence[Planned],
         settings: SessionSettings,
         keys: Keys,
-        display: Display,
+        display: SessionDisplay,
     ) -> None:
         self._link = link
         self._control = RemoteControl(link)

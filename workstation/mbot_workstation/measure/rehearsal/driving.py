@@ -1,7 +1,6 @@
 """The virtual robot and its daemon, driven through the maneuvers as a person would."""
 
 import json
-import re
 import socket
 import tempfile
 from collections.abc import Iterator
@@ -14,8 +13,9 @@ from mbot_protocol.errors import ConfigurationError, MbotError, UnreachableError
 from mbot_workstation.fleet.link.robot_link import RobotLink
 from mbot_workstation.measure.rehearsal.command_line import CommandLine
 from mbot_workstation.measure.tracks.commands_csv import read_commands
-from mbot_workstation.measure.tracks.recording_folder import COMMANDS_FILE, read_recording
+from mbot_workstation.measure.tracks.recording_folder import COMMANDS_FILE, read_maneuvers
 from mbot_workstation.measure.tracks.recording_toml import read_info, write_info
+from mbot_workstation.measure.tracks.run import UnusableRunError
 from mbot_workstation.virtual.child import Child
 
 ROBOT_ID = "virtual-mbot"
@@ -163,8 +163,6 @@ def _recorded(folder: Path) -> int:
     return len(read_commands(path, may_be_empty=True)) if path.exists() else 0
 
 
-_ADVICE = re.compile(r"add (\d+) to leave_out")
-
 MOST_SHARE = 0.25
 """A machine that loses more tracks is too slow for real time."""
 
@@ -185,12 +183,9 @@ def leave_out_spoilt(folder: Path) -> tuple[int, ...]:
     spoilt: list[int] = []
     while True:
         try:
-            usable = len(read_recording(folder).runs)
-        except ConfigurationError as error:
-            advice = _ADVICE.search(str(error))
-            if advice is None or int(advice[1]) in spoilt:
-                raise
-            spoilt.append(int(advice[1]))
+            usable = len(read_maneuvers(folder).runs)
+        except UnusableRunError as error:
+            spoilt.append(error.number)
             info = read_info(folder)
             write_info(folder, msgspec.structs.replace(info, leave_out=tuple(spoilt)))
         else:

@@ -14,9 +14,9 @@ from mbot_workstation.measure.gap_report.compare import Rate, steady_rate
 from mbot_workstation.measure.identification.rollout import simulate_run
 from mbot_workstation.measure.tracks.maneuver import maneuver_named
 from mbot_workstation.measure.tracks.run import CommandSeries, Run
+from mbot_workstation.measure.tracks.track import Track
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
-from mbot_workstation.sim.track import Track
 
 DRIVE_S = 5.0
 

@@ -17,18 +17,18 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.calibration.light.colour_difference import srgb_level
 from mbot_workstation.measure.calibration.light.simulated_card import camera_axes
 from mbot_workstation.measure.gap_report.frames import CUBE, FRAMES_FILE, ROBOT
-from mbot_workstation.measure.gap_report.simulated_view import Place, simulated_view
+from mbot_workstation.measure.gap_report.simulated_view import FramePlace, simulated_view
 from mbot_workstation.measure.rehearsal.truth import true_room
 from mbot_workstation.measure.targets.layouts import board_page, card_page, card_place
 from mbot_workstation.measure.targets.page_files import draw
 from mbot_workstation.measure.targets.sheet import PAPERS
 from mbot_workstation.measure.targets.specifications import Board
+from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.pictures.picture_file import write_picture
 from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
 from mbot_workstation.sim.camera.sensor_noise import SensorNoise
 from mbot_workstation.sim.pose import ORIGIN, Pose
 from mbot_workstation.sim.scene.scene_parameters import Light
-from mbot_workstation.sim.track import Array
 
 FINER = 2
 """Rays a pixel along each side, averaged: the pixel's own area."""
@@ -248,9 +248,9 @@ def _shade(normal: Array, light: Light) -> float:
 FRAME_PX = 640, 480
 
 PLACES = (
-    Place(ORIGIN, Pose(0.9, 0.15, math.radians(20))),
-    Place(Pose(0.5, -0.5, math.radians(120)), Pose(0.2, 0.7, 0.0)),
-    Place(Pose(-0.8, 0.3, math.radians(-140))),
+    FramePlace(ORIGIN, Pose(0.9, 0.15, math.radians(20))),
+    FramePlace(Pose(0.5, -0.5, math.radians(120)), Pose(0.2, 0.7, 0.0)),
+    FramePlace(Pose(-0.8, 0.3, math.radians(-140))),
 )
 
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from mbot_protocol.drive.picture import Picture
 from mbot_workstation.measure.targets.specifications import MARKER_DICTIONARY, dictionary
-from mbot_workstation.sim.track import Array
 
+Array = NDArray[np.float64]
 Grey = NDArray[np.uint8]
 """Shape (height, width)."""
 

@@ -11,7 +11,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.calibration.camera.board_detection import find_board
 from mbot_workstation.measure.targets.marker_detection import Grey
 from mbot_workstation.measure.targets.specifications import Board
-from mbot_workstation.sim.track import Array
+from mbot_workstation.measure.tracks.track import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,10 +15,14 @@ from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.targets.marker_detection import Grey, MarkerDetector, to_grey
 from mbot_workstation.measure.tracking.floor_plane import FloorPlane
-from mbot_workstation.measure.tracking.overhead_track import OverheadTrack, Sight, overhead_track
+from mbot_workstation.measure.tracking.overhead_track import (
+    MarkerSight,
+    OverheadTrack,
+    overhead_track,
+)
+from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.measure.tracks.track_file import write_tum
 from mbot_workstation.pictures.video_source import VideoSource
-from mbot_workstation.sim.track import Array
 
 MIRROR_LOOKS = 60
 """In the first so many pictures without the marker its mirror image is looked for, too."""
@@ -40,7 +44,7 @@ class Watch:
     """
 
     pictures: int
-    sights: list[Sight]
+    sights: list[MarkerSight]
     floor: FloorPlane | None = None
     camera: CameraModel | None = None
 
@@ -91,7 +95,7 @@ def watch_marker(
         if find_floor is not None and watch.floor is None:
             watch.floor = find_floor(watch.camera, grey, markers)
         if marker_id in markers:
-            watch.sights.append(Sight(time_s, markers[marker_id]))
+            watch.sights.append(MarkerSight(time_s, markers[marker_id]))
         elif not watch.sights and missed < MIRROR_LOOKS:
             missed += 1
             if marker_id in detector.find(np.asarray(cv2.flip(grey, 1), dtype=np.uint8)):

@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from mbot_protocol.errors import ConfigurationError, UnreachableError
 from mbot_workstation.measure.tracks.raw_track import to_our_frame
+from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.measure.tracks.track_file import TrackFile
 from mbot_workstation.pacer import Pacer
-from mbot_workstation.sim.track import Array
 
 
 class PoseSource(Protocol):
@@ -76,8 +76,8 @@ def load_openvr() -> Any:
         return importlib.import_module("openvr")
     except ImportError:
         raise ConfigurationError(
-            "SteamVR tracking needs the openvr package: pip install -e '.[tracking]' in the "
-            "checkout, on the machine SteamVR runs on"
+            "SteamVR tracking needs the openvr package: pip install -c constraints.txt -e "
+            "'.[measure,tracking]' in the checkout, on the machine SteamVR runs on"
         ) from None
 
 

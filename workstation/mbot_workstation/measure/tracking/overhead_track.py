@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 from mbot_protocol.drive.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.tracking.floor_plane import FloorPlane, pixel_rays
-from mbot_workstation.sim.track import Array, Track
+from mbot_workstation.measure.tracks.track import Array, Track
 
 MOST_SIGHTS = 300
 """Spread over the picture; more do not make it more exact, only slower."""
@@ -180,7 +180,7 @@ SMALLEST_EDGE_PX = 12.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sight:
+class MarkerSight:
     """The marker in one picture.
 
     Attributes:
@@ -215,7 +215,7 @@ class OverheadTrack:
 
 
 def overhead_track(
-    sights: Sequence[Sight],
+    sights: Sequence[MarkerSight],
     camera: CameraModel,
     edge_m: float,
     height_m: float,

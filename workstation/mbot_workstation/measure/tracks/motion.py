@@ -7,7 +7,7 @@ import numpy as np
 
 from mbot_workstation.measure.tracks.maneuver import Maneuver, maneuver_named
 from mbot_workstation.measure.tracks.run import Run
-from mbot_workstation.sim.track import Array, Track, running_windows, without_sign_flips
+from mbot_workstation.measure.tracks.track import Array, Track, running_windows, without_sign_flips
 
 STEP_S = 0.05
 BIN_S = 0.1

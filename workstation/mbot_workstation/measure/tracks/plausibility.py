@@ -10,11 +10,11 @@ from mbot_workstation.measure.tracks.axes_check import check_frame
 from mbot_workstation.measure.tracks.direction_check import check_directions
 from mbot_workstation.measure.tracks.maneuver import maneuver_named
 from mbot_workstation.measure.tracks.motion import DrivenRun
-from mbot_workstation.measure.tracks.run import Run
+from mbot_workstation.measure.tracks.run import Run, UnusableRunError
+from mbot_workstation.measure.tracks.track import Track
 from mbot_workstation.measure.tracks.track_cleaning import clean
 from mbot_workstation.measure.tracks.track_format import TrackFormat
 from mbot_workstation.measure.tracks.unit_check import check_units
-from mbot_workstation.sim.track import Track
 
 LONGEST_GAP_S = 0.4
 """While it drives. At a spin's 7 rad/s the yaw is ambiguous after 0.45 s."""
@@ -27,27 +27,26 @@ SLACK_S = 0.3
 SHORTEST_SHARE = 0.85
 """Of the commanded time during which it must have moved."""
 
-_REMEDY = "record it again, or add {number} to leave_out in recording.toml"
-
 
 def check_run(run: DrivenRun) -> None:
     """Find a run that is not whole.
 
     Raises:
-        ConfigurationError: with the run and the reason.
+        UnusableRunError: with the run and the reason.
 
     """
     commands, track = run.run.commands, run.run.track
     told_s = commands.end_s - commands.start_s
-    remedy = _REMEDY.format(number=run.run.number)
+    number = run.run.number
     if track.duration_s < told_s - SLACK_S:
-        raise ConfigurationError(
+        raise UnusableRunError(
+            number,
             f"{run.name} was cut short: its track is {track.duration_s:.1f} s long, the robot was "
-            f"told to drive for {told_s:.1f}; {remedy}"
+            f"told to drive for {told_s:.1f}",
         )
     moving_s = run.moving_s
     if moving_s is None:
-        raise ConfigurationError(f"{run.name}: the robot never moves; {remedy}")
+        raise UnusableRunError(number, f"{run.name}: the robot never moves")
     moved_s = moving_s[1] - moving_s[0]
     if moved_s < SHORTEST_SHARE * told_s - SLACK_S:
         begins = moving_s[0] - track.time_s[0] < SLACK_S
@@ -59,11 +58,12 @@ def check_run(run: DrivenRun) -> None:
             if ends
             else "it starts and stops within the track"
         )
-        raise ConfigurationError(
+        raise UnusableRunError(
+            number,
             f"{run.name} was cut short: the robot moves for {moved_s:.1f} s of the commanded "
-            f"{told_s:.1f}, and {where}; {remedy}"
+            f"{told_s:.1f}, and {where}",
         )
-    _check_quality(run, moving_s, remedy)
+    _check_quality(run, moving_s)
 
 
 def check_repeated_numbers(runs: Sequence[DrivenRun]) -> None:
@@ -84,20 +84,22 @@ def check_repeated_numbers(runs: Sequence[DrivenRun]) -> None:
         seen[key] = run
 
 
-def _check_quality(run: DrivenRun, moving_s: tuple[float, float], remedy: str) -> None:
+def _check_quality(run: DrivenRun, moving_s: tuple[float, float]) -> None:
     track = run.run.track
     kept, quality = clean(track)
     share = (quality.outliers + quality.frozen) / len(track)
     if share > LARGEST_OUTLIER_SHARE:
-        raise ConfigurationError(
+        raise UnusableRunError(
+            run.run.number,
             f"{run.name}: {share:.0%} of its poses are jumps or repeats, as of a tracker that has "
-            f"lost its base stations; {remedy}"
+            "lost its base stations",
         )
     gap_s, at_s = _longest_gap(kept, *moving_s)
     if gap_s > LONGEST_GAP_S:
-        raise ConfigurationError(
+        raise UnusableRunError(
+            run.run.number,
             f"{run.name}: the tracker was lost for {gap_s:.1f} s, {at_s - track.time_s[0]:.1f} s "
-            f"after the track's start; {remedy}"
+            "after the track's start",
         )
 
 
@@ -138,4 +140,5 @@ def check_runs(folder: Path, runs: Sequence[Run], form: TrackFormat) -> None:
             check_run(run)
         check_directions(driven)
     except ConfigurationError as error:
-        raise ConfigurationError(f"{folder}: {error}") from None
+        error.args = (f"{folder}: {error}",)  # of its own kind, with its facts
+        raise

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.measure.tracks.track import Array, Track
 from mbot_workstation.measure.tracks.track_format import METRES, SECONDS, TrackFormat, seconds_of
-from mbot_workstation.sim.track import Array, Track
 
 # Each matrix takes the tracker's axes to ours by a proper rotation.
 _TO_Z_UP: dict[str, Array] = {

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbot_protocol.drive.actions import WheelMaps
+from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.tracks.maneuver import SLOW
-from mbot_workstation.sim.track import Array, Track
+from mbot_workstation.measure.tracks.track import Array, Track
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,8 +96,21 @@ class Run:
         return self.maneuver == SLOW.name
 
 
+class UnusableRunError(ConfigurationError):
+    """One run of a recording can't be used; without it the others may be.
+
+    Attributes:
+        number: of the run, for `leave_out` in recording.toml.
+
+    """
+
+    def __init__(self, number: int, what: str) -> None:
+        super().__init__(f"{what}; record it again, or add {number} to leave_out in recording.toml")
+        self.number = number
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Recording:
+class ManeuverRecording:
     """All runs of a folder.
 
     Attributes:

@@ -9,8 +9,8 @@ import numpy as np
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.files import atomic_file
+from mbot_workstation.measure.tracks.track import Array, Track
 from mbot_workstation.measure.tracks.track_format import PRESETS, TrackFormat
-from mbot_workstation.sim.track import Array, Track
 
 TRACK_SUFFIXES = (".csv", ".tum", ".txt", ".mcap")
 

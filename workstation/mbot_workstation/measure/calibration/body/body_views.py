@@ -30,7 +30,7 @@ PALETTE = [to_rgb(f"C{number}") for number in range(10)]
 CENTRE, CAMERA, WHEEL, REACH = "#c1121f", "#1d4ed8", "#333333", "#888888"
 
 
-class View(NamedTuple):
+class BodyView(NamedTuple):
     """One of the three.
 
     Attributes:
@@ -48,13 +48,13 @@ class View(NamedTuple):
     labels: tuple[str, str]
 
 
-SIDE = View("from its right side", 0, 2, (1, -1), ("x, ahead of the axle, mm", "z, mm"))
-TOP = View("from above", 0, 1, (2, 1), ("x, ahead of the axle, mm", "y, to the left, mm"))
-FRONT = View("from the front", 1, 2, (0, 1), ("y, to its left, mm", "z, mm"))
+SIDE = BodyView("from its right side", 0, 2, (1, -1), ("x, ahead of the axle, mm", "z, mm"))
+TOP = BodyView("from above", 0, 1, (2, 1), ("x, ahead of the axle, mm", "y, to the left, mm"))
+FRONT = BodyView("from the front", 1, 2, (0, 1), ("y, to its left, mm", "z, mm"))
 
 
 def draw_view(
-    axes: Any, view: View, body: BodyCalibration, robot: RobotParameters, whole: MassProperties
+    axes: Any, view: BodyView, body: BodyCalibration, robot: RobotParameters, whole: MassProperties
 ) -> None:
     """Draw it.
 
@@ -114,7 +114,7 @@ def draw_view(
     axes.plot(place[view.across], place[view.up], "+", color=CENTRE, markersize=9, zorder=7)
 
 
-def _draw_wheels(axes: Any, view: View, robot: RobotParameters) -> None:
+def _draw_wheels(axes: Any, view: BodyView, robot: RobotParameters) -> None:
     radius, track = robot.wheel_radius_m * 1000, robot.track_m * 1000
     width = WHEEL_WIDTH_M * 1000
     style: dict[str, Any] = {"facecolor": "#00000018", "edgecolor": WHEEL, "linewidth": 1.1}
@@ -136,7 +136,7 @@ def _draw_wheels(axes: Any, view: View, robot: RobotParameters) -> None:
         axes.plot([0, 0], [-track / 2, track / 2], color=WHEEL, linewidth=0.8)
 
 
-def _draw_camera(axes: Any, view: View, robot: RobotParameters) -> None:
+def _draw_camera(axes: Any, view: BodyView, robot: RobotParameters) -> None:
     """The lens, and the edges of what it sees, 50 mm far."""
     mount, camera = robot.camera_mount, robot.camera
     place = np.array([mount.ahead_m, mount.left_m, mount.height_m]) * 1000
@@ -159,7 +159,7 @@ def _draw_camera(axes: Any, view: View, robot: RobotParameters) -> None:
         )
 
 
-def _number(axes: Any, view: View, body: BodyCalibration) -> None:
+def _number(axes: Any, view: BodyView, body: BodyCalibration) -> None:
     """The components' numbers in their boxes; those that lie behind each other share a place."""
     sharing: defaultdict[tuple[float, ...], list[int]] = defaultdict(list)
     for number, part in enumerate(body.components, start=1):

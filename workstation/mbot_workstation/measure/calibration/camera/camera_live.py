@@ -33,7 +33,7 @@ NEW_POSE_SHARE = 0.08
 was in any picture taken."""
 
 
-class Verdict(Enum):
+class FrameVerdict(Enum):
     """What a frame was good for."""
 
     NO_BOARD = "no board in view"
@@ -71,7 +71,7 @@ class BoardCollector:
         corners = np.concatenate([np.zeros((0, 2), np.float32), *self._corners])
         return areas_without(corners, *self._size)
 
-    def offer(self, picture: Grey, now_s: float) -> Verdict:
+    def offer(self, picture: Grey, now_s: float) -> FrameVerdict:
         """Judge a frame.
 
         Args:
@@ -83,22 +83,22 @@ class BoardCollector:
         last, self._last = self._last, self._see(picture)
         seen = self._last
         if seen is None:
-            return Verdict.NO_BOARD
+            return FrameVerdict.NO_BOARD
         if seen.found.mirrored:
-            return Verdict.MIRRORED
+            return FrameVerdict.MIRRORED
         width = picture.shape[1]
         if last is None or _apart(seen.outline_px, last.outline_px) > STILL_SHARE * width:
             self._still_since_s = now_s
-            return Verdict.MOVING
+            return FrameVerdict.MOVING
         if now_s - self._still_since_s < STILL_S:
-            return Verdict.MOVING
+            return FrameVerdict.MOVING
         far = NEW_POSE_SHARE * width
         if any(_apart(seen.outline_px, outline) < far for outline in self._taken):
-            return Verdict.SAME_POSE
+            return FrameVerdict.SAME_POSE
         self._taken.append(seen.outline_px)
         self._corners.append(seen.found.corners_px)
         self.count += 1
-        return Verdict.TAKEN
+        return FrameVerdict.TAKEN
 
     def _see(self, picture: Grey) -> _Seen | None:
         for board in self._boards:
@@ -133,8 +133,8 @@ ENOUGH_ANYWAY = 1.6
 
 FIRST_FRAME_TIMEOUT_S = 10.0
 
-Told = Callable[[Verdict, int, tuple[str, ...]], None]
-"""Verdict on a frame, pictures so far, areas of the view still empty."""
+Told = Callable[[FrameVerdict, int, tuple[str, ...]], None]
+"""FrameVerdict on a frame, pictures so far, areas of the view still empty."""
 
 
 def collect(
@@ -166,7 +166,7 @@ def collect(
                 picture, at_s = frame
                 grey = cast(Grey, cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY))
                 verdict = collector.offer(grey, at_s)
-                if verdict is Verdict.TAKEN:
+                if verdict is FrameVerdict.TAKEN:
                     path = folder / f"live-{stamp}-{len(taken) + 1:03d}.png"
                     taken.append(write_picture(path, picture))
                 empty = collector.empty_areas()

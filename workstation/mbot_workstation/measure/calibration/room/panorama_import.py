@@ -29,7 +29,7 @@ MOST_BLACK_DEG = 12.0
 
 
 @dataclass(frozen=True, slots=True)
-class Room:
+class ImportedRoom:
     """A panorama made ready.
 
     Attributes:
@@ -54,7 +54,7 @@ def prepare_room(
     heading_deg: float = 0.0,
     tilt_deg: tuple[float, float] | None = None,
     whole: bool = True,
-) -> Room:
+) -> ImportedRoom:
     """Check, level, turn and resize a panorama.
 
     Args:
@@ -90,7 +90,7 @@ def prepare_room(
             tilt_deg = tilt_of(tilt.vertical)
     width = width_px or suiting_width(picture.shape[1])
     turned = level(picture, width, *tilt_deg, heading_deg)
-    return Room(turned, *tilt_deg, tilt, notes)
+    return ImportedRoom(turned, *tilt_deg, tilt, notes)
 
 
 def suiting_width(width_px: int) -> int:
