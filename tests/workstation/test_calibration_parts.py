@@ -8,8 +8,8 @@ import pytest
 
 from mbot_protocol.drive.camera_model import nominal_pi_camera
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.measure.calibration.body.body_drawing import FRONT, SIDE, TOP
 from mbot_workstation.measure.calibration.body.body_mjcf import robot_mjcf, write_mjcf
-from mbot_workstation.measure.calibration.body.body_views import FRONT, SIDE, TOP
 from mbot_workstation.measure.calibration.camera.board_detection import Sighting, find_board
 from mbot_workstation.measure.calibration.camera.camera_drawing import draw_calibration
 from mbot_workstation.measure.calibration.camera.camera_fit import fit_camera

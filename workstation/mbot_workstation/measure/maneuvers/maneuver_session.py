@@ -4,7 +4,6 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from mbot_protocol.errors import MbotError, RefusedError, UnreachableError
 from mbot_workstation.fleet.link.remote_control import RemoteControl
@@ -17,7 +16,7 @@ from mbot_workstation.measure.maneuvers.maneuver_drive import (
 )
 from mbot_workstation.measure.maneuvers.plan import Planned
 from mbot_workstation.measure.maneuvers.session_journal import Journal
-from mbot_workstation.measure.maneuvers.terminal import Keys
+from mbot_workstation.measure.maneuvers.terminal import Keyboard, NoKeys, PlainDisplay
 from mbot_workstation.measure.tracks.maneuver import maneuver_named
 
 LOOK_S = 0.05
@@ -28,30 +27,6 @@ SPOILT_AT_MOST = 3
 
 CLOCK_JUMP_NS = 1_000_000_000
 """A drifting clock moves by milliseconds between runs; one that began anew by far more."""
-
-
-class SessionDisplay(Protocol):
-    """Who is told what goes on."""
-
-    def next_run(self, run: Planned, done: int, total: int) -> None:
-        """This run comes next."""
-        ...
-
-    def countdown(self, left_s: float) -> None:
-        """It begins in so long."""
-        ...
-
-    def driving(self) -> None:
-        """It has begun."""
-        ...
-
-    def recorded(self, run: Planned, number: int) -> None:
-        """It is over and kept."""
-        ...
-
-    def say(self, text: str) -> None:
-        """Something a person should read."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +59,8 @@ class Session:
         journal: Journal,
         plan: Sequence[Planned],
         settings: SessionSettings,
-        keys: Keys,
-        display: SessionDisplay,
+        keys: NoKeys | Keyboard,
+        display: PlainDisplay,
     ) -> None:
         self._link = link
         self._control = RemoteControl(link)

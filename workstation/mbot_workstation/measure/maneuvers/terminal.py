@@ -5,20 +5,12 @@ import select
 import sys
 import termios
 import tty
-from typing import Any, Protocol, Self, TextIO
+from typing import Any, Self, TextIO
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from mbot_workstation.measure.maneuvers.plan import Planned
-
-
-class Keys(Protocol):
-    """Where keys come from."""
-
-    def pressed(self) -> str | None:
-        """The oldest key nobody has taken, in lower case ("enter" for Enter), or None."""
-        ...
 
 
 class NoKeys:
@@ -56,7 +48,7 @@ class Keyboard:
 
 
 class PlainDisplay:
-    """A line a run."""
+    """Who is told what goes on: here a line a run."""
 
     def __init__(self, stream: TextIO = sys.stdout) -> None:
         self._stream = stream
@@ -83,10 +75,11 @@ class PlainDisplay:
         print(text, file=self._stream, flush=True)
 
 
-class TerminalDisplay:
+class TerminalDisplay(PlainDisplay):
     """A bar with what comes next; a context manager."""
 
     def __init__(self, console: Console) -> None:
+        super().__init__()
         self._console = console
         self._progress = Progress(
             TextColumn("{task.description}"),

@@ -15,6 +15,7 @@ from mbot_protocol.drive.camera_model import CameraModel
 from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.calibration.light.colour_difference import srgb_level
+from mbot_workstation.measure.calibration.light.light_fit import shade
 from mbot_workstation.measure.calibration.light.simulated_card import camera_axes
 from mbot_workstation.measure.gap_report.frames import CUBE, FRAMES_FILE, ROBOT
 from mbot_workstation.measure.gap_report.simulated_view import FramePlace, simulated_view
@@ -28,7 +29,6 @@ from mbot_workstation.pictures.picture_file import write_picture
 from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
 from mbot_workstation.sim.camera.sensor_noise import SensorNoise
 from mbot_workstation.sim.pose import ORIGIN, Pose
-from mbot_workstation.sim.scene.scene_parameters import Light
 
 FINER = 2
 """Rays a pixel along each side, averaged: the pixel's own area."""
@@ -216,7 +216,7 @@ def card_photos(truth: CalibrationFiles, seed: int) -> Iterator[Picture]:
         turn = _about((0, 1, 0), left_deg) @ _about((1, 0, 0), -up_deg)
         a, b, c = (float(value) for value in cv2.Rodrigues(turn)[0].ravel())
         normal = camera_axes(robot) @ -turn[:, 2]
-        light = gains * _shade(normal, truth.scene.light)
+        light = gains * shade(normal, truth.scene.light)
         yield photograph(sheet, camera, Hold((a, b, c), (0.0, 0.0, DISTANCE_M)), light, noise)
 
 
@@ -237,12 +237,6 @@ def _sheet() -> Sheet:
 def _about(axis: tuple[int, int, int], angle_deg: float) -> Array:
     vector = np.radians(angle_deg) * np.array(axis, dtype=np.float64)
     return np.asarray(cv2.Rodrigues(vector)[0], dtype=np.float64)
-
-
-def _shade(normal: Array, light: Light) -> float:
-    """The simulation's matte surface: what the virtual room does to any colour in it."""
-    towards = -np.array(light.direction) / np.linalg.norm(light.direction)
-    return light.ambient + (1 - light.ambient) * max(0.0, float(normal @ towards))
 
 
 FRAME_PX = 640, 480

@@ -1,6 +1,7 @@
 """The printed frame around a gray card: where the card is, and how it is turned."""
 
 from dataclasses import dataclass
+from typing import cast
 
 import cv2
 import numpy as np
@@ -9,12 +10,11 @@ from numpy.typing import NDArray
 from mbot_protocol.drive.camera_model import CameraModel
 from mbot_protocol.drive.picture import Picture
 from mbot_workstation.measure.targets.layouts import card_marker_places, card_place
+from mbot_workstation.measure.targets.marker_detection import MarkerDetector
 from mbot_workstation.measure.targets.sheet import PAPERS
 from mbot_workstation.measure.targets.specifications import (
     CARD_MARKER_EDGE_MM,
     CARD_MARKER_IDS,
-    MARKER_DICTIONARY,
-    dictionary,
 )
 
 Values = NDArray[np.float64]
@@ -60,7 +60,9 @@ def find_framed_card(
         card_mm: width and height of the card.
 
     """
-    seen = _find_markers(picture)
+    grey = cast(NDArray[np.uint8], cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY))
+    found = MarkerDetector().find(grey)
+    seen = {number: found[number] for number in CARD_MARKER_IDS if number in found}
     if len(seen) < FEWEST_MARKERS:
         return None
     # Sheets differ in where the markers are: the one that fits best is the one that was printed.
@@ -81,21 +83,6 @@ def find_framed_card(
     # The page's z points into the paper, as x is to the right and y down.
     normal = -np.asarray(cv2.Rodrigues(sheet.turn)[0], np.float64)[:, 2]
     return FramedCard(np.asarray(outline, np.float64).reshape(4, 2), normal)
-
-
-def _find_markers(picture: Picture) -> dict[int, Values]:
-    """Corners of the frame's markers that are in view, shape (4, 2) each."""
-    settings = cv2.aruco.DetectorParameters()
-    settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-    detector = cv2.aruco.ArucoDetector(dictionary(MARKER_DICTIONARY), settings)
-    found, numbers, _ = detector.detectMarkers(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY))
-    if numbers is None:
-        return {}
-    return {
-        int(number): np.asarray(corners, np.float64).reshape(4, 2)
-        for number, corners in zip(np.ravel(numbers), found, strict=True)
-        if int(number) in CARD_MARKER_IDS
-    }
 
 
 def _pose(
