@@ -1,6 +1,6 @@
 """A recording's folder: read back as written, and every way it can be wrong is named."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,15 +9,22 @@ import pytest
 
 from mbot_protocol.drive.actions import MotorMap, WheelMaps
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.measure.tracks.axes_check import check_frame
 from mbot_workstation.measure.tracks.commands_csv import CommandedRun, write_commands
+from mbot_workstation.measure.tracks.direction_check import check_directions
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS, maneuver_named
+from mbot_workstation.measure.tracks.motion import DrivenRun
+from mbot_workstation.measure.tracks.plausibility import check_runs
 from mbot_workstation.measure.tracks.recording_folder import (
     COMMANDS_FILE,
     read_maneuvers,
     write_maneuvers,
 )
-from mbot_workstation.measure.tracks.run import CommandSeries, Run
+from mbot_workstation.measure.tracks.run import CommandSeries, Run, UnusableRunError
+from mbot_workstation.measure.tracks.session_track import find_tracker_ahead_s, parts_of
 from mbot_workstation.measure.tracks.track import Array, Track
+from mbot_workstation.measure.tracks.track_format import TrackFormat
+from mbot_workstation.measure.tracks.unit_check import check_units
 
 from .driven_robot import Robot, Tracker, session, track_of
 
@@ -289,10 +296,38 @@ def test_a_weak_motor_is_no_bad_input(tmp_path: Path) -> None:
     assert len(read_maneuvers(tmp_path).runs) == 16
 
 
-def test_a_run_cut_short_is_named(tmp_path: Path, runs: tuple[Run, ...]) -> None:
-    short = cut(runs[9], runs[9].track.time_s[0], runs[9].track.time_s[0] + 1.5)
-    write_maneuvers(tmp_path, "mbot-1", [short if run is runs[9] else run for run in runs])
-    assert "run 10 (forward-neutral, repetition 2) was cut short" in refused(tmp_path)
+def shortened(run: Run) -> Track:
+    return cut(run, run.track.time_s[0], run.track.time_s[0] + 1.5).track
+
+
+def with_hole(run: Run) -> Track:
+    return run.track.where(np.abs(run.track.time_s - run.track.time_s[0] - 2.0) >= 0.35)
+
+
+def standing(run: Run) -> Track:
+    return track_of(Robot(left_mps=0, right_mps=0), [run.commands], 1)
+
+
+@pytest.mark.parametrize(
+    ("number", "spoil", "words"),
+    [
+        (10, shortened, r"run 10 \(forward-neutral, repetition 2\) was cut short"),
+        (5, with_hole, "the tracker was lost for 0.7 s"),
+        (7, standing, "never moves"),
+    ],
+)
+def test_a_run_without_a_whole_track_is_named(
+    tmp_path: Path,
+    runs: tuple[Run, ...],
+    number: int,
+    spoil: Callable[[Run], Track],
+    words: str,
+) -> None:
+    spoilt = replace(runs[number - 1], track=spoil(runs[number - 1]))
+    write_maneuvers(tmp_path, "mbot-1", [spoilt if r.number == number else r for r in runs])
+    with pytest.raises(UnusableRunError, match=words) as caught:
+        read_maneuvers(tmp_path)
+    assert caught.value.number == number
 
 
 def test_a_track_that_ends_while_the_robot_drives_is_named(tmp_path: Path) -> None:
@@ -300,35 +335,36 @@ def test_a_track_that_ends_while_the_robot_drives_is_named(tmp_path: Path) -> No
     early = runs[2].track.time_s[0]
     runs[2] = cut(runs[2], early, early + 4.9)
     write_maneuvers(tmp_path, "mbot-1", runs)
-    text = refused(tmp_path)
-    assert "run 3" in text
-    assert "still drives when the track ends" in text
-
-
-def test_a_lost_tracker_is_named(tmp_path: Path, runs: tuple[Run, ...]) -> None:
-    track = runs[4].track
-    lost = np.abs(track.time_s - track.time_s[0] - 2.0) < 0.35
-    spoilt = replace(runs[4], track=track.where(~lost))
-    write_maneuvers(tmp_path, "mbot-1", [spoilt if run is runs[4] else run for run in runs])
-    text = refused(tmp_path)
-    assert "run 5" in text
-    assert "the tracker was lost for 0.7 s" in text
+    with pytest.raises(UnusableRunError, match="still drives when the track ends") as caught:
+        read_maneuvers(tmp_path)
+    assert caught.value.number == 3
 
 
 def test_a_wrongly_labelled_run_is_named(tmp_path: Path, runs: tuple[Run, ...]) -> None:
     by_number = {run.number: run for run in runs}
     spoilt = replace(by_number[2], track=by_number[4].track)
     write_maneuvers(tmp_path, "mbot-1", [spoilt if run is runs[1] else run for run in runs])
-    assert "run 2 (forward-neutral, repetition 1) turns at" in refused(tmp_path)
+    with pytest.raises(UnusableRunError, match="turns at") as caught:
+        read_maneuvers(tmp_path)
+    assert caught.value.number == 2
 
 
-def test_a_robot_that_stood_is_named(tmp_path: Path, runs: tuple[Run, ...]) -> None:
-    still = track_of(Robot(left_mps=0, right_mps=0), [runs[6].commands], 1)
-    spoilt = replace(runs[6], track=still)
-    write_maneuvers(tmp_path, "mbot-1", [spoilt if run is runs[6] else run for run in runs])
-    text = refused(tmp_path)
-    assert "run 7" in text
-    assert "never moves" in text
+def test_what_a_robot_drove_passes_every_check(runs: tuple[Run, ...]) -> None:
+    check_runs(Path("recording"), runs, TrackFormat())
+    driven = [DrivenRun.of(run) for run in runs]
+    check_units(driven, "m")
+    check_frame(driven, TrackFormat())
+    check_directions(driven)
+
+
+def test_runs_are_found_in_one_long_track() -> None:
+    made = session(repetitions=1, duration_s=3.0)
+    told = [CommandedRun(r.number, r.maneuver, r.repetition, r.commands) for r in made]
+    whole = track_of(Robot(), [run.commands for run in made], 0, carried=True)
+    ahead_s = find_tracker_ahead_s(told, whole)
+    for run, part in zip(made, parts_of(whole, told, ahead_s), strict=True):
+        assert part is not None
+        assert part.time_s[0] < run.commands.start_s + ahead_s < part.time_s[-1]
 
 
 # commands.csv and the folder itself

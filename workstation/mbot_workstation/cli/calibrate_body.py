@@ -53,7 +53,7 @@ def body(options: BodyOptions) -> None:
 
     from mbot_protocol.files.toml_file import read_toml
     from mbot_workstation.measure.calibration.body.body_check import examine
-    from mbot_workstation.measure.calibration.body.body_example import example_file
+    from mbot_workstation.measure.calibration.body.body_files import example_file
     from mbot_workstation.sim.calibrated.body_calibration import BodyCalibration
 
     if options.example:
@@ -66,7 +66,7 @@ def body(options: BodyOptions) -> None:
         )
 
     from mbot_workstation.measure.calibration.body.body_drawing import draw_body
-    from mbot_workstation.measure.calibration.body.body_mjcf import write_mjcf
+    from mbot_workstation.measure.calibration.body.body_files import write_mjcf
     from mbot_workstation.measure.calibration.body.mass_properties import mass_properties
     from mbot_workstation.sim.calibrated.calibration_folder import (
         CalibrationFiles,

@@ -3,7 +3,7 @@ half, and solved for all.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -106,25 +106,14 @@ def identify(
     return _conclude(robot_id, data, half, whole, _indices(away), same_clock=same_clock)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """A problem, solved or about to be, with the variances and the noise estimated from it."""
+    """A solved problem, with the variances and the noise estimated from it."""
 
-    def __init__(
-        self,
-        problem: Problem,
-        state: State,
-        variances: VarianceComponents,
-        noise: list[Noise],
-        solution: Solution | None = None,
-    ) -> None:
-        self.problem, self._state, self._solution = problem, state, solution
-        self.variances, self.noise = variances, noise
-
-    @property
-    def solution(self) -> Solution:
-        if self._solution is None:
-            raise ValueError("nothing has been solved yet")
-        return self._solution
+    problem: Problem
+    solution: Solution
+    variances: VarianceComponents
+    noise: list[Noise]
 
     @classmethod
     def multistart(cls, data: Dataset, chosen: Sequence[int], progress: "_Progress") -> "_Fit":
@@ -135,7 +124,7 @@ class _Fit:
         for differs, grip in STARTS:
             start = middle | differs | {"wheel_friction": grip * middle["wheel_friction"]}
             state = initial_state(problem, with_values(data.robot, start))
-            found.append(cls(problem, state, VarianceComponents(), noise)._converge(progress))
+            found.append(cls._converged(problem, state, VarianceComponents(), noise, progress))
         alike = Solver(problem, VarianceComponents(), noise)  # each has variances of its own
         return min(found, key=lambda one: alike.evaluate(one.solution.state).cost)
 
@@ -152,21 +141,30 @@ class _Fit:
         problem = data.problem(everything, TOLD_BY_DRIVING)
         came = before.solution.state
         state = replace(initial_state(problem, came.robot), settings=came.settings)
-        return cls(problem, state, before.variances, before.noise)._converge(progress)
+        return cls._converged(problem, state, before.variances, before.noise, progress)
 
-    def _converge(self, progress: "_Progress") -> "_Fit":
-        state, variances, noise, solution = self._state, self.variances, self.noise, self._solution
-        for done in range(MOST_ITERATIONS):
-            solution = Solver(self.problem, variances, noise).solve(state, 1)
-            moved = spreads(self.problem, solution.state.robot) - spreads(self.problem, state.robot)
+    @classmethod
+    def _converged(
+        cls,
+        problem: Problem,
+        state: State,
+        variances: VarianceComponents,
+        noise: list[Noise],
+        progress: "_Progress",
+    ) -> "_Fit":
+        left = MOST_ITERATIONS
+        while True:
+            solution = Solver(problem, variances, noise).solve(state, 1)
+            moved = spreads(problem, solution.state.robot) - spreads(problem, state.robot)
             state = solution.state
-            variances = estimate_variances(self.problem.runs, solution)
-            noise = estimate_noise(self.problem.runs, solution, noise)
-            if (np.abs(moved) < SETTLED * np.sqrt(np.diag(solution.covariance))).all():
-                progress.count(MOST_ITERATIONS - done)
-                break
+            variances = estimate_variances(problem.runs, solution)
+            noise = estimate_noise(problem.runs, solution, noise)
+            settled = (np.abs(moved) < SETTLED * np.sqrt(np.diag(solution.covariance))).all()
+            if settled or left == 1:
+                progress.count(left)
+                return cls(problem, solution, variances, noise)
             progress.count()
-        return _Fit(self.problem, state, variances, noise, solution)
+            left -= 1
 
 
 class _Progress:
