@@ -23,7 +23,7 @@ IDLE := $(if $(shell command -v setsid),setsid sh -c '{ echo 19 > /proc/self/aut
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 .DEFAULT_GOAL := help
-.PHONY: help dist deb pins demo calibrate-demo demo-firmware test test-all test-bookworm test-pi test-kernel check protocol firmware benchmark reliability reliability-quick policy-pages mutants mutants-all fuzz lock clean
+.PHONY: help dist deb pins demo calibrate-demo demo-firmware test test-all test-bookworm test-pi test-kernel check size protocol firmware benchmark reliability reliability-quick policy-pages mutants mutants-all fuzz lock clean
 
 help: ## Show this help
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -75,6 +75,9 @@ check: $(VENV)/.all ## Lint, format, types, imports
 	$(BIN)/pyright
 	PYTHONPATH= $(BIN)/lint-imports
 
+size: ## Lines and modules of each room beside its budget; fails beyond one
+	@$(PYTHON) benchmarks/size.py
+
 protocol: $(VENV)/.all ## Generate the messages' Python code from the .proto file
 	$(BIN)/python shared/protocol/generate.py
 
@@ -96,7 +99,7 @@ dist: $(VENV)/.all $(FIRMWARE)/mbot-deadman.hex ## Make wheel, sdist and signed 
 deb: $(VENV)/.all $(FIRMWARE)/mbot-deadman.hex ## As dist, and a Debian package of each release
 	$(BIN)/python -m mbot_workstation.fleet.releases.make_release --deb $(DIST)
 
-pins: $(VENV)/.all ## Resolve anew which wheels a release has; writes deploy/requirements
+pins: $(VENV)/.all ## Resolve again which wheels a release has; writes deploy/requirements
 	rm -rf deploy/requirements out/dist-cache
 	$(BIN)/python -m mbot_workstation.fleet.releases.make_release --version 0 --sequence 0 --without-firmware $(DIST)
 	$(PIP) download --only-binary=:all: -c constraints.txt --dest out/dist-cache/build hatchling
@@ -113,7 +116,7 @@ reliability: $(VENV)/.all ## Cause every fault of the table, write docs/results/
 reliability-quick: $(VENV)/.all ## Cause every fault of the table once, write the page; 10 minutes
 	$(BIN)/python benchmarks/reliability.py --quick $(RELIABILITY)
 
-policy-pages: $(VENV)/.all ## Make every page about the policy in models/ anew, where it was stopped; about an hour
+policy-pages: $(VENV)/.all ## Make every page about the policy in models/ again, where it was stopped; about an hour
 	$(BIN)/python benchmarks/policy_pages.py $(PAGES)
 
 mutants: $(VENV)/.all ## Put small faults into what has changed of the safety path, one by one: a test must fail for each

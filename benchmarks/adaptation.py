@@ -18,16 +18,16 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from mbot_workstation.learn.drivers.guide import Guide
 from mbot_workstation.learn.drivers.onnx_policy import Actions, OnnxPolicy
 from mbot_workstation.learn.evaluation.provenance import provenance
 from mbot_workstation.learn.learning.full_speed import within_full_speed
 from mbot_workstation.learn.learning.guidance import GUIDE_REMEMBERS
-from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
-from mbot_workstation.learn.worlds.lessons import Lesson
 from mbot_workstation.learn.worlds.rooms import evaluation_rooms
+from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
 from mbot_workstation.pictures.picture_file import save_figure
 from mbot_workstation.sim.effects.presets import preset
+from mbot_workstation.tasks.fetch.guide import FetchGuide
+from mbot_workstation.tasks.fetch.lessons import FetchLesson
 
 SWAP_AFTER = 60
 DECISIONS = 140
@@ -36,7 +36,7 @@ AHEAD_RAD = 0.17
 NEAR = 0.9
 """Of its progress before the change, both against the guide's: as good as learned."""
 
-SWAP = Lesson(
+SWAP = FetchLesson(
     "swap",
     2.5,
     objects=10,
@@ -70,7 +70,7 @@ class Driven:
         self._policy.forget()
         self._remembers = remembers
 
-    def act(self, environment: FetchVecEnv, pictures: NDArray[np.uint8]) -> Actions:
+    def act(self, environment: TaskVecEnv, pictures: NDArray[np.uint8]) -> Actions:
         """Both wheels of every robot."""
         del environment
         if not self._remembers:
@@ -82,12 +82,12 @@ class Guided:
     """The guide, told what the robots are like."""
 
     def __init__(self, robots: int) -> None:
-        self._guide = Guide(robots, preset("nominal"), remembers=GUIDE_REMEMBERS)
+        self._guide = FetchGuide(robots, preset("nominal"), remembers=GUIDE_REMEMBERS)
 
-    def act(self, environment: FetchVecEnv, pictures: NDArray[np.uint8]) -> Actions:
+    def act(self, environment: TaskVecEnv, pictures: NDArray[np.uint8]) -> Actions:
         """Both wheels of every robot."""
         del pictures
-        sight = environment.sight()
+        sight = environment.observations()
         self._guide.become(sight.bodies)
         asked = torch.from_numpy(np.nan_to_num(self._guide.act(sight.situations)))
         actions = within_full_speed(asked).numpy()
@@ -99,15 +99,15 @@ def drive(driver: Driven | Guided, robots: int) -> Drive:
     """Let robots drive, and change them on the way."""
     progress = np.full((DECISIONS, robots), np.nan)
     turn = np.full((DECISIONS, robots), np.nan)
-    with FetchVecEnv(robots, 0, preset("nominal"), SWAP, evaluation_rooms([])) as environment:
+    with TaskVecEnv(robots, 0, preset("nominal"), SWAP, evaluation_rooms([])) as environment:
         pictures: Any = environment.reset()
         first_episode = np.ones(robots, np.bool_)
         for decision in range(DECISIONS):
-            before = environment.sight().situations
+            before = environment.observations().situations
             actions = driver.act(environment, pictures)
             pictures, _, ended, _ = environment.step(actions)
             first_episode &= ~ended
-            after = environment.sight().situations
+            after = environment.observations().situations
             same_object = after["touches"] == before["touches"]
             counts = first_episode & same_object
             progress[decision] = np.where(counts, _distance_m(before) - _distance_m(after), np.nan)

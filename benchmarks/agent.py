@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
+from mbot_protocol.beat.stages import percentile
 from mbot_protocol.policy.policy_contract import PolicyMetadata
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.fleet.link.remote_control import NotStandingError, RemoteControl
@@ -25,7 +26,6 @@ from mbot_workstation.fleet.link.robot_link import RobotLink
 from mbot_workstation.fleet.models.push import push
 from mbot_workstation.fleet.models.servo_policy import ServoGains, servo_model
 from mbot_workstation.fleet.models.signing_key import SigningKey
-from mbot_workstation.fleet.recorded.stage_times import percentile
 from mbot_workstation.fleet.telemetry.stream import TelemetryStream
 from mbot_workstation.virtual.child import Child
 

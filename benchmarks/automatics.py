@@ -21,18 +21,17 @@ from mbot_protocol.drive.picture import Picture
 from mbot_workstation.learn.drivers.contestants import driver, title
 from mbot_workstation.learn.evaluation.episodes import EpisodeResult, score
 from mbot_workstation.learn.evaluation.provenance import provenance
-from mbot_workstation.learn.worlds.fetch_env import FetchEnv
-from mbot_workstation.learn.worlds.lessons import lesson
 from mbot_workstation.learn.worlds.rooms import evaluation_rooms
+from mbot_workstation.learn.worlds.task_env import TaskEnv
 from mbot_workstation.sim.effects.presets import preset
 from mbot_workstation.sim.pose import ORIGIN, Pose
+from mbot_workstation.tasks.fetch.task import TASK
+from mbot_workstation.tasks.lesson import lesson_named
 
 PRESETS = {"settle": "light-held", "always": "any-room", "off": "light-held"}
 FAR_M = 1.5
 SHARES = 4
 """Jobs of a setting; each builds its own arenas."""
-
-UNKNOWN = np.full((1, 2), np.nan)
 
 
 def main() -> None:
@@ -68,26 +67,26 @@ def against(differences: np.ndarray) -> str:
 
 def drive(contestant: str, setting: str, episodes: range) -> list[EpisodeResult]:
     """These episodes with the automatics set so."""
-    ranges, task = preset(PRESETS[setting]), lesson("10")
-    environment = FetchEnv(ranges, task, evaluation_rooms([]))
+    ranges, task = preset(PRESETS[setting]), lesson_named(TASK.lessons, "10")
+    environment = TaskEnv(ranges, task, evaluation_rooms([]))
     results: list[EpisodeResult] = []
     for number in episodes:
         who = driver(contestant, 1, number, ranges)
-        picture, _ = environment.reset(seed=number)
+        picture, info = environment.reset(seed=number)
         if setting == "off":
             picture = opened_elsewhere(environment, number)
         reward, decisions, ended = 0.0, 0, False
         while not ended:
-            action = who.act(picture[np.newaxis], UNKNOWN)[0]
-            picture, score_now, ended, _, _ = environment.step(action)
+            action = who.act(picture[np.newaxis], [info])[0]
+            picture, score_now, ended, _, info = environment.step(action)
             reward, decisions = reward + score_now, decisions + 1
-        touches = environment.world.touches
-        results.append(EpisodeResult(reward, decisions, touches, touches == task.objects))
+        touches = info["touches"]
+        results.append(EpisodeResult(reward, decisions, touches, touches == task.goal))
     environment.close()
     return results
 
 
-def opened_elsewhere(environment: FetchEnv, seed: int) -> Picture:
+def opened_elsewhere(environment: TaskEnv, seed: int) -> Picture:
     """Let the camera settle somewhere else, and carry the robot to its start."""
     world, rng = environment.world, np.random.default_rng(seed)
     start, (x_m, y_m) = world.glimpse, rng.uniform(-FAR_M, FAR_M, 2)

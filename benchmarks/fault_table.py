@@ -207,7 +207,7 @@ FAULTS = (
         (Bar("lost ≤ 1 s, never a file", "lost s", 1),),
         (
             f"{RELIABILITY}/test_recording_power_cut.py",
-            "tests/workstation/test_recording.py::test_every_cut_gives_back_a_beginning",
+            "tests/workstation/test_telemetry_file.py::test_every_cut_gives_back_a_beginning",
         ),
         back="the next start",
     ),
@@ -272,7 +272,7 @@ FAULTS = (
         (),
         (
             f"{TRUST}::test_a_wrong_input_shape_is_refused_before_a_byte_is_sent",
-            "tests/robot/test_dry_run.py::test_a_bad_model_is_refused_in_one_line",
+            "tests/protocol/test_dry_run.py::test_a_bad_model_is_refused_in_one_line",
             "tests/robot/test_model_service.py::test_a_bad_model_leaves_the_old_one",
         ),
         "the old model stays active",
@@ -282,7 +282,7 @@ FAULTS = (
         "hostile ONNX (huge tensor, endless loop, other files)",
         (Bar("child killed ≤ 10 s", "refused after s", 10),),
         (
-            "tests/robot/test_dry_run.py::test_a_model_that_never_answers_is_killed_within_10_s",
+            "tests/protocol/test_dry_run.py::test_a_model_that_never_answers_is_killed_within_10_s",
             f"{MODELS}::test_a_hostile_model_leaves_the_driving_daemon_alone",
             "tests/protocol/test_model_structure.py",
         ),
@@ -490,7 +490,7 @@ BESIDE = (
     Fault(
         "a model's trial that asks the kernel for more than a computation needs",
         (),
-        ("tests/robot/test_confinement.py",),
+        ("tests/protocol/test_confinement.py",),
         "refused",
         back="nothing is needed",
     ),
@@ -499,7 +499,7 @@ BESIDE = (
         (),
         (
             "tests/workstation/test_picture_file.py",
-            "tests/workstation/test_whole_chunks.py",
+            "tests/protocol/test_whole_chunks.py",
             "tests/workstation/test_glb_file.py",
         ),
         "one line before anything is unpacked",

@@ -20,9 +20,10 @@ from mbot_workstation.learn.drivers.contestants import Driver
 from mbot_workstation.learn.drivers.onnx_policy import OnnxPolicy
 from mbot_workstation.learn.evaluation.episodes import Trial, evaluate_driver, robots_of, score
 from mbot_workstation.learn.evaluation.provenance import provenance
-from mbot_workstation.learn.worlds.lessons import lesson
 from mbot_workstation.learn.worlds.rooms import evaluation_rooms
 from mbot_workstation.sim.effects.presets import preset
+from mbot_workstation.tasks.fetch.task import TASK
+from mbot_workstation.tasks.lesson import lesson_named
 
 FROZEN_AFTER = 20
 """Decisions, 8 s: what the paper's policy takes for an object."""
@@ -81,7 +82,7 @@ def main() -> None:
     rooms = evaluation_rooms(options.panorama)
     found: dict[str, dict[str, float]] = {}
     for name in PRESETS:
-        trial = Trial(lesson("10"), preset(name), rooms, options.episodes)
+        trial = Trial(lesson_named(TASK.lessons, "10"), preset(name), rooms, options.episodes)
         found[name] = {}
         for what, take_away in TAKEN_AWAY.items():
             policy = OnnxPolicy.load(options.policy)

@@ -13,32 +13,32 @@ import numpy as np
 
 from mbot_workstation.learn.drivers.contestants import driver, title
 from mbot_workstation.learn.evaluation.provenance import provenance
-from mbot_workstation.learn.worlds.fetch_env import FetchEnv
-from mbot_workstation.learn.worlds.lessons import lesson
 from mbot_workstation.learn.worlds.rooms import evaluation_rooms
+from mbot_workstation.learn.worlds.task_env import TaskEnv
 from mbot_workstation.sim.effects.presets import preset
 from mbot_workstation.sim.pose import Pose
+from mbot_workstation.tasks.fetch.task import TASK
+from mbot_workstation.tasks.lesson import lesson_named
 
 PRESETS = ("nominal", "any-room")
 DECISIONS = 160
 """Fewer than an object's time, so that no episode ends by it."""
 
 NOWHERE = Pose(60.0, 60.0, 0.0)
-UNKNOWN = np.full((1, 2), np.nan)
 
 
-def drive(contestant: str, environment: FetchEnv, preset_name: str, seed: int) -> np.ndarray:
+def drive(contestant: str, environment: TaskEnv, preset_name: str, seed: int) -> np.ndarray:
     """Where the robot was after every decision, metres from its start: shape (decisions, 2)."""
     who = driver(contestant, 1, seed, preset(preset_name))
     environment.reset(seed=seed)
     world = environment.world
-    world._task.target = NOWHERE  # pyright: ignore[reportPrivateUsage]: nobody else takes it away
+    world.episode.target = NOWHERE  # pyright: ignore[reportAttributeAccessIssue]: of fetch
     world.simulation.place_object(NOWHERE)
-    picture, *_, ended, _, _ = environment.step(np.zeros(2, np.float32))
+    picture, _, ended, _, info = environment.step(np.zeros(2, np.float32))
     places = [(0.0, 0.0)]
     while len(places) < DECISIONS and not ended:
-        action = who.act(picture[np.newaxis], UNKNOWN)[0]
-        picture, _, ended, _, _ = environment.step(action)
+        action = who.act(picture[np.newaxis], [info])[0]
+        picture, _, ended, _, info = environment.step(action)
         places.append((world.robot.x_m, world.robot.y_m))
     return np.array(places)
 
@@ -53,7 +53,7 @@ def main() -> None:
     print("| preset | policy | furthest, m: median | at most | way, m: median | border |")
     print("|---|---|---|---|---|---|")
     for name in PRESETS:
-        environment = FetchEnv(preset(name), lesson("10"), rooms)
+        environment = TaskEnv(preset(name), lesson_named(TASK.lessons, "10"), rooms)
         border_m = environment.world.simulation.scene.arena.border_m
         for contestant in options.contestants:
             drives = [drive(contestant, environment, name, n) for n in range(options.episodes)]

@@ -14,7 +14,7 @@ import onnxruntime
 import serial
 
 from mbot_protocol.drive.actions import WheelMaps, to_steps
-from mbot_protocol.drive.mcore import STOP, Acknowledgement, ReplyParser
+from mbot_protocol.drive.mcore import STOP, Acknowledgement, Joystick, ReplyParser
 
 FRAMES_A_DECISION = 12
 """2.5 decisions a second at 30 frames/s. Frames must be taken as they come: with a sleep of 0.4 s
@@ -38,7 +38,8 @@ def main() -> None:
         observation = cv2.resize(rgb, (64, 64), interpolation=cv2.INTER_AREA)
         action = session.run(None, {"observation": np.asarray(observation)[None]})[0]
         left, right = np.asarray(action).reshape(2)
-        board.write(wheels.to_board(to_steps(float(left), float(right))).to_bytes())
+        duties = wheels.duties(to_steps(float(left), float(right)))
+        board.write(Joystick.of(wheels.at_motors(duties)).to_bytes())
         while not any(isinstance(reply, Acknowledgement) for reply in parser.feed(board.read(4))):
             pass
         decision_ms.append((time.monotonic() - started_s) * 1e3)

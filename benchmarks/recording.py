@@ -22,13 +22,15 @@ import numpy as np
 from mbot_agent import configuration
 from mbot_agent.arming import Mode, Orders
 from mbot_agent.hardware import Delivery
-from mbot_agent.network.wire_messages import wire_decision
+from mbot_agent.network.wire_messages import beat_of
 from mbot_agent.recording.recording_directory import RecordingDirectory
 from mbot_agent.recording.robot_facts import robot_facts
-from mbot_agent.tick import Action, Memory, Tick
+from mbot_agent.tick import Action, Tick
+from mbot_protocol.beat.recorded_drive import read_drive
 from mbot_protocol.drive.actions import to_steps
-from mbot_protocol.drive.mcore import Joystick
-from mbot_workstation.fleet.recorded.recorded_drive import read_drive
+from mbot_protocol.drive.wheel_command import Duties
+from mbot_protocol.policy.policy_contract import Memory
+from mbot_workstation.pictures.picture_file import observation
 
 CHECKOUT = Path(__file__).parents[1]
 RECORDED = CHECKOUT / "tests" / "data" / "recorded-drive"
@@ -56,7 +58,7 @@ def thread_cpu_s(name: str) -> float:
 
 def ticks(count: int) -> list[Tick]:
     """Beats of a drive on recorded pictures, a little brighter each time round."""
-    pictures = [beat.observation for beat in read_drive(RECORDED).beats]
+    pictures = [observation(beat) for beat in read_drive(RECORDED).beats]
     orders, state = Orders(Mode.RUNNING, 1), np.zeros((1, 1, 128), np.float32)
     found: list[Tick] = []
     for number in range(count):
@@ -66,7 +68,7 @@ def ticks(count: int) -> list[Tick]:
         found.append(
             Tick(
                 number, 0, 0, 0, orders, (), "a" * 64, 1, picture + np.uint8(number % 7), 2,
-                Memory(state, steps.action), Action(0.5, 0.25), 3, steps, Joystick(-147, 93),
+                Memory(state, steps.action), Action(0.5, 0.25), 3, steps, Duties(0.58, 0.36),
                 Delivery(4, 5),
             )
         )  # fmt: skip
@@ -82,7 +84,9 @@ def measure_robot(folder: Path, rate_hz: float, seconds: float) -> dict[str, flo
     begun_mb = resident_mb()
     from mbot_agent.recording.recorder import Recorder  # its memory counts
 
-    with Recorder(directory, facts, lambda tick: wire_decision(tick, "mbot-1", 1, ())) as recorder:
+    with Recorder(
+        directory, facts, lambda tick: beat_of(tick, "mbot-1", 1, (), facts.wheels)
+    ) as recorder:
         began_s, cpu_s = time.monotonic(), thread_cpu_s("recording")
         for number in range(round(seconds * rate_hz)):
             now_ns = time.monotonic_ns()
@@ -107,7 +111,7 @@ def long_recording(folder: Path) -> Path:
     """30 minutes as if the shipped policy had driven: the recorded beats, over and over."""
     import msgspec
 
-    from mbot_agent.recording.segment import Segment
+    from mbot_protocol.beat.writer import BeatWriter
 
     recorded = read_drive(RECORDED)
     facts = recorded.facts
@@ -115,22 +119,19 @@ def long_recording(folder: Path) -> Path:
     digest = hashlib.sha256(SHIPPED.read_bytes()).hexdigest()
     path = folder / "long" / "000.mcap"
     path.parent.mkdir()
-    segment = Segment(path, facts)
+    writer = BeatWriter(path, facts.robot_id, "benchmark", facts)
     for number in range(LONG_BEATS):
         beat = recorded.decided[number % len(recorded.decided)]
-        assert beat.record is not None
+        assert beat.policy_input is not None
         decision, time_ns = beat.decision, 10**18 + number * 400_000_000
         decision.sequence, decision.unix_time_ns = number, time_ns
         decision.model_sha256 = digest
         decision.started_monotonic_ns = 10**9 + number * 400_000_000
-        record = msgspec.structs.replace(beat.record, sequence=number, memory=bytes(4 * 128))
-        picture = beat.observation
-        assert picture is not None
-        segment.write_picture(picture, time_ns)
-        segment.write_decision(decision, msgspec.json.encode(record))
+        known = msgspec.structs.replace(beat.policy_input, memory=bytes(4 * 128))
+        writer.write(replace(beat, policy_input=known))
         if number % 2:
-            segment.end_chunk()
-    segment.close()
+            writer.sync()
+    writer.close()
     return path.parent
 
 

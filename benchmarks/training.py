@@ -31,16 +31,17 @@ from training_environment import PlainEnv, kernels
 from mbot_workstation.learn.learning.collection import Collection
 from mbot_workstation.learn.learning.learner import LearnerSettings, make_learner
 from mbot_workstation.learn.learning.memory_policy import (
-    TRUTH,
-    Before,
     MemoryPolicy,
+    PolicyInput,
+    critic_inputs,
     memory_policy_arguments,
 )
 from mbot_workstation.learn.learning.picture_ppo import PicturePPO
 from mbot_workstation.learn.learning.processor import has_short_floats, keep_freed_memory
-from mbot_workstation.learn.worlds.fetch_env import action_space, observation_space
-from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.learn.worlds.task_env import action_space, observation_space
+from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
 from mbot_workstation.sim.scene.room_generator import generate_room
+from mbot_workstation.tasks.fetch.task import TASK
 
 ROBOTS = 16
 SETTINGS = LearnerSettings(memory_units=0)
@@ -80,10 +81,13 @@ def plain_learner(room: Any) -> PPO:
 
 
 def our_learner(preset: str, rooms: list[Any]) -> PicturePPO:
-    environment = FetchVecEnv(ROBOTS, 0, preset, "10", rooms)
+    environment = TaskVecEnv(ROBOTS, 0, preset, "10", rooms)
     learner = make_learner(environment, SETTINGS, seed=0)
     learner.collection = Collection(environment)
     return learner
+
+
+TRUTH = critic_inputs(TASK.critic)
 
 
 def speed(learner: PPO, iterations: int, *, threads: int) -> float:
@@ -99,9 +103,9 @@ def network_ms() -> dict[str, float]:
     """Milliseconds a decision takes one core: forward pass while collecting, update afterwards."""
     torch.set_num_threads(1)
     rounds = 200
-    arguments = memory_policy_arguments(SETTINGS.memory_units, 0.0)
+    arguments = memory_policy_arguments(SETTINGS.memory_units, 0.0, TRUTH)
     policy = MemoryPolicy(observation_space(), action_space(), lambda _: 1e-4, **arguments)
-    before = Before(
+    before = PolicyInput(
         pictures=torch.randint(0, 255, (ROBOTS, 64, 64, 3)).to(torch.uint8),
         state=torch.zeros(ROBOTS, policy.units),
         previous_actions=torch.zeros(ROBOTS, 2),

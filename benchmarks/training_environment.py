@@ -3,7 +3,7 @@
     python benchmarks/training_environment.py [--json]
 
 One decision is 0.4 s of driving and one picture of 64 x 64. Measured in turns, so that a busy
-machine treats all alike: `FetchVecEnv` with three presets; a Gymnasium environment written straight
+machine treats all alike: `TaskVecEnv` with three presets; a Gymnasium environment written straight
 from the documentation of MuJoCo and stable-baselines3 (`mujoco.Renderer` in a `SubprocVecEnv`) with
 the same model and the same picture settings; and what physics and drawing alone would allow.
 """
@@ -24,10 +24,10 @@ from gymnasium.spaces import Box
 from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv
 
 from mbot_workstation.learn.worlds.fast_physics import TRAINING_TIMESTEP_S
-from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
-from mbot_workstation.learn.worlds.fetch_world import FetchWorld
 from mbot_workstation.learn.worlds.robot_camera import Glimpse
 from mbot_workstation.learn.worlds.robot_eye import OBSERVATION, RobotEye
+from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
+from mbot_workstation.learn.worlds.world import World
 from mbot_workstation.learn.worlds.world_settings import world_settings
 from mbot_workstation.sim.body.robot_mjcf import ROBOT_CAMERA
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
@@ -103,7 +103,7 @@ def drive(environment: VecEnv, decisions: int) -> float:
 def kernels(room: Any, decisions: int) -> dict[str, float]:
     """Milliseconds a decision takes one worker at least: physics, picture."""
     settings = world_settings("ideal", "10", [room])
-    world = FetchWorld(settings)
+    world = World(settings)
     world.seed(np.random.default_rng(0))
     world.begin(settings.lesson)
     model, simulation = world.simulation.model, world.simulation
@@ -136,7 +136,7 @@ def measure(robots: int, workers: int, rounds: int, decisions: int) -> dict[str,
     """All of it, in turns."""
     rooms = [generate_room(seed, 512) for seed in range(6)]
     makers: dict[str, Callable[[], VecEnv]] = {
-        name: lambda name=name: FetchVecEnv(robots, 0, name, "10", rooms, workers)
+        name: lambda name=name: TaskVecEnv(robots, 0, name, "10", rooms, workers)
         for name in PRESETS
     }
     makers[PLAIN] = lambda: SubprocVecEnv([lambda: PlainEnv(rooms[0]) for _ in range(robots)])

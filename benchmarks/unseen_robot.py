@@ -22,7 +22,7 @@ from mbot_protocol.drive.actions import WheelMaps, to_steps
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS
 from mbot_workstation.measure.tracks.run import CommandSeries, ManeuverRecording, Run
 from mbot_workstation.measure.tracks.track import Array
-from mbot_workstation.sim.body.motor import duties
+from mbot_workstation.sim.body.motor import pwm_duties
 from tests.workstation.planar_robot import Session, Tracker, put_down
 
 Plane = Any  # an array of complex numbers; numpy's types lose their width on the way
@@ -211,7 +211,7 @@ def _plan(session: Session, rng: np.random.Generator) -> list[Drive]:
 
 def duty_of(one: Drive, maps: WheelMaps) -> tuple[float, float]:
     """Forward-positive duty of both motors while the run lasts."""
-    return duties(maps.to_board(to_steps(one.left, one.right)))
+    return pwm_duties(maps.duties(to_steps(one.left, one.right)))
 
 
 def torque_about(points: Plane, force: Plane) -> Array:

@@ -1,7 +1,10 @@
 """What the source promises of its own shape: rooms, sizes, a test for every module."""
 
 import ast
+import io
+import re
 import subprocess
+import tokenize
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -89,6 +92,21 @@ def test_every_module_is_imported_by_a_test() -> None:
     assert not [name for name in named if name not in imported]
 
 
+def test_one_kind_of_board_is_known_where_it_is_spoken_to() -> None:
+    """By its names; words for people may say which board they mean."""
+    known = ("mbot_agent.board.mcore", "mbot_agent.board.board_kinds", "mbot_protocol.drive.mcore")
+    known += ("mbot_workstation.virtual", "mbot_workstation.fleet.firmware")
+    tells = re.compile(r"(?i:mcore|joystick)|\bm[12]\b")
+    found = [
+        f"{path.relative_to(CHECKOUT)}:{token.start[0]} {token.string}"
+        for path in modules()
+        if not dotted(path).startswith(known)
+        for token in tokenize.generate_tokens(io.StringIO(path.read_text()).readline)
+        if token.type == tokenize.NAME and tells.search(token.string)
+    ]
+    assert not found
+
+
 def test_nothing_names_this_machine() -> None:
     place = str(CHECKOUT.parent) + "/"
     found = subprocess.run(
@@ -104,3 +122,15 @@ def test_a_parameter_of_the_robot_is_three_files(name: str) -> None:
     """Its field, its row, its law: motion.toml, the fit, reports and training ask the table."""
     named = {path.name for path in modules() if name in path.read_text()}
     assert named == {"robot_parameters.py", "parameter_table.py", "robot_mjcf.py"}
+
+
+def test_a_field_of_telemetry_is_three_files() -> None:
+    """The schema, where it is known, its words: JSON, recordings and viewers ask the schema."""
+    named = {path.name for path in modules() if "under_voltage" in path.read_text()}
+    assert named == {"health.py", "wording.py"}
+    steps = (CHECKOUT / "ARCHITECTURE.md").read_text().partition("**A field of telemetry**")[2]
+    files = re.findall(
+        r"`((?:robot|shared|workstation)/[\w/]+\.\w+)`", steps.partition("\n- **")[0]
+    )
+    assert {Path(file).name for file in files} >= named | {"messages.proto", "fields.py"}
+    assert all((CHECKOUT / file).is_file() for file in files)

@@ -1,7 +1,7 @@
 #!/bin/sh
 # Installs the release that lies beside it, with the configuration and certificates that
-# `workstation setup-card` has put there, and starts the daemon, which stands until somebody says
-# `workstation run`. Cut off at any moment it begins anew at the next boot. What it says is in
+# `workstation setup-card` has put there, and starts the daemon, which keeps still until somebody says
+# `workstation run`. Cut off at any moment it starts over at the next boot. What it says is in
 # mbot-set-up.log on the boot partition, to be read on another computer.
 set -eu
 umask 022

@@ -12,14 +12,13 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from mbot_protocol.drive.actions import MotorMap, WheelMaps
+from mbot_protocol.drive.actions import WheelMaps
 from mbot_protocol.drive.calibration import check_lens
 from mbot_protocol.drive.camera_model import (
     PI_CAMERA_HORIZONTAL_FOV_DEG,
     PI_CAMERA_VERTICAL_FOV_DEG,
     CameraModel,
 )
-from mbot_protocol.drive.mcore import BAUD_RATE
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.files.text_file import text_if_any
 from mbot_protocol.files.toml_file import decode_toml
@@ -102,45 +101,20 @@ class Camera(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Board(Struct, frozen=True, forbid_unknown_fields=True):
-    """How to reach the mCore board, and what is expected of its firmware."""
+    """Which kind of board turns the wheels, how to reach it, and what is expected of its firmware.
 
+    Attributes:
+        kind: a line of `board.board_kinds.KINDS`.
+        port: a serial port's path; "auto": found by the kind.
+        baud_rate: the port's.
+        accept_no_deadman: whether to drive with firmware that goes on when this computer dies.
+
+    """
+
+    kind: str = "mcore"
     port: str = "auto"
-    baud_rate: Annotated[int, Meta(gt=0)] = BAUD_RATE
+    baud_rate: Annotated[int, Meta(gt=0)] = 115_200
     accept_no_deadman: bool = False
-
-
-class Motor(Struct, frozen=True, forbid_unknown_fields=True):
-    """One wheel's motor; see `drive.actions.MotorMap`, whose defaults None stands for."""
-
-    reversed: bool = False
-    trim: Annotated[float, Meta(gt=0, le=1)] | None = None
-    dead_band: Annotated[int, Meta(ge=0, le=200)] | None = None
-
-    def to_map(self) -> MotorMap:
-        """The pure mapping these settings describe."""
-        nominal = MotorMap(self.reversed)
-        return MotorMap(
-            self.reversed,
-            nominal.trim if self.trim is None else self.trim,
-            nominal.dead_band if self.dead_band is None else self.dead_band,
-        )
-
-
-class LeftMotor(Motor, frozen=True, forbid_unknown_fields=True):
-    """The left motor stands mirrored: forward is a negative speed (measured)."""
-
-    reversed: bool = True
-
-
-class Motors(Struct, frozen=True, forbid_unknown_fields=True):
-    """Both motors; M1 is on the left."""
-
-    left: LeftMotor = LeftMotor()
-    right: Motor = Motor()
-
-    def to_maps(self) -> WheelMaps:
-        """The pure mapping these settings describe."""
-        return WheelMaps(self.left.to_map(), self.right.to_map())
 
 
 class Control(Struct, frozen=True, forbid_unknown_fields=True):
@@ -259,7 +233,7 @@ class Configuration(Struct, frozen=True, forbid_unknown_fields=True):
     calibration: str = ""
     camera: Camera = Camera()
     board: Board = Board()
-    motors: Motors = Motors()
+    motors: WheelMaps = WheelMaps()
     control: Control = Control()
     models: Models = Models()
     trust: Trust = Trust()
@@ -277,11 +251,6 @@ class Configuration(Struct, frozen=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         check_robot_id(self.robot_id)
-        for side, motor in (("left", self.motors.left), ("right", self.motors.right)):
-            try:
-                motor.to_map()
-            except ValueError as error:
-                raise ConfigurationError(f"motors.{side}: {error}") from None
         try:
             _ = self.trust.public_keys, self.trust.public_release_keys
         except ConfigurationError as error:
@@ -363,11 +332,13 @@ def load_board(path: Path) -> Board:
     section = re.search(r"^\s*\[board\]([^\[]*)", text, re.MULTILINE)
     found: dict[str, str] = {}
     if section is not None:
-        found = dict(re.findall(r"^\s*(port|baud_rate)\s*=\s*[\"']?([^\"'#\s]+)", section[1], re.M))
-    baud_rate = found.get("baud_rate", "")
+        setting = r"^\s*(kind|port|baud_rate)\s*=\s*[\"']?([^\"'#\s]+)"
+        found = dict(re.findall(setting, section[1], re.M))
+    nominal, baud_rate = Board(), found.get("baud_rate", "")
     return Board(
-        port=found.get("port", "auto"),
-        baud_rate=int(baud_rate) if baud_rate.isdecimal() else BAUD_RATE,
+        kind=found.get("kind", nominal.kind),
+        port=found.get("port", nominal.port),
+        baud_rate=int(baud_rate) if baud_rate.isdecimal() else nominal.baud_rate,
     )
 
 

@@ -5,30 +5,29 @@ edited in. A value that stands in two files is refused: neither could win withou
 for the fault in the wrong place. Keys add up instead.
 """
 
+import tomllib
 from pathlib import Path
-from typing import TypeVar
 
 import msgspec
 from msgspec import Struct
 
-from mbot_agent.configuration import Access, Configuration, Motor, Network, load
+from mbot_agent.configuration import Access, Configuration, Network, load
+from mbot_protocol.drive.actions import WheelMaps
 from mbot_protocol.drive.calibration import (
     CAMERA_FILE,
     MOTION_FILE,
     CameraCalibration,
-    MotorMapping,
     MotorMappings,
     read_camera,
     read_motor_mappings,
 )
 from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.files.text_file import text_if_any
 from mbot_protocol.files.toml_file import read_toml
 from mbot_protocol.signing.public_key import PublicKey
 
 ENROLMENT_FILE = "enrolment.toml"
 TRUSTED_KEYS_FILE = "trusted-keys.toml"
-
-M = TypeVar("M", bound=Motor)
 
 
 def calibrated(configuration: Configuration, origin: Path) -> Configuration:
@@ -81,25 +80,20 @@ def _with_motion(
     configuration: Configuration, motion: MotorMappings, origin: Path, folder: Path
 ) -> Configuration:
     motors = configuration.motors
-    for side, motor in (("left", motors.left), ("right", motors.right)):
+    # Whether it is set: a value that happens to be the nominal one stands there all the same.
+    written = tomllib.loads(text_if_any(origin) or "").get("motors", {})
+    for side in ("left", "right"):
         for name in ("trim", "dead_band"):
-            if getattr(motor, name) is not None:
+            if name in written.get(side, {}):
                 raise ConfigurationError(
                     f"{origin}: motors.{side}.{name} is set, and {folder / MOTION_FILE} gives it "
                     "too: delete one of the two"
                 )
-    changed = msgspec.structs.replace(
-        motors,
-        left=_mapped(motors.left, motion.left_motor),
-        right=_mapped(motors.right, motion.right_motor),
+    changed = WheelMaps(
+        motion.left_motor.motor_map(motors.left.reversed),
+        motion.right_motor.motor_map(motors.right.reversed),
     )
     return msgspec.structs.replace(configuration, motors=changed)
-
-
-def _mapped(motor: M, calibration: MotorMapping) -> M:
-    return msgspec.structs.replace(
-        motor, trim=calibration.trim, dead_band=calibration.dead_band_compensation
-    )
 
 
 class Enrolment(Struct, frozen=True, forbid_unknown_fields=True):

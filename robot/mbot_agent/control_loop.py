@@ -10,13 +10,14 @@ from mbot_agent.arming import Hold, Mode, Orders, State
 from mbot_agent.camera.stuck import StuckCheck
 from mbot_agent.configuration import Configuration
 from mbot_agent.faults import Fault
-from mbot_agent.hardware import Board, Camera, DriveCommand, Frame
+from mbot_agent.hardware import Board, Camera, Frame
 from mbot_agent.helm import Helm
 from mbot_agent.metronome import Metronome, shift_towards_frames_ns
 from mbot_agent.models.pilot import Pilot
 from mbot_agent.tick import Tick
 from mbot_protocol.drive.actions import to_steps
 from mbot_protocol.drive.picture import Observer, Picture
+from mbot_protocol.drive.wheel_command import WheelCommand
 from mbot_protocol.policy.policy_contract import FieldOfView
 
 log = logging.getLogger(__name__)
@@ -55,7 +56,7 @@ class ControlLoop:
         link_fault: Callable[[], Fault | None] = lambda: None,
     ) -> None:
         self._camera_settings = configuration.camera
-        self._wheels = configuration.motors.to_maps()
+        self._wheels = configuration.motors
         self._rate_hz = configuration.control.decision_rate_hz
         self._camera = camera
         self._board = board
@@ -206,17 +207,17 @@ class ControlLoop:
             self._helm.rest(tick.orders)
             return tick
         steps = to_steps(tick.action.left, tick.action.right)
-        joystick = self._wheels.to_board(steps)
+        duties = self._wheels.duties(steps)
         deadline_ns = tick.started_ns + self._metronome.period_ns + DEADLINE_SLACK_NS
         ticket = self._helm.steer_by_policy(
-            tick.orders, DriveCommand(joystick, deadline_ns, guard=self._camera.is_fresh)
+            tick.orders, WheelCommand(duties, deadline_ns, guard=self._camera.is_fresh)
         )
         if ticket is None:  # somebody changed the orders meanwhile
             self._camera.drives(False)
             return replace(tick, steps=steps)
         delivery = self._board.delivery(ticket, ACKNOWLEDGE_WAIT_S)
-        self._camera.drives(not joystick.is_stop)
-        return replace(tick, steps=steps, joystick=joystick, delivery=delivery)
+        self._camera.drives(not duties.is_stop)
+        return replace(tick, steps=steps, duties=duties, delivery=delivery)
 
     def _reflect(self, tick: Tick) -> None:
         """What follows for the next beat.

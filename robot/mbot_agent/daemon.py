@@ -13,11 +13,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbot_agent.arming import Mode, Orders, State
+from mbot_agent.board.board_kinds import opener
 from mbot_agent.board.motors import Motors
 from mbot_agent.configuration import Access, Configuration, state_directory
 from mbot_agent.faults import Notice
 from mbot_agent.process import service_manager, termination
 from mbot_agent.process.last_end import LastEnd
+from mbot_agent.process.state_file import StateFile
 from mbot_agent.process.watchdog import Watchdog
 from mbot_agent.releases.own_release import own_release, update_goes_on
 from mbot_agent.tick import Tick
@@ -56,7 +58,7 @@ def run(configuration: Configuration, last_words: Callable[[], None]) -> None:
     closing = threading.Event()
     with ExitStack() as parts:
         # The board comes first: whatever a crashed predecessor left it doing is stopped now.
-        motors = parts.enter_context(Motors(configuration.board))
+        motors = parts.enter_context(Motors(configuration.board, configuration.motors))
         termination.watch(lambda: _stop_for_good(motors), closing)
         termination.end_with_any_thread(lambda: _stop_for_good(motors), last_words)
         try:
@@ -84,10 +86,11 @@ def rehearse(configuration: Configuration) -> str:
     from mbot_agent.commands import command_service, stop_service
     from mbot_agent.models import model_service
     from mbot_agent.models.model_directory import ModelDirectory
-    from mbot_agent.models.policy import Policy
     from mbot_agent.network import zenoh_link
     from mbot_protocol.policy.golden_frames import check_deviation
+    from mbot_protocol.policy.policy import Policy
 
+    opener(configuration.board)  # a kind of board that this release does not know
     parts = (command_service, stop_service, control_loop, model_service, zenoh_link)
     words = f"{len(parts)} parts are there"
     models = configuration.models
@@ -155,7 +158,7 @@ def _drive(
     loop.subscribe(_telemetry(configuration, session_id, link, notices, camera, parts))
     if recorder is not None:
         loop.subscribe(recorder.offer)
-    loop.subscribe(_feeder(watchdog))
+    loop.subscribe(_feeder(watchdog, parts.enter_context(StateFile())))
     loop.subscribe(lambda _: models.service.expire_staging())
     # What exists now stays: the collector need not look at it between two decisions again.
     gc.collect()
@@ -278,13 +281,13 @@ def _telemetry(
     parts: ExitStack,
 ) -> Callable[[Tick], None]:
     from mbot_agent.network.telemetry_publisher import Telemetry
-    from mbot_agent.network.wire_messages import wire_decision
+    from mbot_agent.network.wire_messages import beat_of
 
-    robot_id = configuration.robot_id
+    robot_id, wheels = configuration.robot_id, configuration.motors
     telemetry = parts.enter_context(
         Telemetry(
             link,
-            lambda tick: wire_decision(tick, robot_id, session_id, notices()),
+            lambda tick: beat_of(tick, robot_id, session_id, notices(), wheels),
             configuration.telemetry,
             camera.glance,
         )
@@ -296,13 +299,14 @@ def _recorder(
     configuration: Configuration, session_id: int, link: "Link", parts: ExitStack
 ) -> "Recorder | None":
     """Record drives, if wanted; and hand out in any case what there is."""
-    from mbot_agent.network.wire_messages import wire_decision
+    from mbot_agent.network.wire_messages import beat_of
     from mbot_agent.recording.recorder import Recorder
     from mbot_agent.recording.recording_directory import RecordingDirectory
     from mbot_agent.recording.recording_service import RecordingService
     from mbot_agent.recording.robot_facts import robot_facts
 
     robot_id, settings = configuration.robot_id, configuration.recording
+    wheels = configuration.motors
     directory = RecordingDirectory(configuration.recordings_path, settings)
     service = RecordingService(robot_id, directory, enabled=settings.enabled)
     link.serve(service.answers)
@@ -312,19 +316,21 @@ def _recorder(
         Recorder(
             directory,
             robot_facts(configuration, session_id),
-            lambda tick: wire_decision(tick, robot_id, session_id, ()),
+            lambda tick: beat_of(tick, robot_id, session_id, (), wheels),
         )
     )
 
 
-def _feeder(watchdog: Watchdog) -> Callable[[Tick], None]:
+def _feeder(watchdog: Watchdog, state_file: StateFile) -> Callable[[Tick], None]:
     """Only a finished tick feeds the watchdog: a loop that hangs gets the daemon restarted."""
 
     def feed(tick: Tick) -> None:
         if tick.sequence == 0:
             service_manager.notify("READY=1")
-        # The updater reads this: what is wrong, behind a semicolon.
-        faults = " ".join(fault.kind for fault in tick.faults)
+        kinds = tuple(fault.kind for fault in tick.faults)
+        state_file.tell(armed=tick.orders.is_armed, faults=kinds)
+        # For people; updaters up to 0.1 read it, too: what is wrong, behind a semicolon.
+        faults = " ".join(kinds)
         watchdog.feed(f"{tick.state.value}; {faults}" if faults else tick.state.value)
 
     return feed

@@ -12,7 +12,6 @@ from mbot_agent.camera.frame_sources import frame_source
 from mbot_agent.camera.picture_check import PictureCheck
 from mbot_agent.camera.source_contract import CameraError, JpegError
 from mbot_agent.configuration import Configuration, address_advice, shown_source
-from mbot_protocol.drive.mcore import has_deadman, is_of_another_board
 from mbot_protocol.errors import MbotError
 from mbot_protocol.signing.public_key import PublicKey
 
@@ -117,25 +116,16 @@ def examine_lens(configuration: Configuration) -> Finding:
 
 
 def _board(configuration: Configuration) -> Finding:
-    from mbot_agent.board.board_session import BoardSession
+    from mbot_agent.board.board_kinds import opener
 
     board = configuration.board
-    never, keep_open = os.pipe()
-    try:
-        with BoardSession.open(board.port, board.baud_rate, never) as session:
-            session.handshake(lambda: False)
-    finally:
-        os.close(never)
-        os.close(keep_open)
-    found = f"{session.path}: firmware {session.version}"
-    if is_of_another_board(session.version):
-        return Finding(
-            "board",
-            "failed",
-            f"{found} is Makeblock's for another board than the mBot's mCore (06.xx.xxx): motors "
-            "may turn otherwise than they are told; set board.port to the mCore's",
-        )
-    if has_deadman(session.version):
+    with opener(board)(board, None) as session:
+        session.handshake(lambda: False)
+    firmware = session.firmware
+    found = f"{session.path}: firmware {firmware.version}"
+    if firmware.mistaken:
+        return Finding("board", "failed", f"{session.path}: {firmware.mistaken}")
+    if firmware.has_deadman:
         return Finding("board", "ok", found)
     warning = f"{found} keeps its last command for ever if this computer dies"
     if board.accept_no_deadman:
@@ -168,9 +158,9 @@ def examine_trust(
 
 def _model(configuration: Configuration) -> Finding:
     from mbot_agent.models.model_directory import ModelDirectory
-    from mbot_agent.models.policy import Policy
     from mbot_agent.models.sequence_floors import SequenceFloors
     from mbot_agent.models.trust import Trust
+    from mbot_protocol.policy.policy import Policy
 
     none = Finding("model", "warning", "none yet: `workstation push-model` sends one")
     if not configuration.models.path.is_dir():  # the daemon makes it, and whose it is matters

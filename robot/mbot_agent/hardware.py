@@ -3,13 +3,12 @@
 The rooms `camera` and `board` fill these in; the tests put fakes in their place.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
 from mbot_agent.faults import Fault
-from mbot_protocol.drive.mcore import Joystick
 from mbot_protocol.drive.picture import Picture
+from mbot_protocol.drive.wheel_command import WheelCommand
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,27 +23,6 @@ class Frame:
 
     picture: Picture
     captured_ns: int
-
-
-def always() -> bool:
-    """The guard of a command that needs none."""
-    return True
-
-
-@dataclass(frozen=True, slots=True)
-class DriveCommand:
-    """What the wheels should do, and for how long at most.
-
-    Attributes:
-        joystick: the board's speeds.
-        deadline_ns: monotonic; the motors stop then at the latest.
-        guard: asked before every repetition; false stops the motors.
-
-    """
-
-    joystick: Joystick
-    deadline_ns: int
-    guard: Callable[[], bool] = always
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +99,7 @@ class Board(Protocol):
         """Nobody wants to drive any more: what `arm` left to be said must not be said."""
         ...
 
-    def drive(self, command: DriveCommand) -> int:
+    def drive(self, command: WheelCommand) -> int:
         """Make this the command in force. Returns a ticket for `delivery`."""
         ...
 

@@ -10,8 +10,8 @@ import time
 from dataclasses import dataclass
 
 from mbot_agent.arming import Mode, Orders
-from mbot_agent.hardware import Board, DriveCommand
-from mbot_protocol.drive.mcore import STOP, Joystick
+from mbot_agent.hardware import Board
+from mbot_protocol.drive.wheel_command import STOP, Duties, WheelCommand
 from mbot_protocol.errors import RefusedError
 
 MOST_SENDERS = 64
@@ -46,8 +46,8 @@ class Helm:
         self._over: dict[int, int] = {}
 
     @property
-    def by_hand(self) -> Joystick:
-        """What a person's hand last told the board; means nothing unless the mode is manual."""
+    def by_hand(self) -> Duties:
+        """What a person's hand last told the wheels; means nothing unless the mode is manual."""
         return self._by_hand
 
     @property
@@ -99,9 +99,7 @@ class Helm:
                 self._orders = orders.ready()
                 self._board.arm()
 
-    def steer_by_hand(
-        self, joystick: Joystick, until_ns: int, seen_stops: int, press: Press
-    ) -> None:
+    def steer_by_hand(self, duties: Duties, until_ns: int, seen_stops: int, press: Press) -> None:
         """Drive as a person says, until then at most (monotonic).
 
         Raises:
@@ -113,7 +111,7 @@ class Helm:
             self._release_if_due(time.monotonic_ns())
             orders = self._orders.armed(Mode.MANUAL, seen_stops, time.monotonic_ns())
             if press.number <= self._over.get(press.sender, 0):
-                raise RefusedError("this hand has let go: let go, then take hold anew")
+                raise RefusedError("this hand has let go: let go, then take hold again")
             if press != self._press:
                 self._end_press()
                 self._press = press
@@ -121,8 +119,8 @@ class Helm:
                 self._orders = orders
                 self._board.arm()
             self._manual_until_ns = until_ns
-            self._by_hand = joystick
-            self._board.drive(DriveCommand(joystick, until_ns))
+            self._by_hand = duties
+            self._board.drive(WheelCommand(duties, until_ns))
 
     def let_go(self, press: Press) -> None:
         """A hand lets go: what it has sent before and is still on its way moves nothing."""
@@ -132,7 +130,7 @@ class Helm:
             else:
                 self._is_over(press)
 
-    def steer_by_policy(self, orders: Orders, command: DriveCommand) -> int | None:
+    def steer_by_policy(self, orders: Orders, command: WheelCommand) -> int | None:
         """Drive as the policy decided, unless the orders have changed since it began.
 
         Returns:

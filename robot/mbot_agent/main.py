@@ -89,11 +89,11 @@ def _parser() -> "argparse.ArgumentParser":
     parser.add_argument(
         "action",
         nargs="?",
-        choices=("run", "check", "stop-motors", "decide", "try", "releases", "rollback"),
+        choices=("run", "check", "stop-motors", "try", "releases", "rollback"),
         default="run",
-        help="run the daemon (default), check the robot, just stop the motors, decide again "
-        "what `workstation replay` hands over, try configuration and model without hardware, list "
-        "the installed releases, or go back to the previous one",
+        help="run the daemon (default), check the robot, just stop the motors, try "
+        "configuration and model without hardware, list the installed releases, or go back to the "
+        "previous one",
     )
     parser.add_argument(
         "--config",
@@ -102,7 +102,6 @@ def _parser() -> "argparse.ArgumentParser":
         metavar="FILE",
         help="configuration (default: %(default)s)",
     )
-    parser.add_argument("--model", type=Path, metavar="FILE", help="decide: by which model")
     parser.add_argument("--json", action="store_true", help="check, releases: for machines")
     parser.add_argument("--verbose", "-v", action="store_true", help="log more")
     parser.add_argument("--version", action="store_true", help="print it and end")
@@ -112,8 +111,6 @@ def _parser() -> "argparse.ArgumentParser":
 def _dispatch(arguments: "argparse.Namespace", journal: "Journal") -> int:
     if arguments.action == "stop-motors":
         return _stop_motors(arguments.config)
-    if arguments.action == "decide":
-        return _decide(arguments.model)
     if arguments.action in ("releases", "rollback"):
         return _ask_updater(arguments.action, as_json=arguments.json)
     if arguments.action == "check":
@@ -162,19 +159,6 @@ def _ask_updater(action: str, *, as_json: bool) -> int:
         raise ConfigurationError(f"there is no {UPDATER}: deploy/install.sh installs releases")
     command = ["/usr/bin/python3", "-I", "-B", UPDATER, action, *(["--json"] if as_json else [])]
     os.execv(command[0], command)
-
-
-def _decide(model: "Path | None") -> int:
-    """By pipes, for `workstation replay`."""
-    from mbot_agent.models.decide_again import decide_again
-    from mbot_agent.models.policy import Policy
-    from mbot_agent.recording.robot_facts import processor_name
-    from mbot_protocol.errors import ConfigurationError
-
-    if model is None:
-        raise ConfigurationError("decide: by which model? --model FILE")
-    decide_again(Policy.load(model), processor_name(), sys.stdin.buffer, sys.stdout.buffer)
-    return 0
 
 
 def _check(path: "Path", *, as_json: bool) -> int:

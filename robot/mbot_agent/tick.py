@@ -5,16 +5,13 @@ Each step of the loop makes a new one that knows more; who listens gets the last
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mbot_agent.arming import Orders, State, state_of
 from mbot_agent.faults import Fault
 from mbot_agent.hardware import Delivery
 from mbot_protocol.drive.actions import Steps
-from mbot_protocol.drive.mcore import STOP, Joystick
 from mbot_protocol.drive.picture import Picture
-from mbot_protocol.policy.policy_contract import FieldOfView
+from mbot_protocol.drive.wheel_command import STOP, Duties
+from mbot_protocol.policy.policy_contract import FieldOfView, Memory
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,20 +20,6 @@ class Action:
 
     left: float
     right: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Memory:
-    """What a model goes on with from one decision to the next.
-
-    Attributes:
-        state: shape (layers, 1, units), float32; without layers for a model without memory.
-        previous_action: what the wheels were really told, left and right in [-1, 1].
-
-    """
-
-    state: NDArray[np.float32]
-    previous_action: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,9 +40,9 @@ class Tick:
         action: what the policy answered, if it was asked to drive.
         decided_ns: when it had.
         steps: the same in motor steps.
-        joystick: what the policy gave the board; STOP if nothing.
+        duties: what the policy told the wheels; STOP if nothing.
         delivery: the board's acknowledgement.
-        by_hand: what the board is told while a person drives; STOP otherwise.
+        by_hand: what the wheels are told while a person drives; STOP otherwise.
         view: the field of view that the observation shows.
 
     """
@@ -78,15 +61,15 @@ class Tick:
     action: Action | None = None
     decided_ns: int = 0
     steps: Steps | None = None
-    joystick: Joystick = STOP
+    duties: Duties = STOP
     delivery: Delivery | None = None
-    by_hand: Joystick = STOP
+    by_hand: Duties = STOP
     view: FieldOfView | None = None
 
     @property
-    def at_board(self) -> Joystick:
-        """What the board is told, by the policy or by a person's hand."""
-        return self.joystick if self.by_hand.is_stop else self.by_hand
+    def at_wheels(self) -> Duties:
+        """What the wheels are told, by the policy or by a person's hand."""
+        return self.duties if self.by_hand.is_stop else self.by_hand
 
     @property
     def stop_count(self) -> int:

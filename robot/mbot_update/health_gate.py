@@ -57,7 +57,7 @@ def is_worse(before: Service, old: str = "") -> str:
             return "it got READY and died"
         worse = frozenset[str]() if old == BEFORE_RELEASES else _looked_at(now) - allowed
         so_far_s = time.monotonic() - began_s
-        if not worse and now.words and so_far_s >= STAYS_S:
+        if not worse and now.report and so_far_s >= STAYS_S:
             return ""
         if so_far_s >= HEALTHY_WITHIN_S:
             return f"worse than before: {', '.join(sorted(worse)) or 'it says nothing'}"

@@ -9,9 +9,12 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
+from mbot_protocol import daemon_state
+from mbot_protocol.daemon_state import FILE, LARGEST_BYTES, DaemonState
 from mbot_protocol.errors import ConfigurationError, RefusedError
 from mbot_protocol.signing.public_key import PublicKey
 from mbot_protocol.signing.release_ledger import Computer
+from mbot_update import foreign_files
 from mbot_update.ed25519_check import is_signed
 
 SERVICE = "mbot-agent.service"
@@ -19,6 +22,8 @@ PUTS_BACK = "mbot-agent-rollback.service"
 USER = "mbot-agent"
 RESTART_S = 90.0
 """More than the unit's TimeoutStopSec and TimeoutStartSec together."""
+
+STATE_DIRECTORY = daemon_state.DIRECTORY
 
 WRONG_CONFIGURATION = 2
 """The daemon's exit status for it."""
@@ -38,38 +43,70 @@ class Service:
     Attributes:
         state: such as "active".
         pid: 0 if it does not run.
-        words: what it says of itself: "idle; camera-lost".
+        report: what it says of itself; None: nothing.
         result, exit_status: of its last end.
 
     """
 
     state: str
     pid: int
-    words: str
+    report: DaemonState | None
     result: str
     exit_status: int
 
     @property
     def faults(self) -> frozenset[str]:
         """The kinds of fault it reports."""
-        return frozenset(self.words.partition(";")[2].split())
+        return frozenset(self.report.faults if self.report else ())
 
     @property
     def is_armed(self) -> bool:
         """Whether its wheels turn or would as soon as they can."""
-        return self.words.partition(";")[0] in ("running", "manual", "fault")
+        return self.report is not None and self.report.armed
 
 
 def service() -> Service:
     """How the daemon is now."""
-    found = _shown("ActiveState", "MainPID", "StatusText", "Result", "ExecMainStatus")
+    names = ("ActiveState", "MainPID", "ExecMainStartTimestampMonotonic", "StatusText")
+    found = _shown(*names, "Result", "ExecMainStatus")
+    pid = int(found.get("MainPID") or 0)
+    began_ns = int(found.get("ExecMainStartTimestampMonotonic") or 0) * 1000
     return Service(
         found.get("ActiveState", ""),
-        int(found.get("MainPID") or 0),
-        found.get("StatusText", ""),
+        pid,
+        _report(pid, began_ns) or report_in_words(found.get("StatusText", "")),
         found.get("Result", ""),
         int(found.get("ExecMainStatus") or 0),
     )
+
+
+def _report(pid: int, began_ns: int) -> DaemonState | None:
+    """What this very process says in its file; None if there is no such file.
+
+    Older units leave a newer one's file behind, and so may one that was killed.
+    """
+    try:
+        with (
+            foreign_files.folder(STATE_DIRECTORY) as folder,
+            foreign_files.plain(FILE, folder) as file,
+        ):
+            state = DaemonState.from_bytes(file.read(LARGEST_BYTES + 1))
+    except OSError:
+        return None
+    is_its_own = state is not None and state.pid == pid and state.monotonic_ns >= began_ns
+    return state if is_its_own else None
+
+
+def report_in_words(words: str) -> DaemonState | None:
+    """From a status text, such as "idle; camera-lost".
+
+    Daemons up to 0.1 write no file. This can go once no robot has one of those as its golden or
+    previous release: with 0.3 at the earliest.
+    """
+    state, _, faults = words.partition(";")
+    if not state:
+        return None
+    return DaemonState(state in ("running", "manual", "fault"), tuple(faults.split()))
 
 
 def lived_s() -> float:

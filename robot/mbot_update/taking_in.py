@@ -3,7 +3,6 @@
 import contextlib
 import os
 import shutil
-import stat
 import time
 from collections.abc import Generator
 from functools import partial
@@ -12,10 +11,11 @@ from typing import IO
 
 from mbot_protocol.errors import RefusedError
 from mbot_protocol.signing import release_archive, release_manifest
+from mbot_protocol.signing.envelope import RELEASE, Envelope, verify
 from mbot_protocol.signing.public_key import PublicKey
 from mbot_protocol.signing.release_ledger import check_release
 from mbot_protocol.signing.release_manifest import ReleaseFile, ReleaseManifest
-from mbot_update import python_packages, system
+from mbot_update import foreign_files, python_packages, system
 from mbot_update.release_folders import ReleaseFolders
 
 BUILD_S = 1800.0
@@ -86,7 +86,8 @@ def unpack(
 
     def judge(data: bytes, signatures: bytes) -> ReleaseManifest:
         if trusted is not None:
-            release_manifest.verify(data, signatures, trusted, system.has_signed)
+            sealed = Envelope.with_lines(data, signatures)
+            verify(RELEASE, sealed, trusted, system.has_signed)
         manifest = release_manifest.decode(data)
         _check(folders, manifest, data, by_hand=trusted is None)
         (folders.incoming / "manifest.json").write_bytes(data)
@@ -179,28 +180,16 @@ def _place(folder: Path, file: ReleaseFile) -> Generator[IO[bytes]]:
 
 @contextlib.contextmanager
 def _inbox(folders: ReleaseFolders) -> Generator[int]:
-    """The inbox, each folder on the way opened as what it is."""
-    flags = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
-    opened: list[int] = []
-    try:
+    with contextlib.ExitStack() as opened:
         try:
-            opened.append(os.open(folders.inbox.parent, flags))
-            opened.append(os.open(folders.inbox.name, flags, dir_fd=opened[0]))
+            inbox = opened.enter_context(foreign_files.folder(folders.inbox))
         except OSError as error:
             raise RefusedError(f"there is no release in {folders.inbox}: {error}") from None
-        yield opened[1]
-    finally:
-        for descriptor in opened:
-            os.close(descriptor)
+        yield inbox
 
 
 def _plain(name: str, inbox: int) -> IO[bytes]:
-    flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     try:
-        descriptor = os.open(name, flags, dir_fd=inbox)
+        return foreign_files.plain(name, inbox)
     except OSError as error:
-        raise RefusedError(f"there is no {name} in the inbox: {error.strerror}") from None
-    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-        os.close(descriptor)
-        raise RefusedError(f"{name} in the inbox is not a plain file")
-    return os.fdopen(descriptor, "rb")
+        raise RefusedError(f"there is no {name} in the inbox: {error.strerror or error}") from None

@@ -7,13 +7,14 @@ bug that depends on the daemon's other threads.
 import os
 
 from mbot_agent import main
-from mbot_agent.models import policy
 from mbot_protocol.drive.picture import Picture
+from mbot_protocol.policy import policy
+from mbot_protocol.policy.policy_contract import Memory
 
 _decide = policy.Policy.decide
 
 
-def _crash(self: policy.Policy, observation: Picture, memory: policy.Memory) -> policy.Answer:
+def _crash(self: policy.Policy, observation: Picture, memory: Memory) -> policy.Answer:
     if self.metadata.name == "crasher":
         os.abort()
     return _decide(self, observation, memory)

@@ -7,9 +7,9 @@ import sys
 import time
 from pathlib import Path
 
+from mbot_protocol.beat.recorded_drive import read_drive
+from mbot_workstation.fleet.link.recording_fetch import fetch, list_recordings
 from mbot_workstation.fleet.link.remote_control import RemoteControl
-from mbot_workstation.fleet.recorded.recorded_drive import read_drive
-from mbot_workstation.fleet.recorded.recording_fetch import fetch, list_recordings
 from mbot_workstation.look.drives.attention import attention
 from mbot_workstation.look.drives.drive_figures import figures
 from mbot_workstation.look.drives.drive_page import STRIP_TILES, drive_page

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from mbot_protocol.daemon_state import FILE, DaemonState
 from mbot_protocol.errors import RefusedError
 from mbot_protocol.v1.messages_pb2 import Command, CommandReply, MotorMap, Run, Stop
 from mbot_protocol.wire.keys import COMMAND, STATUS
@@ -107,6 +108,33 @@ def test_a_hand_drives_and_lets_go(daemon: Daemon, board: FakeBoard, tmp_path: P
             assert board.wait_for(-148, -148, timeout_s=15)
             assert hand.wait() == 0
         assert board.wait_for(0, 0)
+
+
+def test_root_can_read_whether_its_wheels_may_turn(
+    daemon: Daemon, board: FakeBoard, tmp_path: Path
+) -> None:
+    path = tmp_path / "run" / FILE
+    path.parent.mkdir()
+
+    def told() -> DaemonState | None:
+        return DaemonState.from_bytes(path.read_bytes()) if path.exists() else None
+
+    where = {"RUNTIME_DIRECTORY": str(path.parent)}
+    with daemon.camera(), daemon.start(environment=where) as process:
+        assert daemon.is_up()
+        assert until(lambda: (now := told()) is not None and now.faults == ("no-model",))
+        daemon.push(FORWARD)
+        daemon.run()
+        assert board.wait_for(*FORWARD_BOARD)
+        assert until(lambda: (now := told()) is not None and now.armed and not now.faults)
+        assert (now := told()) is not None
+        assert now.pid == process.pid
+        with daemon.link() as link:
+            RemoteControl(link).stop()
+        assert until(lambda: (now := told()) is not None and not now.armed)
+        process.signal(signal.SIGTERM)
+        assert process.wait() == 0
+    assert not path.exists()
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])

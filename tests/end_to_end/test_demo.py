@@ -6,7 +6,7 @@ from pathlib import Path
 
 import cv2
 
-from mbot_workstation.fleet.recorded.drive_mcap import read_recording
+from mbot_protocol.beat.recorded_drive import read_drive
 from mbot_workstation.look.demo.demo_run import LEAVES, ROBOT_LOG
 
 from .processes import PROGRAMS
@@ -31,8 +31,8 @@ def test_the_demo_drives_and_leaves_what_it_promises(tmp_path: Path) -> None:
     assert picture is not None
     assert picture.shape[0] > 600
     assert {path.name for path in folder.iterdir()} <= {ROBOT_LOG, *LEAVES}
-    recorded = list(read_recording(folder / "recording.mcap"))
-    assert len(recorded) >= 2 * result["decisions"] - 4
+    recorded = read_drive(folder / "recording.mcap").beats
+    assert sum(bool(beat.encoded) for beat in recorded) >= result["decisions"] - 4
     assert (folder / "agent.log").read_text().rstrip().endswith("ended")
 
 

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.fleet.recorded.drive_mcap import read_recording as read_telemetry
+from mbot_protocol.beat.recorded_drive import read_drive
 from mbot_workstation.measure.tracks.motion import DrivenRun
 from mbot_workstation.measure.tracks.recording_folder import read_maneuvers
 from mbot_workstation.measure.tracks.track_file import read_track
@@ -62,7 +61,7 @@ def test_maneuvers_are_driven_recorded_and_found_in_the_track(tmp_path: Path) ->
     assert 0.25 < back.pace_mps < 0.45
     assert -8 < spin.yaw_radps < -4
     assert straight.yaw_radps < -0.1  # the right motor is the weaker one
-    decisions = [m for _, m in read_telemetry(folder / "telemetry.mcap") if isinstance(m, Decision)]
+    decisions = [beat.decision for beat in read_drive(folder / "telemetry.mcap").beats]
     assert len(decisions) > 10
     driven = [run.commands for run in recording.runs]
     assert decisions[0].started_monotonic_ns / 1e9 < driven[0].start_s + 1

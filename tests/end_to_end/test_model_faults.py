@@ -20,11 +20,11 @@ from mbot_workstation.fleet.models.signing_key import SigningKey
 from mbot_workstation.fleet.models.stored_models import list_models
 from mbot_workstation.fleet.telemetry.stream import TelemetryStream
 
+from ..protocol.test_dry_run import huge_tensor
 from ..reliability.motion import drives_again
 from ..robot.fake_board import FakeBoard
 from ..robot.model_bench import digest
 from ..robot.moody_models import breaks_on_a_cameras_picture
-from ..robot.test_dry_run import huge_tensor
 from ..robot.tiny_models import constant_model
 from .processes import HERE, PROGRAMS, Daemon, Process, beats_on, until
 

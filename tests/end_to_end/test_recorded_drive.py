@@ -8,10 +8,10 @@ from statistics import median
 import pytest
 
 from mbot_agent.configuration import decode
+from mbot_protocol.beat.recorded_drive import read_drive
 from mbot_protocol.v1.messages_pb2 import Decision, State
+from mbot_workstation.fleet.link.recording_fetch import fetch, keep, list_recordings, remove
 from mbot_workstation.fleet.link.remote_control import RemoteControl
-from mbot_workstation.fleet.recorded.recorded_drive import read_drive
-from mbot_workstation.fleet.recorded.recording_fetch import fetch, keep, list_recordings, remove
 from mbot_workstation.fleet.telemetry.stream import TelemetryStream
 from mbot_workstation.look.drives.drive_figures import figures
 from mbot_workstation.look.drives.replayed_drive import TOLERANCE, replay

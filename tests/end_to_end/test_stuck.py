@@ -11,7 +11,6 @@ from mbot_workstation.sim.camera.isp import IspSettings
 from mbot_workstation.sim.camera.scene_renderer import TRAINING
 from mbot_workstation.sim.scene.room_generator import generate_room
 from mbot_workstation.sim.scene.scene_parameters import Arena, SceneParameters
-from mbot_workstation.tasks.fetch.rules import FetchRules
 from mbot_workstation.virtual.camera_stream import NOISY, CameraSettings
 from mbot_workstation.virtual.stand_in import VirtualRobot, VirtualRobotSettings
 
@@ -30,7 +29,6 @@ def driven_at_the_wall(folder: Path, isp: IspSettings) -> Iterator[tuple[Daemon,
     settings = VirtualRobotSettings(
         scene=SceneParameters(arena=Arena(border_m=FAR_M, wall_m=WALL_M)),
         room_picture=generate_room(0, 64),
-        rules=FetchRules(border_m=FAR_M),
         camera=CameraSettings(quality=TRAINING, isp=isp),
         camera_port=daemon.camera_port,
         board_link=folder / "board",

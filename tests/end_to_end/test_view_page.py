@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, sync_playwright
 
+from mbot_protocol.beat.recorded_drive import RecordedDrive, read_drive
 from mbot_protocol.drive.picture import Picture
-from mbot_workstation.fleet.recorded.recorded_drive import RecordedDrive, read_drive
 from mbot_workstation.look.drives.driven_path import Place
 from mbot_workstation.look.drives.rerun_view import RerunView
 

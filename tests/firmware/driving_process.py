@@ -8,8 +8,8 @@ import time
 
 from mbot_agent.board.motors import Motors
 from mbot_agent.configuration import Board
-from mbot_agent.hardware import DriveCommand
 from mbot_protocol.drive.mcore import Joystick
+from mbot_protocol.drive.wheel_command import WheelCommand
 
 
 def main() -> None:
@@ -19,7 +19,7 @@ def main() -> None:
         motors.arm()  # once: as after one `run`
         while True:
             ten_seconds_ns = time.monotonic_ns() + 10_000_000_000
-            motors.drive(DriveCommand(Joystick(-100, 100), ten_seconds_ns))
+            motors.drive(WheelCommand(Joystick(-100, 100).duties, ten_seconds_ns))
             time.sleep(0.2)
 
 

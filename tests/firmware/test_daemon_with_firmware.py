@@ -13,8 +13,8 @@ import pytest
 from mbot_agent.board.motor_stop import stop_motors
 from mbot_agent.board.motors import Motors
 from mbot_agent.configuration import Board
-from mbot_agent.hardware import DriveCommand
 from mbot_protocol.drive.mcore import ARM_REQUEST, Joystick, stop_burst
+from mbot_protocol.drive.wheel_command import WheelCommand
 
 from ..until import until
 from .frames import DRIVE, DRIVING, OFF
@@ -43,8 +43,8 @@ def driving_process(board: LiveBoard) -> Iterator["subprocess.Popen[bytes]"]:
         child.wait()
 
 
-def for_s(seconds: float) -> DriveCommand:
-    return DriveCommand(Joystick(*DRIVING), time.monotonic_ns() + int(seconds * 1e9))
+def for_s(seconds: float) -> WheelCommand:
+    return WheelCommand(Joystick(*DRIVING).duties, time.monotonic_ns() + int(seconds * 1e9))
 
 
 def silence_ms(board: LiveBoard) -> float:

@@ -11,6 +11,7 @@ from mbot_protocol.drive.mcore import (
     RESET_REQUEST,
     STOP,
     VERSION_REQUEST,
+    Joystick,
     ReplyParser,
     Value,
     deadman_timeout_ms,
@@ -273,7 +274,8 @@ def test_it_outlives_more_questions_than_it_can_answer(simulator: Simulator) -> 
 def test_every_frame_that_the_daemon_can_send_is_obeyed(simulator: Simulator) -> None:
     """Of the 501 steps, both wheels; the same frames that tests/robot/test_what_leaves.py has."""
     wheels = WheelMaps(MotorMap(reversed=True), MotorMap(reversed=False))
-    told = [wheels.to_board(Steps(step, -step)) for step in range(-250, 251)]
+    steps = [Steps(step, -step) for step in range(-250, 251)]
+    told = [Joystick.of(wheels.at_motors(wheels.duties(one))) for one in steps]
     events = [rx(20 + 5 * at, one.to_bytes()) for at, one in enumerate(told)]
     trace = simulator.run(ARMED, *events, end_ms=20 + 5 * len(told))
     for at, one in enumerate(told):

@@ -18,9 +18,10 @@ def main() -> None:
     sys.path[:0] = [*sys.argv[3:], str(checkout / "shared/protocol"), str(checkout / "robot")]
     os.environ["ORT_DISABLE_TELEMETRY"] = "1"
     import mbot_agent
-    from mbot_agent.models import model_engine
-    from mbot_agent.models.policy import Memory, Policy
     from mbot_protocol.drive.actions import to_steps
+    from mbot_protocol.policy import engine
+    from mbot_protocol.policy.policy import Policy
+    from mbot_protocol.policy.policy_contract import Memory
 
     modules = [
         importlib.import_module(found.name).__name__
@@ -35,7 +36,7 @@ def main() -> None:
         memory = Memory(answer.state, to_steps(*frame.action).action)
     done = {
         "machine": platform.machine(),
-        "engine": "OpenCV" if model_engine.onnxruntime is None else "onnxruntime",
+        "engine": "OpenCV" if engine.onnxruntime is None else "onnxruntime",
         "modules": modules,
         "actions": actions,
     }

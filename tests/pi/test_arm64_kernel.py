@@ -10,7 +10,7 @@ import subprocess
 
 import pytest
 
-from ..robot.confined_attempts import FORBIDDEN, HARMLESS
+from ..protocol.confined_attempts import FORBIDDEN, HARMLESS
 from .booted import CHECKOUT, ROOTS
 from .test_aarch64 import MODEL, PACKAGES, SITE, install_libraries, put_checkout
 
@@ -22,11 +22,11 @@ INIT = f"""#!/bin/sh
 export PATH=/usr/sbin:/usr/bin:/sbin:/bin
 export PYTHONPATH=/checkout:/checkout/robot:/checkout/shared/protocol:/{SITE}
 mount -t proc proc /proc; mount -t sysfs sys /sys; mount -t devtmpfs dev /dev
-python3 -B -m mbot_agent.models.dry_run 2.5 600 < /checkout/{MODEL} | sed 's/^/TRIED /'
+python3 -B -m mbot_protocol.policy.dry_run 2.5 600 < /checkout/{MODEL} | sed 's/^/TRIED /'
 echo
 python3 -B -c '
 import json
-from tests.robot.confined_attempts import FORBIDDEN, HARMLESS, outcome
+from tests.protocol.confined_attempts import FORBIDDEN, HARMLESS, outcome
 said = {{what: outcome(body) for what, body in (FORBIDDEN | HARMLESS).items()}}
 print("SAID " + json.dumps(said))'
 echo o > /proc/sysrq-trigger; sleep 10
@@ -46,9 +46,9 @@ def console(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
         install_libraries(ROOT, "bookworm")
         (ROOT / "whole").touch()
     put_checkout(ROOT)
-    attempts = ROOT / "checkout/tests/robot/confined_attempts.py"
+    attempts = ROOT / "checkout/tests/protocol/confined_attempts.py"
     attempts.parent.mkdir(parents=True, exist_ok=True)
-    shutil.copy(CHECKOUT / "tests/robot/confined_attempts.py", attempts)
+    shutil.copy(CHECKOUT / "tests/protocol/confined_attempts.py", attempts)
     (ROOT / "init").write_text(INIT)
     (ROOT / "init").chmod(0o755)
     disk = tmp_path_factory.mktemp("arm64") / "disk.cpio"

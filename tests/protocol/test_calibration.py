@@ -16,7 +16,7 @@ from mbot_protocol.drive.calibration import (
 )
 from mbot_protocol.drive.camera_model import CameraModel, nominal_pi_camera
 from mbot_protocol.drive.lens import folds_within
-from mbot_protocol.drive.mcore import Joystick
+from mbot_protocol.drive.wheel_command import Duties
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.files.toml_file import read_toml
 
@@ -129,7 +129,7 @@ def test_of_the_motion_the_daemon_reads_how_to_drive_the_motors_only(folder: Pat
     read = read_motor_mappings(folder)
     assert read is not None
     assert read.wheel_maps() == WheelMaps(MotorMap(True, 0.9, 45), MotorMap(False, 1.0, 40))
-    assert read.wheel_maps().to_board(Steps(250, 250)) == Joystick(-230, 255)
+    assert read.wheel_maps().duties(Steps(250, 250)) == Duties(230 / 255, 1.0)
 
 
 MOTION_MISTAKES = [

@@ -28,7 +28,7 @@ main()
     ("program", "words", "module"),
     [
         ("mbot_workstation.main", ["workstation", "evaluate", "servo"], "typer"),
-        ("mbot_workstation.main", ["workstation", "robots"], "mbot_workstation.cli.telemetry"),
+        ("mbot_workstation.main", ["workstation", "robots"], "mbot_workstation.cli.driving"),
         ("mbot_workstation.main", ["workstation", "evaluate", "servo"], "mujoco"),
         ("mbot_agent.main", ["mbot-agent", "check", "--config", "x"], "argparse"),
         ("mbot_agent.main", ["mbot-agent", "check", "--config", "x"], "mbot_agent.configuration"),

@@ -52,7 +52,7 @@ KILLED = "firmware/test_whole_loop.py::test_the_robot_stops_soon_after_its_daemo
 FROZEN = (
     "firmware/test_daemon_with_firmware.py::test_a_frozen_daemon_stops_in_time_and_stays_stopped"
 )
-HOSTILE = "robot/test_dry_run.py::test_a_model_that_never_answers_is_killed_within_10_s"
+HOSTILE = "protocol/test_dry_run.py::test_a_model_that_never_answers_is_killed_within_10_s"
 OFF_THE_ROLL = f"{LOCK_OUT}::test_somebody_off_the_roll_is_out_within_a_second"
 QUIET = f"{LOCK_OUT}::test_quiet_sessions_of_somebody_revoked_keep_nobody_from_a_stop"
 FLOOD = f"{LOCK_OUT}::test_a_viewers_flood_of_tokens_costs_little_and_holds_up_no_stop"

@@ -9,8 +9,8 @@ import time
 from pathlib import Path
 
 from mbot_agent import main
-from mbot_agent.models import policy
 from mbot_protocol.drive.picture import Picture
+from mbot_protocol.policy import policy
 
 SLOW_S = 2.0
 

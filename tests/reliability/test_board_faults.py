@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 import serial
 
-from mbot_agent.board import board_session
+from mbot_agent.board.mcore import mcore_session
 from mbot_agent.board.motors import Motors
 from mbot_agent.configuration import Board
-from mbot_agent.hardware import DriveCommand
 from mbot_protocol.drive.mcore import STOP, VERSION_REQUEST, Joystick
+from mbot_protocol.drive.wheel_command import WheelCommand
 
 from ..end_to_end.processes import Daemon, beats_on, until
 from ..robot.fake_board import FakeBoard
@@ -34,8 +34,8 @@ BOOT_S = 0.7
 """A real board is silent for 2.6 to 3.5 s; what counts is that nothing is driven meanwhile."""
 
 
-def for_10_s() -> DriveCommand:
-    return DriveCommand(FULL_SPEED, time.monotonic_ns() + 10**10)
+def for_10_s() -> WheelCommand:
+    return WheelCommand(FULL_SPEED.duties, time.monotonic_ns() + 10**10)
 
 
 @pytest.mark.timeout(300)
@@ -175,7 +175,7 @@ def device(answer: Callable[[bytes], bytes]) -> Iterator[tuple[str, bytearray]]:
 def test_a_wrong_device_never_gets_a_drive_frame(
     answer: Callable[[bytes], bytes], monkeypatch: pytest.MonkeyPatch, record_property: Record
 ) -> None:
-    monkeypatch.setattr(board_session, "HANDSHAKE_TIMEOUT_S", 0.5)
+    monkeypatch.setattr(mcore_session, "HANDSHAKE_TIMEOUT_S", 0.5)
     with device(answer) as (path, received):
         with Motors(Board(port=path, accept_no_deadman=True)) as motors:
             assert until(lambda: motors.fault is not None and "baud" in motors.fault.detail)

@@ -22,6 +22,7 @@ from mbot_agent.camera.multipart import MultipartError, MultipartParser
 from mbot_agent.camera.source_contract import JpegError
 from mbot_agent.configuration_files import Enrolment, TrustedKeys
 from mbot_agent.models.activation import Activation
+from mbot_protocol.beat.recorded_drive import read_drive
 from mbot_protocol.drive.actions import to_steps
 from mbot_protocol.drive.calibration import CameraCalibration, MotorMappings
 from mbot_protocol.drive.mcore import Acknowledgement, ReplyParser
@@ -30,16 +31,18 @@ from mbot_protocol.files.toml_file import read_toml
 from mbot_protocol.policy.golden_frames import PROPERTY, read_golden_frames
 from mbot_protocol.policy.model_structure import check_structure
 from mbot_protocol.policy.policy_contract import PolicyMetadata
-from mbot_protocol.signing.model_manifest import SignedManifest, decode, encode
+from mbot_protocol.signing.envelope import Envelope
+from mbot_protocol.signing.model_manifest import decode, encode
 from mbot_protocol.signing.public_key import PublicKey
 from mbot_protocol.v1 import messages_pb2 as messages
 from mbot_protocol.wire.access_rules import split_common_name
 from mbot_protocol.wire.schema import decode as decode_message
 from mbot_workstation.fleet.link.address import parse_address
-from mbot_workstation.fleet.recorded.drive_mcap import Recording, read_recording
+from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
 from mbot_workstation.sim.calibrated.motion_calibration import MotionCalibration
 
-from ..protocol.test_model_manifest import MANIFEST, SIGNED
+from ..protocol.test_envelope import SIGNED
+from ..protocol.test_model_manifest import MANIFEST
 from ..robot.test_jpeg_picture import PICTURE, jpeg
 from ..robot.test_multipart import BOUNDARY, stream
 from ..robot.tiny_models import constant_model
@@ -195,7 +198,7 @@ def test_manifests() -> None:
 
 
 def test_kept_manifests() -> None:
-    feed(SignedManifest.from_text, damaged_text(SIGNED.to_text()))
+    feed(Envelope.from_text, damaged_text(SIGNED.to_text()))
 
 
 def test_configurations() -> None:
@@ -271,13 +274,13 @@ def test_toml_files(kind: type, text: str, memory_file: Path) -> None:
 
 
 def test_recordings(memory_file: Path) -> None:
-    with Recording(memory_file, "mbot-1") as recording:
+    with TelemetryFile(memory_file, "mbot-1") as recording:
         recording.write(decision(1))
     whole = memory_file.read_bytes()
 
     def read(content: bytes) -> None:
         memory_file.write_bytes(content)
-        list(read_recording(memory_file))
+        read_drive(memory_file)
 
     feed(read, damaged(whole))
 

@@ -7,8 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.fleet.recorded.drive_mcap import read_recording
+from mbot_protocol.beat.recorded_drive import read_drive
 
 from ..end_to_end.processes import Daemon, until, workstation
 from ..robot.fake_board import FakeBoard
@@ -36,7 +35,7 @@ def test_a_recording_that_was_cut_off_lacks_less_than_a_second(
                 recorder.signal(signal.SIGKILL)
                 killed_s = time.time()
                 recorder.wait()
-            records = [m for _, m in read_recording(path) if isinstance(m, Decision)]
+            records = [beat.decision for beat in read_drive(path).beats]
             sequences = [decision.sequence for decision in records]
             assert len(sequences) >= 5
             assert sequences == sorted(sequences)

@@ -212,7 +212,7 @@ def test_a_stop_is_not_confirmed_for_a_lost_board(daemon: Daemon, board: FakeBoa
         command = ["stop", "--robot", daemon.address]
         with Process(PROGRAMS.format("workstation"), *command, log=daemon.directory / "s") as stop:
             assert stop.wait() == 1
-            assert "not confirmed that it stands" in stop.output
+            assert "not confirmed that it has stopped" in stop.output
 
 
 def open_as_nobody(path: str) -> str:
@@ -236,12 +236,12 @@ def open_as_nobody(path: str) -> str:
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="gives up privileges, which takes some")
 def test_the_port_is_exclusive_in_fact(board: FakeBoard, monkeypatch: pytest.MonkeyPatch) -> None:
-    from mbot_agent.board import board_port
+    from mbot_agent.board import serial_port
 
-    monkeypatch.setattr(board_port, "PSEUDO_TERMINALS", "/nowhere")
+    monkeypatch.setattr(serial_port, "PSEUDO_TERMINALS", "/nowhere")
     os.chmod(board.path, 0o666)  # noqa: PTH101
     assert open_as_nobody(board.path) == "opened"
-    with board_port.open_port(board.path, 115_200) as port:
+    with serial_port.open_port(board.path, 115_200) as port:
         assert open_as_nobody(board.path) == "Device or resource busy"
         fcntl.ioctl(port.fileno(), 0x540D)  # TIOCNXCL: the test's own end stays open
     assert open_as_nobody(board.path) == "opened"

@@ -13,8 +13,8 @@ import pytest
 
 from mbot_agent.board.motors import Motors
 from mbot_agent.configuration import Board
-from mbot_agent.hardware import DriveCommand
 from mbot_protocol.drive.mcore import Joystick
+from mbot_protocol.drive.wheel_command import WheelCommand
 
 from ..end_to_end.processes import until
 from ..robot.fake_board import FakeBoard
@@ -74,7 +74,7 @@ def attack(seed: int, cases: int) -> tuple[int, int]:
     with FakeBoard() as board, Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
         for _ in range(cases):
             assert until(lambda: motors.fault is None)  # some garbage is a reset's announcement
-            motors.drive(DriveCommand(FULL_SPEED, time.monotonic_ns() + 10**10))
+            motors.drive(WheelCommand(FULL_SPEED.duties, time.monotonic_ns() + 10**10))
             turning += turns(board)
             board.say(garbage(chance))
             if chance.random() < 0.5:

@@ -8,12 +8,12 @@ from mbot_agent.arming import Mode, Orders
 from mbot_agent.configuration import Configuration
 from mbot_agent.control_loop import ControlLoop
 from mbot_agent.faults import Fault
-from mbot_agent.hardware import Delivery, DriveCommand, Frame
+from mbot_agent.hardware import Delivery, Frame
 from mbot_agent.helm import Helm, Press
 from mbot_agent.models.pilot import Pilot
 from mbot_agent.tick import Tick
-from mbot_protocol.drive.mcore import Joystick
 from mbot_protocol.drive.picture import Picture
+from mbot_protocol.drive.wheel_command import Duties, WheelCommand
 
 HAND = Press(sender=7, number=1)
 """Somebody who has taken hold for the first time."""
@@ -37,8 +37,8 @@ class ObedientBoard:
 
     def __init__(self) -> None:
         self.fault: Fault | None = None
-        self.commands: list[DriveCommand] = []
-        self.asked: list[Joystick | str] = []
+        self.commands: list[WheelCommand] = []
+        self.asked: list[Duties | str] = []
         self.resets = 0
         self.armed = self.disarmed = 0
         self.answers = True
@@ -47,9 +47,9 @@ class ObedientBoard:
     def stops(self) -> int:
         return self.asked.count("stop")
 
-    def drive(self, command: DriveCommand) -> int:
+    def drive(self, command: WheelCommand) -> int:
         self.commands.append(command)
-        self.asked.append(command.joystick)
+        self.asked.append(command.duties)
         return len(self.commands)
 
     def delivery(self, ticket: int, timeout_s: float) -> Delivery | None:
@@ -128,9 +128,9 @@ class Bench:
         """As a person does who has just looked."""
         self.helm.run(self.stops)
 
-    def hold(self, joystick: Joystick, hold_ns: int = 10**9) -> None:
+    def hold(self, duties: Duties, hold_ns: int = 10**9) -> None:
         """As a hand does that has taken hold."""
-        self.helm.steer_by_hand(joystick, time.monotonic_ns() + hold_ns, self.stops, HAND)
+        self.helm.steer_by_hand(duties, time.monotonic_ns() + hold_ns, self.stops, HAND)
 
     @property
     def stops(self) -> int:

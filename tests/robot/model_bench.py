@@ -3,19 +3,21 @@
 import hashlib
 import itertools
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 from mbot_agent.configuration import Configuration, Models, Trust
 from mbot_agent.faults import Notice
-from mbot_agent.models.dry_run import Report
 from mbot_agent.models.model_directory import ModelDirectory
 from mbot_agent.models.model_keeper import ModelKeeper
 from mbot_agent.models.model_service import ModelService, TryModel
-from mbot_agent.models.policy import Policy
 from mbot_agent.models.sequence_floors import SequenceFloors
 from mbot_agent.models.trial import Trial
 from mbot_agent.models.trust import Trust as TrustChecks
-from mbot_protocol.signing.model_manifest import ModelManifest, SignedManifest
+from mbot_protocol.policy.dry_run import Report
+from mbot_protocol.policy.policy import Policy
+from mbot_protocol.signing.envelope import MODEL
+from mbot_protocol.signing.model_manifest import ModelManifest, encode
 from mbot_protocol.v1.messages_pb2 import (
     Activate,
     ModelList,
@@ -47,6 +49,21 @@ def untried(_data: bytes, _rate_hz: float) -> Report:
     return Report(0.1, 0)
 
 
+@dataclass(frozen=True)
+class SignedManifest:
+    """As it travels."""
+
+    manifest: bytes
+    signature: bytes
+    public_key: bytes
+
+
+def sealed(manifest: ModelManifest, key: SigningKey) -> SignedManifest:
+    data = encode(manifest)
+    signed = key.sign(MODEL, data)
+    return SignedManifest(data, signed.signature, signed.public_key)
+
+
 def sign(data: bytes, nonce: str, key: SigningKey = KEY, **changes: object) -> SignedManifest:
     fields: dict[str, object] = {
         "robot_id": ROBOT_ID,
@@ -55,7 +72,8 @@ def sign(data: bytes, nonce: str, key: SigningKey = KEY, **changes: object) -> S
         "size_bytes": len(data),
         "nonce": nonce,
     }
-    return key.sign(ModelManifest(**(fields | changes)))  # pyright: ignore[reportArgumentType]
+    manifest = ModelManifest(**(fields | changes))  # pyright: ignore[reportArgumentType]
+    return sealed(manifest, key)
 
 
 class Robot:
@@ -167,7 +185,7 @@ class Robot:
                 size_bytes=stored[0].size_bytes,
                 nonce=self.nonce(),
             )
-            signed = key.sign(manifest)
+            signed = sealed(manifest, key)
             request.manifest, request.signature = signed.manifest, signed.signature
             request.public_key = signed.public_key
         return ModelList.FromString(self.service.activate(request.SerializeToString()))

@@ -9,13 +9,13 @@ import cv2
 import numpy as np
 
 from mbot_agent import configuration
-from mbot_agent.models.policy import Policy
-from mbot_agent.network.wire_messages import wire_decision
+from mbot_agent.network.wire_messages import beat_of
 from mbot_agent.recording.recording_directory import RecordingDirectory
 from mbot_agent.recording.robot_facts import robot_facts
 from mbot_agent.tick import Tick
-from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.fleet.recorded.whole_chunks import WholeChunks
+from mbot_protocol.beat.beat import Beat
+from mbot_protocol.beat.whole_chunks import WholeChunks
+from mbot_protocol.policy.policy import Policy
 
 from .loop_bench import Bench
 from .tiny_models import counting_model
@@ -28,8 +28,8 @@ def directory(path: Path, **settings: Any) -> RecordingDirectory:
     return RecordingDirectory(path, configuration.Recording(**limits))
 
 
-def to_message(tick: Tick) -> Decision:
-    return wire_decision(tick, "mbot-1", 42, ())
+def to_beat(tick: Tick) -> Beat:
+    return beat_of(tick, "mbot-1", 42, (), FACTS.wheels)
 
 
 class Drive:

@@ -2,6 +2,7 @@
 
 import io
 import subprocess
+import tarfile
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -9,7 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from mbot_protocol.daemon_state import DaemonState
 from mbot_protocol.signing import release_archive, release_manifest
+from mbot_protocol.signing.envelope import RELEASE
 from mbot_protocol.signing.release_ledger import Computer
 from mbot_protocol.signing.release_manifest import ReleaseManifest
 from mbot_update import health_gate, system
@@ -20,7 +23,12 @@ from mbot_workstation.fleet.models.signing_key import SigningKey
 KEY = SigningKey.ephemeral("releases")
 SPARE = SigningKey.ephemeral("spare")
 COMPUTER = Computer("bookworm", "arm64", "3.11", 10**10)
-HEALTHY = Service("active", 7, "idle; no-model", "success", 0)
+HEALTHY = Service("active", 7, DaemonState(False, ("no-model",)), "success", 0)
+
+
+def saying(words: str) -> Service:
+    """As a daemon that says this in its status text."""
+    return replace(HEALTHY, report=system.report_in_words(words))
 
 
 def wheel(**files: bytes) -> bytes:
@@ -59,11 +67,20 @@ def archive(
         ReleaseManifest(version, sequence, sequence, "bookworm", "arm64", "3.11", 1000, described)
     )
     data = release_manifest.encode(manifest)
-    signatures = "".join(release_manifest.sign(data, k.sign_bytes, k.public.raw) for k in keys)
+    signatures = "".join(key.sign(RELEASE, data).line for key in keys)
     path = folder / f"{version}.tar"
     with path.open("wb") as file:
         release_archive.write(file, files, data, signatures.encode(), described)
     return path
+
+
+def signed_manifest(path: Path) -> tuple[bytes, bytes]:
+    """A release's manifest and its signatures, as any tar reads them."""
+    with tarfile.open(path) as archive:
+        first, second = (archive.extractfile(name) for name in ("manifest.json", "manifest.sig"))
+        assert first is not None
+        assert second is not None
+        return first.read(), second.read()
 
 
 @dataclass

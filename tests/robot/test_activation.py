@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_agent.models.activation import MOST_STARTS, Activation, Rollback
+from mbot_agent.models.activation import MOST_STARTS, MOST_STARTS_PROVEN, Activation, Rollback
 
 A, B, C = "a" * 64, "b" * 64, "c" * 64
 
@@ -99,3 +99,45 @@ def test_a_proven_model_goes_after_five_crashes_within_ten_minutes(
     assert bool(crashed.crashes(A, now_s)) == goes
     for better in (crashed.survived(), crashed.activated(A, A), crashed.proved(A)):
         assert not better.crashes(A, now_s)
+
+
+def crashed() -> Activation:
+    """Again and again, just now: crashes of long ago don't count."""
+    starts = (NOW_S,) * MOST_STARTS_PROVEN
+    return Activation(active=B, proven=(B,), proven_starts=starts)
+
+
+@pytest.mark.parametrize(
+    ("kind", "words", "activation", "has_model", "unusable"),
+    [
+        (
+            "model-rolled-back",
+            "turner bbbbbbbbbbbb was rolled back to model aaaaaaaaaaaa: it crashed",
+            Activation(active=A, rollback=Rollback(B, A, "it crashed")),
+            True,
+            "",
+        ),
+        ("model-left-out", "turner bbbbbbbbbbbb is the only one, and", crashed(), False, ""),
+        (
+            "model-unusable",
+            "turner bbbbbbbbbbbb cannot be used: no such file",
+            Activation(active=B),
+            False,
+            "no such file",
+        ),
+        ("", "", Activation(active=B), True, ""),
+        ("", "", crashed(), True, ""),
+        ("", "", Activation(), False, ""),
+    ],
+)
+def test_what_a_person_should_know_is_said_with_the_model_it_is_about(
+    kind: str, words: str, activation: Activation, has_model: bool, unusable: str
+) -> None:
+    found = activation.notice(
+        lambda sha256: "turner" if sha256 == B else "",
+        NOW_S,
+        has_model=has_model,
+        unusable=unusable,
+    )
+    assert (found.kind if found else "") == kind
+    assert words in (found.detail if found else "")

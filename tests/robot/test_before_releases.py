@@ -12,11 +12,11 @@ from mbot_update.before_releases import take_over
 from mbot_update.release_folders import BEFORE_RELEASES
 from mbot_update.system import Service
 
-from .release_bench import Robot, archive
+from .release_bench import Robot, archive, saying
 
 UNIT = "[Service]\nExecStart=/opt/mbot-agent/venv/bin/mbot-agent run\n"
-SILENT = Service("active", 7, "idle", "success", 0)
-STOPPED = Service("inactive", 0, "", "success", 0)
+SILENT = saying("idle")
+STOPPED = Service("inactive", 0, None, "success", 0)
 
 
 @pytest.fixture
@@ -99,7 +99,7 @@ def test_one_that_would_not_run_changes_nothing(robot: Robot, tmp_path: Path) ->
 
 def test_it_does_not_say_its_faults_so_none_is_new(robot: Robot, tmp_path: Path) -> None:
     take_over(robot.folders)
-    armless = Service("active", 7, "fault; camera-lost", "success", 0)
+    armless = saying("fault; camera-lost")
 
     def restarts() -> bool:
         robot.system.service = armless

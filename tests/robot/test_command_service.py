@@ -12,10 +12,11 @@ from mbot_agent.commands.stop_service import StopService
 from mbot_agent.configuration import Configuration
 from mbot_agent.faults import Fault
 from mbot_agent.helm import Press
-from mbot_agent.models.policy import Policy
 from mbot_agent.network.requests import Request
-from mbot_agent.network.wire_messages import wire_decision
-from mbot_protocol.drive.mcore import STOP, Joystick
+from mbot_agent.network.wire_messages import beat_of
+from mbot_protocol.drive.actions import AS_BUILT
+from mbot_protocol.drive.wheel_command import STOP, Duties
+from mbot_protocol.policy.policy import Policy
 from mbot_protocol.v1 import messages_pb2 as messages
 from mbot_protocol.wire.schema import SCHEMA_VERSION
 
@@ -197,11 +198,11 @@ def test_a_hand_that_let_go_is_told_apart_from_an_older_stop(service: Service) -
     assert status.state == messages.STATE_STOPPED
     assert 0 < status.let_go_monotonic_ns <= status.now_monotonic_ns
     assert (status.last_stop.by, status.last_stop.count) == ("max", service.bench.stops)
-    assert wire_decision(tick, "mbot-1", SESSION, ()).hand_let_go
+    assert beat_of(tick, "mbot-1", SESSION, (), AS_BUILT).decision.hand_let_go
     service.stop(messages.Command(sender="anna").SerializeToString())
     assert service.status.let_go_monotonic_ns == 0
     tick = service.bench.loop.tick(time.monotonic_ns())
-    assert not wire_decision(tick, "mbot-1", SESSION, ()).hand_let_go
+    assert not beat_of(tick, "mbot-1", SESSION, (), AS_BUILT).decision.hand_let_go
 
 
 @pytest.mark.parametrize("payload", [b"", b"\xff\xff", b"\x4a\xff", bytes(4000)])
@@ -342,7 +343,7 @@ def test_a_hand_turns_the_wheel_that_it_means(service: Service) -> None:
     command = service.drive_command(300, press=1)
     command.drive.wheels.left, command.drive.wheels.right = 1.0, -0.5
     assert service.send(command).accepted
-    assert service.bench.board.commands[0].joystick == Joystick(-255, -148)  # as a policy does
+    assert service.bench.board.commands[0].duties == Duties(1.0, -148 / 255)  # as a policy does
 
 
 def test_a_hand_that_asks_for_no_number_moves_nothing(service: Service) -> None:
@@ -401,7 +402,7 @@ def test_a_press_that_was_let_go_is_never_taken_again(service: Service) -> None:
     assert service.send(service.drive_command(1, press=1, let_go=True)).accepted is True
     assert service.bench.helm.orders.mode is Mode.STOPPED
     late.number = service.numbers + 1  # as if it had overtaken nothing
-    assert "take hold anew" in service.send(late).reason
+    assert "take hold again" in service.send(late).reason
     assert service.bench.helm.orders.mode is Mode.STOPPED
     assert service.bench.tick().state is State.STOPPED
     service.numbers += 1
@@ -410,5 +411,5 @@ def test_a_press_that_was_let_go_is_never_taken_again(service: Service) -> None:
 
 def test_a_hand_may_let_go_of_what_never_arrived(service: Service) -> None:
     assert service.send(service.drive_command(1, press=1, let_go=True)).accepted
-    assert "take hold anew" in service.send(service.drive_command(300, press=1)).reason
+    assert "take hold again" in service.send(service.drive_command(300, press=1)).reason
     assert not service.bench.helm.orders.is_armed

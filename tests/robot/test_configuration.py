@@ -192,17 +192,17 @@ def test_the_calibration_gives_camera_and_motors(robot_toml: Path) -> None:
     assert (model.focal_x_px, model.focal_y_px) == (1936.5 / 2, 1934.0 / 2)
     assert model.principal_x_px == pytest.approx((1020.25 + 0.5) / 2 - 0.5)
     assert model.distortion == (-0.11, 0.05, 0.0005, -0.0003, 0.0)
-    maps = configuration.motors.to_maps()
+    maps = configuration.motors
     assert maps.left == MotorMap(True, 0.9, 45)
     assert maps.right == MotorMap(False, 1.0, 40)
-    assert maps.to_board(Steps(250, -250)).m1 == -230
+    assert maps.levels(maps.duties(Steps(250, -250))) == (-230, -255)
 
 
 def test_half_a_calibration_leaves_the_other_half_nominal(robot_toml: Path) -> None:
     (robot_toml.parent / "calibration" / "camera.toml").unlink()
     configuration = calibrated(load(robot_toml), robot_toml)
     assert configuration.camera == Camera()
-    assert configuration.motors.to_maps().left.trim == 0.9
+    assert configuration.motors.left.trim == 0.9
     (robot_toml.parent / "calibration" / "motion.toml").unlink()
     with pytest.raises(ConfigurationError, match=r"neither camera\.toml nor motion\.toml"):
         calibrated(load(robot_toml), robot_toml)
@@ -211,7 +211,7 @@ def test_half_a_calibration_leaves_the_other_half_nominal(robot_toml: Path) -> N
 def test_without_a_calibration_nothing_changes(robot_toml: Path) -> None:
     configuration = decode('robot_id = "a"', "x")
     assert calibrated(configuration, robot_toml) is configuration
-    assert configuration.motors.to_maps().right == MotorMap(False, 1.0, 40)
+    assert configuration.motors.right == MotorMap(False, 1.0, 40)
 
 
 @pytest.mark.parametrize(
@@ -327,6 +327,14 @@ def test_the_boards_port_is_found_in_a_broken_configuration(
     path.write_text(text)
     board = load_board(path)
     assert (board.port, board.baud_rate) == (port, baud_rate)
+
+
+def test_the_boards_kind_is_found_in_a_broken_configuration(tmp_path: Path) -> None:
+    path = tmp_path / "config.toml"
+    path.write_text('robot_id = ???\n[board]\nkind = "lines"\n')
+    assert load_board(path).kind == "lines"
+    path.write_text('robot_id = "a"\n')
+    assert load_board(path).kind == "mcore"
 
 
 def test_without_a_configuration_the_board_is_looked_for_on_usb(tmp_path: Path) -> None:

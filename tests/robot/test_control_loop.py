@@ -11,14 +11,14 @@ from mbot_agent import control_loop
 from mbot_agent.arming import Mode, State
 from mbot_agent.configuration import Control
 from mbot_agent.faults import Fault
-from mbot_agent.models.policy import Answer, Memory, Policy
 from mbot_agent.models.trial import Finding, Trial, Verdict
 from mbot_agent.tick import Tick
 from mbot_protocol.drive.actions import Steps
 from mbot_protocol.drive.camera_model import CameraModel
-from mbot_protocol.drive.mcore import STOP, Joystick
 from mbot_protocol.drive.picture import Observer, Picture
-from mbot_protocol.policy.policy_contract import FULL_VIEW, FieldOfView, PolicyMetadata
+from mbot_protocol.drive.wheel_command import STOP, Duties
+from mbot_protocol.policy.policy import Answer, Policy
+from mbot_protocol.policy.policy_contract import FULL_VIEW, FieldOfView, Memory, PolicyMetadata
 
 from .loop_bench import HAND, Bench
 from .tiny_models import constant_model, counting_model
@@ -59,8 +59,8 @@ def test_running_turns_the_picture_into_a_motor_command(bench: Bench) -> None:
     drive_with(bench, 1.0, -0.5)
     tick = bench.tick()
     # 250 steps -> 255; 125 steps -> half of the way from the dead band (40) to 255.
-    assert bench.board.commands[0].joystick == Joystick(-255, -148)
-    assert tick.joystick == Joystick(-255, -148)
+    assert bench.board.commands[0].duties == Duties(1.0, -148 / 255)
+    assert tick.duties == Duties(1.0, -148 / 255)
     assert tick.steps == Steps(250, -125)
     assert tick.state is State.RUNNING
     assert tick.delivery is not None
@@ -165,7 +165,7 @@ def test_a_loop_that_stood_still_disarms(bench: Bench, monkeypatch: pytest.Monke
 @pytest.mark.parametrize("mode", [Mode.RUNNING, Mode.MANUAL, Mode.WAITING])
 def test_a_board_that_was_reset_disarms(bench: Bench, mode: Mode) -> None:
     if mode is Mode.MANUAL:
-        bench.hold(Joystick(-50, 50))
+        bench.hold(Duties(0.2, 0.2))
     else:
         if mode is Mode.RUNNING:
             bench.pilot.use(Policy(constant_model()))
@@ -204,7 +204,7 @@ def test_a_robot_that_is_stuck_disarms_and_waits_for_a_word(
 def test_a_hand_is_never_stuck(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock(monkeypatch)
     for _ in range(20):
-        bench.hold(Joystick(-200, 200))
+        bench.hold(Duties(0.8, 0.8))
         assert bench.tick().state is State.MANUAL
         clock.advance(0.4)
 
@@ -349,7 +349,7 @@ def test_a_model_that_fails_its_trial_is_given_up_before_it_drove(bench: Bench) 
 def test_a_persons_hand_is_not_disturbed_by_a_trial(bench: Bench) -> None:
     hearing = Hearing()
     bench.pilot.use(Policy(constant_model(float("nan"), 0.0)), hearing.trial)
-    bench.hold(Joystick(-50, 50))
+    bench.hold(Duties(0.2, 0.2))
     for _ in range(4):
         assert bench.tick().faults == ()
     assert hearing.findings == [Finding.SURVIVED]
@@ -397,13 +397,13 @@ def test_stop_during_inference_wins(bench: Bench, monkeypatch: pytest.MonkeyPatc
     driven = len(bench.board.commands)
     tick = bench.tick()
     assert len(bench.board.commands) == driven
-    assert tick.joystick == STOP
+    assert tick.duties == STOP
     assert bench.camera.driving == [True, False]
 
 
 def test_a_hand_needs_neither_camera_nor_model(bench: Bench) -> None:
     bench.camera.fault = Fault("camera-lost", "gone")
-    bench.hold(Joystick(-50, 50))
+    bench.hold(Duties(0.2, 0.2))
     tick = bench.tick()
     assert tick.faults == ()
     assert bench.board.stops == 0
@@ -515,7 +515,7 @@ def test_the_journal_says_once_what_the_robot_does_and_why_not(
     assert said(bench.helm.stop) == ["now stopped"]  # the person knows why
     assert said(lambda: camera(Fault("a", "it is dark"))) == []  # it stands anyway
     camera(None)
-    assert said(lambda: bench.hold(Joystick(-50, 50))) == ["now manual"]
+    assert said(lambda: bench.hold(Duties(0.2, 0.2))) == ["now manual"]
     assert said(lambda: bench.helm.let_go(HAND)) == ["now stopped: let go"]
     assert said(bench.run) == ["now running"]
     why = "the board was reset"

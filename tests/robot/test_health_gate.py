@@ -12,7 +12,7 @@ from mbot_update import health_gate, system
 from mbot_update.release_folders import BEFORE_RELEASES, ReleaseFolders
 from mbot_update.system import Service
 
-from .release_bench import HEALTHY, KEY, Robot
+from .release_bench import HEALTHY, KEY, Robot, saying
 
 SHOWN = """ActiveState=active
 MainPID=77
@@ -111,7 +111,7 @@ class Day:
         return found
 
 
-BLIND = replace(HEALTHY, words="idle; camera-lost")
+BLIND = saying("idle; camera-lost")
 
 
 @pytest.mark.parametrize(
@@ -120,7 +120,7 @@ BLIND = replace(HEALTHY, words="idle; camera-lost")
         ([], "", 5.0),
         ([(0.0, BLIND), (12.0, HEALTHY)], "", 12.0),
         ([(0.0, BLIND)], "worse than before: camera-lost", 30.0),
-        ([(0.0, replace(HEALTHY, words=""))], "worse than before: it says nothing", 30.0),
+        ([(0.0, saying(""))], "worse than before: it says nothing", 30.0),
         ([(4.0, replace(HEALTHY, pid=8))], "it got READY and died", 4.0),
         ([(0.0, BLIND), (20.0, replace(BLIND, state="failed"))], "it got READY and died", 20.0),
     ],

@@ -3,14 +3,13 @@ import time
 import pytest
 
 from mbot_agent.arming import Mode, Orders
-from mbot_agent.hardware import DriveCommand
 from mbot_agent.helm import MOST_SENDERS, Helm, Press
-from mbot_protocol.drive.mcore import Joystick
+from mbot_protocol.drive.wheel_command import Duties, WheelCommand
 from mbot_protocol.errors import RefusedError
 
 from .loop_bench import HAND, ObedientBoard
 
-FORWARD = Joystick(-100, 100)
+FORWARD = Duties(0.4, 0.4)
 
 
 @pytest.fixture
@@ -31,7 +30,7 @@ def test_a_decision_begun_before_a_stop_never_reaches_the_motors(motors: Obedien
     helm.run(helm.orders.stop.count)
     orders = helm.orders
     helm.stop()
-    assert helm.steer_by_policy(orders, DriveCommand(FORWARD, 0)) is None
+    assert helm.steer_by_policy(orders, WheelCommand(FORWARD, 0)) is None
     assert motors.asked == ["stop"]
 
 
@@ -42,8 +41,8 @@ def test_a_decision_begun_before_stop_and_run_again_is_outdated_too(
     orders = helm.orders
     helm.stop()
     helm.run(helm.orders.stop.count)
-    assert helm.steer_by_policy(orders, DriveCommand(FORWARD, 0)) is None
-    assert helm.steer_by_policy(helm.orders, DriveCommand(FORWARD, 0)) is not None
+    assert helm.steer_by_policy(orders, WheelCommand(FORWARD, 0)) is None
+    assert helm.steer_by_policy(helm.orders, WheelCommand(FORWARD, 0)) is not None
 
 
 def test_resting_for_old_orders_does_not_stop_a_hand(motors: ObedientBoard) -> None:
@@ -134,7 +133,7 @@ def test_whatever_ends_a_press_ends_it_for_good(motors: ObedientBoard, end: str)
     }
     ends[end]()
     orders, asked = helm.orders, list(motors.asked)
-    with pytest.raises(RefusedError, match="take hold anew"):
+    with pytest.raises(RefusedError, match="take hold again"):
         held(helm)
     assert (helm.orders, motors.asked) == (orders, asked)
     held(helm, Press(HAND.sender, HAND.number + 1))
@@ -154,7 +153,7 @@ def test_a_late_command_of_a_hold_that_is_over_moves_nothing(motors: ObedientBoa
     """The next beat may be 400 ms away, and the motors have stopped by themselves meanwhile."""
     helm = helm_of(motors)
     held(helm, hold_ns=0)
-    with pytest.raises(RefusedError, match="take hold anew"):
+    with pytest.raises(RefusedError, match="take hold again"):
         held(helm)
     assert helm.orders.mode is Mode.STOPPED
     assert motors.asked == [FORWARD, "stop"]

@@ -13,14 +13,13 @@ import pytest
 from mbot_agent.configuration import Trust
 from mbot_agent.models import model_directory as model_store
 from mbot_agent.models import model_keeper
-from mbot_agent.models.policy import Policy
 from mbot_agent.models.trial import Finding, Trial, Verdict
 from mbot_agent.models.trust import Admission
 from mbot_protocol.errors import RefusedError
 from mbot_protocol.files import atomic_file
-from mbot_protocol.signing.model_manifest import SignedManifest
+from mbot_protocol.policy.policy import Policy
 
-from .model_bench import CLEAN_DECISIONS, KEY, Robot, digest, sign
+from .model_bench import CLEAN_DECISIONS, KEY, Robot, SignedManifest, digest, sign
 from .tiny_models import constant_model
 
 FIRST = constant_model(0.1, 0.1, name="first")

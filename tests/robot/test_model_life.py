@@ -17,13 +17,12 @@ from hypothesis.stateful import (
     rule,
 )
 
-from mbot_agent.models.dry_run import Report
 from mbot_protocol.errors import ContractError
 from mbot_protocol.files import atomic_file
-from mbot_protocol.signing.model_manifest import SignedManifest
+from mbot_protocol.policy.dry_run import Report
 
 from .faulty_disk import EIO, ENOSPC, FaultyDisk, PowerCut, dies_at, fails_at, no_fault, put
-from .model_bench import KEY, Robot, digest, sign
+from .model_bench import KEY, Robot, SignedManifest, digest, sign
 from .tiny_models import constant_model
 
 MODELS = {name: constant_model(0.1, 0.1, name=name) for name in "ABCD"}

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from mbot_agent.intake import pieces
+from mbot_agent import intake
 from mbot_agent.models import model_service
-from mbot_agent.models.dry_run import Report, dry_run
+from mbot_protocol.policy.dry_run import Report, dry_run
 from mbot_protocol.v1.messages_pb2 import Activate, ModelList, PushReply
 from mbot_protocol.wire.schema import SCHEMA_VERSION
 
@@ -162,7 +162,7 @@ def test_a_push_whose_sender_died_is_forgotten(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begun = robot.begin(FIRST)
-    later_s = time.monotonic() + pieces.STAGING_EXPIRES_S + 1
+    later_s = time.monotonic() + intake.EXPIRES_S + 1
     monkeypatch.setattr(time, "monotonic", lambda: later_s)
     robot.service.expire_staging()
     reply = robot.chunk(begun.push_id, 0, FIRST)
@@ -252,7 +252,7 @@ print(staged - before, resident_mb() - before)
 
 
 def test_the_memory_of_a_push_whose_sender_died_comes_back(tmp_path: Path) -> None:
-    after_s = pieces.STAGING_EXPIRES_S + 1
+    after_s = intake.EXPIRES_S + 1
     assert after_s <= 60
     done = subprocess.run(
         [sys.executable, "-c", MEMORY_CHECK, str(tmp_path), str(after_s)],

@@ -9,7 +9,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from mbot_agent.board import board_session, motor_stop
+from mbot_agent.board import motor_stop
+from mbot_agent.board.mcore import mcore_session
 from mbot_agent.board.motor_stop import PAUSE_S, stop_motors
 from mbot_agent.configuration import Board
 from mbot_protocol.errors import UnreachableError
@@ -38,7 +39,7 @@ def test_a_board_that_drives_is_stopped_and_says_so(
     with caplog.at_level(logging.INFO):
         stop_motors(Board(port=board.path))
     assert board.speeds == (0, 0)
-    assert len(board.commands) >= board_session.STOP_REPEATS
+    assert len(board.commands) >= mcore_session.STOP_REPEATS
     assert f"motors stopped ({board.path}, {board.version})" in caplog.text
     assert descriptors() <= kept
 
@@ -56,7 +57,7 @@ def test_a_port_that_comes_back_is_waited_for(
 
     monkeypatch.setattr(motor_stop, "time", clock(plug_in))
     stop_motors(Board(port=str(link)))
-    assert len(board.commands) >= board_session.STOP_REPEATS
+    assert len(board.commands) >= mcore_session.STOP_REPEATS
     assert time.monotonic() - began_s < 1.0
 
 
@@ -89,8 +90,13 @@ def test_a_board_that_answers_late_is_stopped(
         pauses.append(seconds)
         board.mute = False
 
-    monkeypatch.setattr(board_session, "HANDSHAKE_TIMEOUT_S", 0.3)
+    monkeypatch.setattr(mcore_session, "HANDSHAKE_TIMEOUT_S", 0.3)
     monkeypatch.setattr(motor_stop, "time", clock(speak))
     stop_motors(Board(port=board.path))
     assert pauses == [PAUSE_S]
-    assert until(lambda: len(board.commands) >= board_session.STOP_REPEATS)
+    assert until(lambda: len(board.commands) >= mcore_session.STOP_REPEATS)
+
+
+def test_a_kind_that_nobody_knows_keeps_nobody_from_stopping(board: FakeBoard) -> None:
+    stop_motors(Board(kind="nocore", port=board.path))
+    assert len(board.commands) >= mcore_session.STOP_REPEATS

@@ -10,18 +10,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mbot_agent.board import board_port, board_session
+from mbot_agent.board import board_kinds
 from mbot_agent.board import motors as motors_module
+from mbot_agent.board.mcore import mcore_port, mcore_session
+from mbot_agent.board.mcore.mcore_session import McoreSession
 from mbot_agent.board.motors import IDLE_HEARTBEAT_S, REFRESH_S, Motors
 from mbot_agent.configuration import Board
-from mbot_agent.hardware import DriveCommand
 from mbot_agent.process.watchdog import LONGEST_PAUSE_NS
+from mbot_protocol.drive.actions import MotorMap, WheelMaps
 from mbot_protocol.drive.mcore import ARM_REQUEST, FLUSH_PADDING, STOP, Joystick
+from mbot_protocol.drive.wheel_command import Duties, WheelCommand
+from mbot_protocol.errors import ConfigurationError
 
 from ..until import until
 from .fake_board import FakeBoard
 
 FORWARD = Joystick(-100, 100)
+AHEAD = FORWARD.duties
 LONG_NS = 10_000_000_000
 ASK_VERSION = b"\xff\x55\x03\x00\x01\x00"
 
@@ -52,7 +57,7 @@ def motors(board: FakeBoard) -> Iterator[Motors]:
 
 def test_a_command_is_written_and_acknowledged(motors: Motors, board: FakeBoard) -> None:
     before_ns = time.monotonic_ns()
-    ticket = motors.drive(DriveCommand(FORWARD, for_ms(500)))
+    ticket = motors.drive(WheelCommand(AHEAD, for_ms(500)))
     delivery = motors.delivery(ticket, 10.0)
     assert time.monotonic_ns() - before_ns < 5 * 10**9, "told at once"
     assert delivery is not None
@@ -71,7 +76,7 @@ def test_a_command_is_refreshed_until_its_deadline_and_no_longer(
     motors: Motors, board: FakeBoard
 ) -> None:
     deadline_ns = for_ms(450)
-    motors.drive(DriveCommand(FORWARD, deadline_ns))
+    motors.drive(WheelCommand(AHEAD, deadline_ns))
     assert board.wait_for(-100, 100)
     assert board.wait_for(0, 0)
     driven = [at for at, m1, _ in board.commands if m1 != 0]
@@ -86,7 +91,7 @@ def test_a_command_ends_at_its_deadline_not_at_the_next_refresh(
     late_ms: list[float] = []
     for _ in range(3):
         deadline_ns = for_ms(130)  # the second refresh would be after 200 ms
-        motors.drive(DriveCommand(FORWARD, deadline_ns))
+        motors.drive(WheelCommand(AHEAD, deadline_ns))
         assert board.wait_for(-100, 100)
         assert board.wait_for(0, 0)
         late_ms.append(board.commands[-1][0] * 1e3 - deadline_ns / 1e6)
@@ -97,30 +102,30 @@ def test_a_guard_that_turns_false_stops_the_motors(motors: Motors, board: FakeBo
     for _ in range(5):  # on a busy machine a lost acknowledgement stops them too, now and then
         fresh = threading.Event()
         fresh.set()
-        motors.drive(DriveCommand(FORWARD, for_ms(10_000), guard=fresh.is_set))
+        motors.drive(WheelCommand(AHEAD, for_ms(10_000), guard=fresh.is_set))
         assert board.wait_for(-100, 100)
         fresh.clear()
         assert board.wait_for(0, 0)
 
 
 def test_stop_and_halt(motors: Motors, board: FakeBoard) -> None:
-    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
     assert board.wait_for(-100, 100)
     motors.stop()
     assert board.wait_for(0, 0)
-    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
     assert board.wait_for(-100, 100)
     motors.halt()
     assert motors.wait_stopped(1.0)
     assert board.speeds == (0, 0)
-    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
     assert stays_stopped(board)
 
 
 def test_a_stop_is_on_the_wire_within_20_ms(motors: Motors, board: FakeBoard) -> None:
     took_ms: list[float] = []
     for _ in range(3):
-        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
         assert board.wait_for(-100, 100)
         asked_s = time.monotonic()
         motors.stop()
@@ -135,7 +140,7 @@ def test_a_command_is_on_the_wire_within_20_ms(motors: Motors, board: FakeBoard)
     for _ in range(3):
         assert motors.stands(1.0)
         asked_s = time.monotonic()
-        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
         assert board.wait_for(-100, 100)
         took_ms.append((board.commands[-1][0] - asked_s) * 1000)
         motors.stop()
@@ -148,7 +153,7 @@ def test_the_end_of_the_daemon_stops_the_motors_within_20_ms() -> None:
     for _ in range(3):
         with FakeBoard() as board, Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
             assert until(lambda motors=motors: motors.fault is None)
-            motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+            motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
             assert board.wait_for(-100, 100)
             asked_s = time.monotonic()
             motors.halt()
@@ -179,20 +184,20 @@ def test_a_board_that_stands_costs_two_stops_a_second(
     """Whatever was asked of it before."""
     monkeypatch.setattr(motors_module, "IDLE_HEARTBEAT_S", IDLE_HEARTBEAT_S)
     assert IDLE_HEARTBEAT_S == 0.5
-    motors.drive(DriveCommand(FORWARD, for_ms(100)))
+    motors.drive(WheelCommand(AHEAD, for_ms(100)))
     assert board.wait_for(-100, 100)
     assert board.wait_for(0, 0)
     assert motors.stands(1.0)
     looks = 0
-    wait = board_session.BoardSession.wait
+    wait = McoreSession.wait
 
-    def counted(session: board_session.BoardSession, timeout_s: float) -> None:
+    def counted(session: McoreSession, timeout_s: float) -> None:
         nonlocal looks
         looks += 1
         wait(session, timeout_s)
 
     mark = len(board.received)
-    monkeypatch.setattr(board_session.BoardSession, "wait", counted)
+    monkeypatch.setattr(McoreSession, "wait", counted)
     time.sleep(1.2)
     said = bytes(board.received[mark:])
     assert said in (2 * STOP.to_bytes(), 3 * STOP.to_bytes())
@@ -207,7 +212,7 @@ def test_a_standing_board_that_dies_is_found_out(motors: Motors, board: FakeBoar
 
 
 def test_a_stop_is_acknowledged_twice(motors: Motors, board: FakeBoard) -> None:
-    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
     assert board.wait_for(-100, 100)
     mark = len(board.received)
     motors.stop()
@@ -221,7 +226,7 @@ def test_that_it_stands_is_the_boards_word(
     monkeypatch.setattr(motors_module, "IDLE_HEARTBEAT_S", 10.0)
     for _ in range(3):
         assert motors.stands(2.0), "asked at once, not when a stop is due anyway"
-    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
     assert board.wait_for(-100, 100)
     motors.stop()
     began_s = time.monotonic()
@@ -244,7 +249,7 @@ def test_who_waits_for_a_board_that_is_just_lost_is_told_at_once(
 def test_a_lost_board_stands_for_nobody_and_says_so_at_once(
     motors: Motors, board: FakeBoard
 ) -> None:
-    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
     assert board.wait_for(-100, 100)
     board.unplug()
     assert until(lambda: motors.fault is not None)
@@ -256,7 +261,7 @@ def test_a_lost_board_stands_for_nobody_and_says_so_at_once(
 def test_leaving_the_context_stops_the_motors(board: FakeBoard) -> None:
     with Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
         assert until(lambda: motors.fault is None)
-        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
         assert board.wait_for(-100, 100)
     assert board.speeds == (0, 0)
 
@@ -269,7 +274,7 @@ def test_stock_firmware_drives_only_when_accepted(
         assert until(lambda: "keeps driving if this computer dies" in caplog.text)
         assert motors.fault is not None
         assert motors.fault.kind == "board-no-deadman"
-        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
         assert stays_stopped(board)
         assert not board.moved
 
@@ -277,14 +282,14 @@ def test_stock_firmware_drives_only_when_accepted(
 def test_firmware_with_a_deadman_drives_without_asking() -> None:
     with FakeBoard("mbot-deadman 1") as board, Motors(Board(port=board.path)) as motors:
         assert until(lambda: motors.fault is None)
-        motors.drive(DriveCommand(FORWARD, for_ms(500)))
+        motors.drive(WheelCommand(AHEAD, for_ms(500)))
         assert board.wait_for(-100, 100)
 
 
 def test_a_reset_board_is_not_driven_before_a_new_handshake(
     motors: Motors, board: FakeBoard
 ) -> None:
-    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
     assert board.wait_for(-100, 100)
     mark = len(board.received)
     board.reset()
@@ -298,7 +303,7 @@ def test_a_reset_board_is_not_driven_before_a_new_handshake(
 def test_a_mute_board_is_a_fault_and_gets_stopped_when_it_is_back(
     motors: Motors, board: FakeBoard
 ) -> None:
-    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
     assert board.wait_for(-100, 100)
     board.mute = True
     assert until(lambda: motors.fault is not None)
@@ -312,7 +317,7 @@ def test_a_lost_acknowledgement_stops_until_the_next_command(
 ) -> None:
     """It may or may not have obeyed; another one may still work, so the port stays open."""
     for _ in range(3):
-        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
         assert board.wait_for(-100, 100)
         mark = len(board.received)
         board.unheard_drives = 1  # the next refresh
@@ -332,9 +337,9 @@ def test_a_newer_command_outlives_the_loss_of_an_older_one(
     for _ in range(3):
         assert until(lambda: motors.fault is None)
         board.unheard_drives = 1
-        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
         assert until(lambda: board.unheard_drives == 0)
-        motors.drive(DriveCommand(Joystick(-50, 50), for_ms(10_000)))
+        motors.drive(WheelCommand(Joystick(-50, 50).duties, for_ms(10_000)))
         assert board.wait_for(-50, 50)
         motors.stop()
         assert board.wait_for(0, 0)
@@ -348,7 +353,7 @@ def test_a_board_that_obeys_nothing_but_stops_is_opened_anew(
     mark = len(board.received)
 
     def drives() -> bool:
-        motors.drive(DriveCommand(FORWARD, for_ms(500)))
+        motors.drive(WheelCommand(AHEAD, for_ms(500)))
         return ASK_VERSION in bytes(board.received[mark:])
 
     assert until(drives)
@@ -361,7 +366,7 @@ def test_unplugging_is_noticed_and_plugging_in_mended(tmp_path: object) -> None:
     os.symlink(first.path, link)  # noqa: PTH211
     with first, second, Motors(Board(port=link, accept_no_deadman=True)) as motors:
         assert until(lambda: motors.fault is None)
-        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
         assert first.wait_for(-100, 100)
         os.remove(link)  # noqa: PTH107
         first.unplug()
@@ -391,11 +396,11 @@ def test_a_wrong_port_is_explained(port: str, words: str) -> None:
 def test_a_silent_device_never_gets_a_drive_frame(
     board: FakeBoard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(board_session, "HANDSHAKE_TIMEOUT_S", 0.5)
+    monkeypatch.setattr(mcore_session, "HANDSHAKE_TIMEOUT_S", 0.5)
     board.mute = True
     with Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
         assert until(lambda: motors.fault is not None and "baud" in motors.fault.detail)
-        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
         asked = bytes(board.received).count(ASK_VERSION)
         assert until(lambda: bytes(board.received).count(ASK_VERSION) >= asked + 2)
     assert FORWARD.to_bytes() not in bytes(board.received)
@@ -406,7 +411,7 @@ def test_a_silent_device_never_gets_a_drive_frame(
 def test_garbage_from_the_board_ends_stopped(garbage: bytes) -> None:
     with FakeBoard() as board, Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
         assert until(lambda: motors.fault is None)
-        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
         board.say(garbage)
         motors.stop()
         assert until(lambda: board.speeds == (0, 0) and motors.fault is None)
@@ -420,18 +425,18 @@ def test_waiting_for_a_board_is_not_spinning(
 ) -> None:
     """Somebody wants to drive meanwhile, which wakes the thread when it serves."""
     looks = 0
-    read = board_session.BoardSession._read  # pyright: ignore[reportPrivateUsage]
+    read = McoreSession._read  # pyright: ignore[reportPrivateUsage]
 
     def counted(*arguments: Any, **named: Any) -> Any:
         nonlocal looks
         looks += 1
         return read(*arguments, **named)
 
-    monkeypatch.setattr(board_session, "HANDSHAKE_TIMEOUT_S", 0.6)
-    monkeypatch.setattr(board_session.BoardSession, "_read", counted)
+    monkeypatch.setattr(mcore_session, "HANDSHAKE_TIMEOUT_S", 0.6)
+    monkeypatch.setattr(McoreSession, "_read", counted)
     board.mute = True
     with Motors(Board(port=board.path, accept_no_deadman=True)) as motors:
-        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
         assert until(lambda: motors.fault is not None and "baud" in motors.fault.detail)
     assert looks < 20
 
@@ -452,14 +457,14 @@ def test_a_board_that_latches_is_armed_by_a_word_and_once(
     latching: tuple[Motors, FakeBoard],
 ) -> None:
     motors, board = latching
-    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
     assert stays_stopped(board)
     assert times_armed(board) == 0, "nobody has said a word"
     motors.arm()
     assert stays_stopped(board)
     assert times_armed(board) == 0, "there is nothing to drive"
     for _ in range(3):
-        motors.drive(DriveCommand(FORWARD, for_ms(500)))
+        motors.drive(WheelCommand(AHEAD, for_ms(500)))
         assert board.wait_for(-100, 100)
         motors.stop()
         assert board.wait_for(0, 0)
@@ -484,7 +489,7 @@ def test_a_word_is_not_kept_for_a_board_that_comes_back(
         board.mute = False
         assert until(lambda: motors.fault is None)
     for _ in range(2):
-        motors.drive(DriveCommand(FORWARD, for_ms(500)))
+        motors.drive(WheelCommand(AHEAD, for_ms(500)))
         assert stays_stopped(board)
     assert times_armed(board) == 0
     assert not board.moved
@@ -494,17 +499,17 @@ def test_that_a_board_has_latched_is_found_out_and_one_lost_command_is_not_it(
     latching: tuple[Motors, FakeBoard], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # With 50 ms a machine that stalls loses the board now and then, and the count begins anew.
-    monkeypatch.setattr(board_session, "ACKNOWLEDGE_TIMEOUT_S", 0.3)
+    monkeypatch.setattr(mcore_session, "ACKNOWLEDGE_TIMEOUT_S", 0.3)
     motors, board = latching
     motors.arm()
 
     def refused() -> None:
-        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
         assert until(lambda: FORWARD.to_bytes() in bytes(board.received[mark:]))
         assert stays_stopped(board)
 
     for _ in range(2):
-        motors.drive(DriveCommand(FORWARD, for_ms(500)))
+        motors.drive(WheelCommand(AHEAD, for_ms(500)))
         assert board.wait_for(-100, 100)
         motors.stop()
         assert motors.stands(1.0)
@@ -512,7 +517,7 @@ def test_that_a_board_has_latched_is_found_out_and_one_lost_command_is_not_it(
         mark = len(board.received)
         refused()
         assert motors.resets == 0
-    motors.drive(DriveCommand(FORWARD, for_ms(500)))
+    motors.drive(WheelCommand(AHEAD, for_ms(500)))
     assert board.wait_for(-100, 100)
     motors.stop()
     assert motors.stands(1.0)
@@ -528,13 +533,13 @@ def test_refusals_that_follow_at_once_are_a_latch_too_and_no_lost_board(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The stop between them was acknowledged, so the board is there."""
-    monkeypatch.setattr(board_session, "ACKNOWLEDGE_TIMEOUT_S", 0.3)
+    monkeypatch.setattr(mcore_session, "ACKNOWLEDGE_TIMEOUT_S", 0.3)
     monkeypatch.setattr(motors_module, "IDLE_HEARTBEAT_S", 30.0)
     with FakeBoard("mbot-deadman 2 300ms") as board, Motors(Board(port=board.path)) as motors:
         assert until(lambda: motors.fault is None)
         board.latched = True
         for _ in range(2):  # the second one while the first one's acknowledgement is waited for
-            motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+            motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
             assert until(lambda: FORWARD.to_bytes() in bytes(board.received), 5)
         assert motors.resets == 0
         assert until(lambda: motors.resets == 1, 5)
@@ -545,7 +550,7 @@ def test_refusals_that_follow_at_once_are_a_latch_too_and_no_lost_board(
 def test_the_first_command_that_is_lost_is_no_latch(latching: tuple[Motors, FakeBoard]) -> None:
     motors, board = latching
     board.latched, board.unheard_drives = False, 1
-    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
     assert until(lambda: board.unheard_drives == 0)
     assert stays_stopped(board)
     assert motors.resets == 0
@@ -555,11 +560,11 @@ def test_the_first_command_that_is_lost_is_no_latch(latching: tuple[Motors, Fake
 def test_two_commands_refused_in_a_row_are_a_lost_board_where_the_firmware_never_latches(
     motors: Motors, board: FakeBoard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(board_session, "ACKNOWLEDGE_TIMEOUT_S", 0.3)
+    monkeypatch.setattr(mcore_session, "ACKNOWLEDGE_TIMEOUT_S", 0.3)
     board.latched = True
     mark = len(board.received)
     for _ in range(2):  # the second one while the first one's acknowledgement is waited for
-        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
         assert until(lambda: FORWARD.to_bytes() in bytes(board.received[mark:]), 5)
     assert until(lambda: ASK_VERSION in bytes(board.received[mark:]), 5)
     assert bytes(board.received).count(FORWARD.to_bytes()) == 2
@@ -578,7 +583,7 @@ def test_a_command_is_refreshed_no_more_often_when_the_thread_is_woken(
     motors: Motors, board: FakeBoard
 ) -> None:
     """The board's parser fails at 400 commands a second."""
-    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
     assert board.wait_for(-100, 100)
     seen, began_s = len(board.commands), time.monotonic()
     for _ in range(100):
@@ -592,7 +597,7 @@ def test_stock_firmware_never_latches(motors: Motors, board: FakeBoard) -> None:
     for _ in range(3):
         assert until(lambda: motors.fault is None)
         board.unheard_drives = 1
-        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
         assert until(lambda: board.unheard_drives == 0)
         assert stays_stopped(board)
     assert motors.resets == 0
@@ -623,14 +628,14 @@ def test_a_port_that_is_not_there_is_looked_for_now_and_then_and_told_of_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     looks = 0
-    find_port = board_port.find_port
+    find_port = mcore_port.find_port
 
     def counted(configured: str) -> str:
         nonlocal looks
         looks += 1
         return find_port(configured)
 
-    monkeypatch.setattr(board_port, "find_port", counted)
+    monkeypatch.setattr(mcore_port, "find_port", counted)
     with Motors(Board(port=str(tmp_path / "board"))) as motors:
         assert until(lambda: looks >= 3)
         assert looks == 3
@@ -641,7 +646,7 @@ def test_a_port_that_is_not_there_is_looked_for_now_and_then_and_told_of_once(
 
 
 def test_a_driven_board_that_is_lost_keeps_nobody_waiting(motors: Motors, board: FakeBoard) -> None:
-    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
     assert board.wait_for(-100, 100)
     board.unplug()
     assert motors.wait_stopped(5.0)
@@ -654,17 +659,17 @@ def test_a_thread_that_stumbles_opens_the_board_anew(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     faults: list[str] = []
-    send = board_session.BoardSession.send
+    send = McoreSession.send
 
-    def stumble(session: board_session.BoardSession, joystick: Joystick) -> tuple[int, int]:
-        if joystick == FORWARD and not faults:
+    def stumble(session: McoreSession, motors: Duties) -> tuple[int, int]:
+        if motors.right > 0 and not faults:
             faults.append("stumbled")
             raise ZeroDivisionError("by nobody's fault")
-        return send(session, joystick)
+        return send(session, motors)
 
-    monkeypatch.setattr(board_session.BoardSession, "send", stumble)
+    monkeypatch.setattr(McoreSession, "send", stumble)
     mark = len(board.received)
-    motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+    motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
     assert until(lambda: motors.fault is not None)
     fault = motors.fault
     assert fault is not None
@@ -679,11 +684,11 @@ def test_a_thread_that_stumbles_opens_the_board_anew(
 def test_a_thread_that_stumbles_again_and_again_pauses_between(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def stumble(*_: object) -> None:
+    def stumble(*_: object) -> McoreSession:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(board_session.BoardSession, "open", stumble)
-    with Motors(Board(port="/dev/there-is-none")):
+    monkeypatch.setitem(board_kinds.KINDS, "stumbling", stumble)
+    with Motors(Board(kind="stumbling")):
         time.sleep(0.5)
     assert 1 <= caplog.text.count("the motor thread stumbled") < 10
 
@@ -706,9 +711,9 @@ def test_a_board_that_is_there_again_and_again_is_not_waited_for_ever_longer(
 def test_only_the_last_delivery_is_kept(motors: Motors, board: FakeBoard) -> None:
     """A hand asks for none of them."""
     for _ in range(20):
-        motors.drive(DriveCommand(FORWARD, for_ms(500)))
+        motors.drive(WheelCommand(AHEAD, for_ms(500)))
         time.sleep(0.005)
-    ticket = motors.drive(DriveCommand(FORWARD, for_ms(500)))
+    ticket = motors.drive(WheelCommand(AHEAD, for_ms(500)))
     assert motors.delivery(ticket, 1.0) is not None
     kept = motors._delivery  # pyright: ignore[reportPrivateUsage]
     assert kept is not None
@@ -727,7 +732,7 @@ def test_another_board_of_the_same_maker_is_never_driven(version: str) -> None:
         assert until(lambda: motors.version == version)
         assert motors.fault is not None
         assert motors.fault.kind == "board-other"
-        motors.drive(DriveCommand(FORWARD, for_ms(1000)))
+        motors.drive(WheelCommand(AHEAD, for_ms(1000)))
         assert motors.stands(1.0), "but it is stopped as any other"
         assert not board.moved
 
@@ -757,7 +762,7 @@ def test_a_board_that_is_not_there_costs_no_processor() -> None:
 def test_nor_does_one_that_stands_or_is_driven(motors: Motors, drives: bool) -> None:
     assert motors.stands(5.0)  # it has been woken, too
     if drives:
-        motors.drive(DriveCommand(FORWARD, for_ms(10_000)))
+        motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
     assert processor_share(0.4) < 0.15
 
 
@@ -766,3 +771,19 @@ def processor_share(seconds: float) -> float:
     busy_s, began_s = time.process_time(), time.monotonic()
     time.sleep(seconds)
     return (time.process_time() - busy_s) / (time.monotonic() - began_s)
+
+
+def test_a_kind_of_board_that_nobody_knows_is_named_at_once() -> None:
+    with pytest.raises(ConfigurationError, match=r"board\.kind is 'nocore', expected one of mcore"):
+        Motors(Board(kind="nocore"))
+
+
+@pytest.mark.parametrize(("left", "right"), [(True, False), (False, True), (False, False)])
+def test_a_reversed_motor_runs_backward_when_its_wheel_rolls_forward(
+    board: FakeBoard, left: bool, right: bool
+) -> None:
+    wheels = WheelMaps(MotorMap(left), MotorMap(right))
+    with Motors(Board(port=board.path, accept_no_deadman=True), wheels) as motors:
+        assert until(lambda: motors.fault is None)
+        motors.drive(WheelCommand(Duties(0.4, 0.2), for_ms(10_000)))
+        assert board.wait_for(-102 if left else 102, -51 if right else 51)

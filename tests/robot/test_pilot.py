@@ -7,11 +7,10 @@ import pytest
 
 from mbot_agent.faults import Fault
 from mbot_agent.models.pilot import Pilot
-from mbot_agent.models.policy import Answer, Policy, PolicyError
 from mbot_agent.models.trial import Finding, Trial
-from mbot_agent.tick import Action, Memory
 from mbot_protocol.drive.picture import Picture
-from mbot_protocol.policy.policy_contract import FULL_VIEW, FieldOfView, PolicyMetadata
+from mbot_protocol.policy.policy import Answer, Policy, PolicyError
+from mbot_protocol.policy.policy_contract import FULL_VIEW, FieldOfView, Memory, PolicyMetadata
 
 from .loop_bench import Bench
 from .tiny_models import constant_model, counting_model
@@ -230,20 +229,3 @@ def test_a_model_that_is_given_up_is_asked_no_more_and_the_next_one_is(
     assert (asked.pilot.has_given_up, asked.pilot.fault) == (False, None)
     asked.pilot.rehearse(PICTURE, DUE_NS)
     assert asked.times == 1
-
-
-def test_a_memory_from_elsewhere_holds_until_the_next_answer(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    pilot = Asked(monkeypatch).pilot
-    pilot.decide(PICTURE, DUE_NS)
-    pilot.drove(0.0, 0.0)
-    memory = pilot.memory
-    assert memory is not None
-    pilot.forget()
-    pilot.resume(memory)
-    pilot.drove(1.0, 1.0)  # of nothing that it has said since
-    assert pilot.memory is memory
-    action = pilot.decide(PICTURE, DUE_NS)
-    assert isinstance(action, Action)
-    assert action.left == 1 / 8

@@ -9,15 +9,17 @@ import pytest
 
 from mbot_agent.recording import recorder as module
 from mbot_agent.recording.recorder import BACKLOG, Recorder
-from mbot_agent.recording.segment import Segment
-from mbot_protocol.drive.mcore import Joystick
+from mbot_agent.recording.robot_facts import processor_name
+from mbot_protocol.beat.writer import BeatWriter
+from mbot_protocol.drive.actions import AS_BUILT
+from mbot_protocol.drive.wheel_command import Duties
 
 from ..until import until
-from .recording_bench import FACTS, Drive, directory, to_message, written
+from .recording_bench import FACTS, Drive, directory, to_beat, written
 
 
 def recorder_in(path: Path, **settings: Any) -> Recorder:
-    return Recorder(directory(path, **settings), FACTS, to_message)
+    return Recorder(directory(path, **settings), FACTS, to_beat)
 
 
 def files(path: Path) -> list[Path]:
@@ -40,10 +42,11 @@ def test_a_drive_is_recorded_exactly_from_arming_to_the_stop(tmp_path: Path) -> 
     assert [record["sequence"] for record in found["drive"]] == [tick.sequence for tick in driven]
     for record, picture, tick in zip(found["drive"], found["observation"], driven, strict=True):
         assert np.array_equal(picture, tick.observation)  # pyright: ignore[reportArgumentType]
-        assert (record["board_m1"], record["board_m2"]) == (tick.joystick.m1, tick.joystick.m2)
+        assert (record["board_m1"], record["board_m2"]) == AS_BUILT.levels(tick.duties)
         assert record["armed"] is tick.orders.is_armed
         assert (record["view_horizontal_deg"], record["view_vertical_deg"]) == (55.3, 42.9)
     assert [record["began_anew"] for record in found["drive"]] == [True, *[False] * 5]
+    assert all(record["resident_memory_bytes"] > 1e6 for record in found["drive"])
     third = found["drive"][2]
     before, then = driven[1].steps, driven[2].action
     assert before is not None
@@ -56,7 +59,7 @@ def test_a_drive_is_recorded_exactly_from_arming_to_the_stop(tmp_path: Path) -> 
 def test_what_a_hand_told_the_board_is_recorded(tmp_path: Path) -> None:
     drive = Drive()
     with recorder_in(tmp_path) as recorder:
-        drive.bench.hold(Joystick(-100, 90))
+        drive.bench.hold(Duties(100 / 255, 90 / 255))
         recorder.offer(drive.tick())
         drive.bench.helm.stop()
         recorder.offer(drive.tick())
@@ -133,14 +136,14 @@ def test_whatever_goes_wrong_is_told_and_recording_goes_on_later(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception, words: str
 ) -> None:
     drive, broken = Drive(), True
-    sync = Segment.sync
+    sync = BeatWriter.sync
 
-    def sync_if_whole(segment: Segment) -> None:
+    def sync_if_whole(segment: BeatWriter) -> None:
         if broken:
             raise error
         sync(segment)
 
-    monkeypatch.setattr(Segment, "sync", sync_if_whole)
+    monkeypatch.setattr(BeatWriter, "sync", sync_if_whole)
     monkeypatch.setattr(module, "TRY_AGAIN_S", 0.05)
     drive.bench.run()
     with recorder_in(tmp_path) as recorder:
@@ -184,3 +187,10 @@ def test_a_long_drive_is_several_files_of_one_recording(
     assert [path.name for path in found] == ["000.mcap", "001.mcap", "002.mcap"]
     assert [written(path)["drive"][0]["sequence"] for path in found] == [0, 1, 2]
     assert len({path.parent for path in found}) == 1
+
+
+def test_the_processor_is_named(tmp_path: Path) -> None:
+    cpuinfo = tmp_path / "cpuinfo"
+    cpuinfo.write_text("processor\t: 0\nmodel name\t: Fast One\n\nprocessor\t: 1\n")
+    assert processor_name(cpuinfo).endswith(" Fast One")
+    assert processor_name(tmp_path / "none")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mbot_agent.configuration import Configuration, Models
+from mbot_agent.configuration import Board, Configuration, Models
 from mbot_agent.daemon import rehearse
 from mbot_agent.models.model_directory import ModelDirectory
 from mbot_protocol.errors import MbotError
@@ -32,3 +32,8 @@ def test_the_active_model_decides(tmp_path: Path) -> None:
     (tmp_path / f"{sha256}.onnx").write_bytes(data[:-1])
     with pytest.raises(MbotError):
         rehearse(configured(tmp_path))
+
+
+def test_a_board_that_the_release_does_not_know_is_found_out_before_it_drives() -> None:
+    with pytest.raises(MbotError, match="nocore"):
+        rehearse(Configuration(robot_id="mbot-1", board=Board(kind="nocore")))

@@ -10,7 +10,6 @@ import pytest
 from mbot_agent.camera.opencv_source import OpenCvSource, device_index
 from mbot_agent.camera.source_contract import CameraError
 from mbot_agent.configuration import Camera
-from mbot_agent.network.health import read_health
 from mbot_agent.network.pulse import Pulse
 from mbot_agent.process.service_manager import notify
 
@@ -42,12 +41,6 @@ def test_a_camera_that_is_not_there_is_named() -> None:
         OpenCvSource(Camera(source="missing.avi")),
     ):
         pass
-
-
-def test_a_machine_tells_its_health() -> None:
-    health = read_health()
-    assert health.resident_memory_bytes is not None
-    assert health.resident_memory_bytes > 1_000_000
 
 
 def test_systemd_hears_what_it_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,13 +18,13 @@ from mbot_agent.camera.stuck import (
     StuckCheck,
 )
 from mbot_agent.tick import Tick
-from mbot_protocol.drive.mcore import STOP, Joystick
 from mbot_protocol.drive.picture import Picture
+from mbot_protocol.drive.wheel_command import STOP, Duties
 
 PERIOD_S = 0.4
-AHEAD = Joystick(-169, 169)
+AHEAD = Duties(169 / 255, 169 / 255)
 """0.6 of full speed."""
-FAST = Joystick(-255, 255)
+FAST = Duties(1, 1)
 GREY = (0.299, 0.587, 0.114)
 """How much of red, green and blue (ITU-R BT.601)."""
 Look = Callable[[float], Picture]
@@ -60,12 +60,12 @@ def camera(
 
 
 def found_after_s(
-    look: Look, joystick: Joystick = AHEAD, longest_s: float = 20.0, period_s: float = PERIOD_S
+    look: Look, told: Duties = AHEAD, longest_s: float = 20.0, period_s: float = PERIOD_S
 ) -> float | None:
     """When a robot that is driven so, and sees this, is found to be stuck."""
     check = StuckCheck()
     for number in range(round(longest_s / period_s)):
-        tick = beat(number, look(number * period_s), joystick, period_s=period_s)
+        tick = beat(number, look(number * period_s), told, period_s=period_s)
         if check.judge(tick) is not None:
             return round(number * period_s, 1)
     return None
@@ -74,13 +74,13 @@ def found_after_s(
 def beat(
     number: int,
     observation: Picture | None,
-    joystick: Joystick,
+    told: Duties,
     mode: Mode = Mode.RUNNING,
     period_s: float = PERIOD_S,
 ) -> Tick:
     at_ns = round(number * period_s * 1e9)
     orders = Orders(mode)
-    return Tick(number, at_ns, at_ns, 0, orders, observation=observation, joystick=joystick)
+    return Tick(number, at_ns, at_ns, 0, orders, observation=observation, duties=told)
 
 
 STANDING: dict[str, Look] = {
@@ -161,20 +161,24 @@ def test_creeping_takes_as_long_as_half_a_metre() -> None:
     wall = camera(plain(150), noise=1.0)
     assert found_after_s(wall, FAST) == 3.2
     # (94 - 65) / (255 - 65) of 0.3 m/s.
-    assert found_after_s(wall, Joystick(-94, 94)) == pytest.approx(0.5 / 0.0458, abs=PERIOD_S)
+    assert found_after_s(wall, Duties(94 / 255, 94 / 255)) == pytest.approx(
+        0.5 / 0.0458, abs=PERIOD_S
+    )
 
 
 @given(st.integers(-65, 65), st.integers(-65, 65))
-def test_in_the_dead_band_nobody_is_stuck(m1: int, m2: int) -> None:
+def test_in_the_dead_band_nobody_is_stuck(left: int, right: int) -> None:
     wall = camera(plain(90))
-    assert found_after_s(wall, Joystick(m1, m2), longest_s=3600, period_s=400) is None
+    assert (
+        found_after_s(wall, Duties(left / 255, right / 255), longest_s=3600, period_s=400) is None
+    )
 
 
 def test_the_way_of_before_the_picture_stood_still_does_not_count() -> None:
     check, turning, still = StuckCheck(), camera(scene(), turn_px_s=30.0), scene()[:, :64]
     for number in range(20):
         assert check.judge(beat(number, turning(number * PERIOD_S), FAST)) is None
-    creeping = Joystick(-94, 94)
+    creeping = Duties(94 / 255, 94 / 255)
     for number in range(20, 40):  # 8 s of 11
         assert check.judge(beat(number, still.astype(np.uint8), creeping)) is None
 
@@ -182,12 +186,12 @@ def test_the_way_of_before_the_picture_stood_still_does_not_count() -> None:
 def test_to_and_fro_leads_nowhere() -> None:
     check, still = StuckCheck(), scene()[:, :64].astype(np.uint8)
     for number in range(50):
-        joystick = Joystick(-200, 200) if number % 2 else Joystick(200, -200)
-        assert check.judge(beat(number, still, joystick)) is None
+        told = Duties(0.8, 0.8) if number % 2 else Duties(-0.8, -0.8)
+        assert check.judge(beat(number, still, told)) is None
 
 
 @pytest.mark.parametrize("gap", [STOP, None])
-def test_it_is_3_s_without_a_pause(gap: Joystick | None) -> None:
+def test_it_is_3_s_without_a_pause(gap: Duties | None) -> None:
     check, still = StuckCheck(), scene()[:, :64].astype(np.uint8)
     for number in range(40):
         pause = number % 8 == 7

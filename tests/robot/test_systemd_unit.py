@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from mbot_agent.configuration import DEFAULT_STATE_DIRECTORY
+from mbot_protocol.daemon_state import DIRECTORY
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 UNIT = DEPLOY / "systemd" / "mbot-agent.service"
@@ -117,6 +118,12 @@ def test_a_hung_or_dead_daemon_is_replaced_and_the_motors_are_stopped() -> None:
         "-/opt/mbot-agent/current/venv/bin/mbot-agent stop-motors",
         "-+/usr/bin/python3 -I -B /opt/mbot-agent/updater ended",
     ]
+
+
+def test_the_updater_looks_where_systemd_lets_the_daemon_write() -> None:
+    assert settings("RuntimeDirectory") == [DIRECTORY.name]
+    assert DIRECTORY.parent == Path("/run")
+    assert settings("RuntimeDirectoryMode") == ["0700"]
 
 
 def test_start_limit_leaves_room_for_a_rollback_and_stands_in_the_unit_section() -> None:

@@ -12,13 +12,12 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol.errors import RefusedError
-from mbot_protocol.signing import release_archive
 from mbot_protocol.signing.release_ledger import RESERVE_BYTES, Computer
 from mbot_update import main, taking_in, update_steps
 from mbot_workstation.fleet.models.signing_key import SigningKey
 from mbot_workstation.fleet.releases.make_release import UPDATER_MODULES, put_updater
 
-from .release_bench import COMPUTER, FILES, Robot, archive
+from .release_bench import COMPUTER, FILES, Robot, archive, signed_manifest
 
 
 @pytest.fixture
@@ -219,8 +218,7 @@ def test_a_release_lies_there_as_root_would_lay_it(robot: Robot, tmp_path: Path)
     expected = {"deploy/install.sh": 0o755, "deploy/systemd/mbot-agent.service": 0o644}
     for name, mode in expected.items():
         assert (release / name).stat().st_mode & 0o777 == mode
-    with archive(tmp_path).open("rb") as file:
-        said = release_archive.read_manifest(file)
+    said = signed_manifest(archive(tmp_path))
     (package,) = (release / "venv/lib").glob("python3.*/site-packages/mbot_agent/main.py")
     assert package.read_bytes().startswith(b"# a wheel")
     assert said == tuple((release / f"manifest.{end}").read_bytes() for end in ("json", "sig"))

@@ -11,8 +11,10 @@ from mbot_agent import configuration
 from mbot_agent.arming import Mode, Orders
 from mbot_agent.faults import Notice
 from mbot_agent.network.telemetry_publisher import BACKLOG, Telemetry
-from mbot_agent.network.wire_messages import wire_decision
+from mbot_agent.network.wire_messages import beat_of
 from mbot_agent.tick import Tick
+from mbot_protocol.beat.beat import Beat
+from mbot_protocol.drive.actions import AS_BUILT
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_protocol.wire.keys import CAMERA, DECISION, OBSERVATION, Topic
 
@@ -44,12 +46,12 @@ def tick(sequence: int, observation: np.ndarray | None = None) -> Tick:
     return Tick(sequence, now_ns, now_ns, 0, Orders(Mode.IDLE, 0), observation=observation)
 
 
-def to_message(tick: Tick) -> Decision:
-    return wire_decision(tick, "mbot-1", 42, (NOTICE,))
+def to_beat(tick: Tick) -> Beat:
+    return beat_of(tick, "mbot-1", 42, (NOTICE,), AS_BUILT)
 
 
 def telemetry_to(wire: Wire, **settings: Any) -> Telemetry:
-    return Telemetry(wire, to_message, configuration.Telemetry(**settings), lambda: FRAME)
+    return Telemetry(wire, to_beat, configuration.Telemetry(**settings), lambda: FRAME)
 
 
 @pytest.mark.parametrize("watched", [True, False])

@@ -8,13 +8,13 @@ import pytest
 
 from mbot_agent.configuration import Trust
 from mbot_agent.models import trust
-from mbot_agent.models.nonces import LIFETIME_S
+from mbot_agent.models.trust import LIFETIME_S, MOST_OUTSTANDING, Nonces
 from mbot_protocol.errors import MbotError
 from mbot_protocol.policy.policy_contract import INPUT_NAME, INPUT_TYPE
-from mbot_protocol.signing.model_manifest import ModelManifest, SignedManifest, Tensor
+from mbot_protocol.signing.model_manifest import ModelManifest, Tensor
 from mbot_protocol.v1.messages_pb2 import PushReply
 
-from .model_bench import KEY, OTHER_KEY, Robot, digest, sign
+from .model_bench import KEY, OTHER_KEY, Robot, SignedManifest, digest, sign
 from .tiny_models import constant_model
 
 OLD = constant_model(0.1, 0.1, name="old")
@@ -266,3 +266,47 @@ def test_a_stored_model_cannot_borrow_anothers_signature(robot: Robot) -> None:
     robot.store.add(digest(NEW), NEW, label)
     with pytest.raises(MbotError, match="manifest kept with the model is another's"):
         robot.trust.signer_of(digest(NEW), robot.store.label(digest(NEW)))
+
+
+def test_a_nonce_is_good_once() -> None:
+    nonces = Nonces()
+    nonce = nonces.issue()
+    assert nonces.use(nonce)
+    assert not nonces.use(nonce)
+    assert not nonces.use("00" * 16)
+
+
+def test_a_nonce_is_good_for_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
+    nonces = Nonces()
+    early, late = nonces.issue(), nonces.issue()
+    issued_s = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: issued_s + LIFETIME_S - 1)
+    assert nonces.use(early)
+    monkeypatch.setattr(time, "monotonic", lambda: issued_s + LIFETIME_S + 1)
+    assert not nonces.use(late)
+
+
+def test_asking_again_and_again_costs_no_memory() -> None:
+    nonces = Nonces()
+    first = nonces.issue()
+    issued = [nonces.issue() for _ in range(10_000)]
+    assert len(set(issued)) == len(issued)
+    assert not nonces.use(first)
+    assert [nonces.use(nonce) for nonce in issued].count(True) == MOST_OUTSTANDING
+
+
+def test_another_start_of_the_daemon_knows_none_of_them() -> None:
+    assert not Nonces().use(Nonces().issue())
+
+
+@pytest.mark.parametrize(
+    ("settings", "kind"),
+    [
+        (Trust(allow_unsigned=True), "unsigned-models"),
+        (Trust(), "no-trusted-key"),
+        (Trust((KEY.public.line,)), ""),
+    ],
+)
+def test_it_is_said_whose_models_are_taken(tmp_path: Path, settings: Trust, kind: str) -> None:
+    notice = Robot(tmp_path, trust=settings).trust.notice
+    assert (notice.kind if notice else "") == kind

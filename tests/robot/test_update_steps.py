@@ -14,7 +14,7 @@ from mbot_protocol.signing.release_ledger import BUSY, Ledger, Outcome
 from mbot_update import release_folders, short_lives, system, taking_in, update_steps
 from mbot_update.release_folders import BEFORE_RELEASES, ReleaseFolders
 
-from .release_bench import HEALTHY, SPARE, Robot, archive
+from .release_bench import HEALTHY, SPARE, Robot, archive, saying
 
 
 class Killed(BaseException):
@@ -116,7 +116,7 @@ def test_a_camera_that_the_new_one_does_not_see_rolls_it_back(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen = iter([HEALTHY])
-    worse = replace(HEALTHY, words="idle; no-model camera-lost")
+    worse = saying("idle; no-model camera-lost")
     monkeypatch.setattr(update_steps.system, "service", lambda: next(seen, worse))
     robot.receives(archive(tmp_path))
     outcome = update_steps.work(robot.folders)
@@ -128,7 +128,7 @@ def test_a_camera_that_the_new_one_does_not_see_rolls_it_back(
 def test_what_was_missing_before_is_not_held_against_it(
     robot: Robot, tmp_path: Path, words: str
 ) -> None:
-    robot.system.service = replace(HEALTHY, words=words)
+    robot.system.service = saying(words)
     robot.receives(archive(tmp_path))
     expected = "refused" if words.startswith("fault") else "installed"  # armed: not now
     assert update_steps.work(robot.folders).phase == expected
@@ -161,7 +161,7 @@ def test_golden_current_and_previous_stay_and_no_others(robot: Robot, tmp_path: 
 
 
 def test_a_daemon_that_does_not_run_is_not_started(robot: Robot, tmp_path: Path) -> None:
-    robot.system.service = replace(HEALTHY, state="inactive", pid=0, words="")
+    robot.system.service = replace(HEALTHY, state="inactive", pid=0, report=None)
     with archive(tmp_path).open("rb") as file:
         assert update_steps.update(robot.folders, file).phase == "installed"
     assert robot.system.restarted == []
@@ -388,7 +388,7 @@ def test_the_first_one_is_not_compared_with_any(
 ) -> None:
     robot = Robot(tmp_path / "root", monkeypatch)
     robot.folders.application.mkdir(parents=True)
-    robot.system.service = replace(HEALTHY, state="inactive", pid=0, words="")
+    robot.system.service = replace(HEALTHY, state="inactive", pid=0, report=None)
     with archive(tmp_path).open("rb") as file:
         assert update_steps.update(robot.folders, file).phase == "installed"
     ledger = robot.folders.ledger

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from mbot_agent.arming import Mode
 from mbot_agent.faults import Fault
-from mbot_agent.hardware import DriveCommand
-from mbot_agent.models.policy import Policy
-from mbot_protocol.drive.actions import MotorMap, WheelMaps, to_steps
+from mbot_protocol.beat.recorded_drive import read_drive
+from mbot_protocol.drive.actions import AS_BUILT, MotorMap, WheelMaps, to_steps
 from mbot_protocol.drive.mcore import HEADER, Joystick
-from mbot_workstation.fleet.recorded.recorded_drive import read_drive
+from mbot_protocol.drive.wheel_command import Duties, WheelCommand
+from mbot_protocol.policy.policy import Policy
 
 from .loop_bench import Bench
 from .tiny_models import constant_model
@@ -25,15 +25,15 @@ WRONG = Fault("wrong", "as the test says")
 ANSWERS = st.floats(width=32) | st.sampled_from([0.0, 1.0, -1.0, math.nan, math.inf, -math.inf])
 
 
-def is_taken(joystick: Joystick) -> bool:
+def is_taken(duties: Duties, wheels: WheelMaps = AS_BUILT) -> bool:
     """By the firmware, as docs/mcore-protocol.md has its frames; tests/firmware asks itself."""
-    frame = joystick.to_bytes()
+    frame = Joystick.of(wheels.at_motors(duties)).to_bytes()
     speeds = [int.from_bytes(frame[at : at + 2], "little", signed=True) for at in (6, 8)]
     head = HEADER + bytes((7, 0, 2, 5))
     return len(frame) == 10 and frame.startswith(head) and all(abs(s) <= 255 for s in speeds)
 
 
-def in_force(bench: Bench) -> DriveCommand | None:
+def in_force(bench: Bench) -> WheelCommand | None:
     """What the board has been told last, unless it was to stop."""
     return (
         None
@@ -83,9 +83,9 @@ def test_a_frame_leaves_that_the_firmware_takes_or_the_wheels_stand(
     command = in_force(bench)
     assert (command is not None) == (may and finite)
     if command is not None:
-        assert is_taken(command.joystick)
+        assert is_taken(command.duties)
         assert command.guard() is fresh
-    assert all(is_taken(one) for one in bench.board.asked if isinstance(one, Joystick))
+    assert all(is_taken(one) for one in bench.board.asked if isinstance(one, Duties))
 
 
 @given(
@@ -99,7 +99,8 @@ def test_whatever_a_robots_calibration_is_the_frame_is_taken(
 ) -> None:
     assume(dead_band < 255 * trim)
     motor = MotorMap(reversed_too, trim, dead_band)
-    assert is_taken(WheelMaps(motor, motor).to_board(to_steps(*steps)))
+    wheels = WheelMaps(motor, motor)
+    assert is_taken(wheels.duties(to_steps(*steps)), wheels)
 
 
 @pytest.mark.parametrize("kept", KEPT, ids=lambda path: path.name)
@@ -116,8 +117,8 @@ def test_kept_drives_go_through_todays_guard(kept: Path) -> None:
         bench.tick()
         command = in_force(bench)
         assert command is not None
-        assert is_taken(command.joystick)
+        assert is_taken(command.duties)
         board = beat.decision
-        assert (command.joystick.m1, command.joystick.m2) == (board.board_m1, board.board_m2)
+        assert AS_BUILT.levels(command.duties) == (board.board_m1, board.board_m2)
         driven += 1
     assert driven > 10

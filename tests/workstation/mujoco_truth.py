@@ -9,7 +9,7 @@ from mbot_workstation.measure.identification.rollout import (
 )
 from mbot_workstation.measure.tracks.run import CommandSeries, ManeuverRecording, Run
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
-from mbot_workstation.sim.timestep import TIMESTEP_S
+from mbot_workstation.sim.engine import TIMESTEP_S
 
 from .planar_robot import Session, Tracker, put_down
 

@@ -13,7 +13,7 @@ from mbot_protocol.drive.actions import WheelMaps, to_steps
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS
 from mbot_workstation.measure.tracks.run import CommandSeries, ManeuverRecording, Run
 from mbot_workstation.measure.tracks.track import Array, Track
-from mbot_workstation.sim.body.motor import duties
+from mbot_workstation.sim.body.motor import pwm_duties
 
 STEP_S = 0.0005
 GRAVITY = 9.81
@@ -109,7 +109,9 @@ class PlanarRobot:
 
     def steady(self, left: float, right: float, maps: WheelMaps | None = None) -> Array:
         """Forward speed [m/s] and turn rate [rad/s] after four seconds of these actions."""
-        duty = np.tile(duties((maps or WheelMaps()).to_board(to_steps(left, right))), (1, 8000, 1))
+        duty = np.tile(
+            pwm_duties((maps or WheelMaps()).duties(to_steps(left, right))), (1, 8000, 1)
+        )
         calm = self.drive(duty, np.ones_like(duty))[1]
         return calm[0, -2000:].mean(axis=0)
 
@@ -223,7 +225,7 @@ def record(
 
 def _duty(time_s: Array, plan: Array, maps: WheelMaps) -> Array:
     ends = np.cumsum(plan[:, 0])
-    rows = [(0.0, 0.0), *(duties(maps.to_board(to_steps(a, b))) for _, a, b in plan), (0.0, 0.0)]
+    rows = [(0.0, 0.0), *(pwm_duties(maps.duties(to_steps(a, b))) for _, a, b in plan), (0.0, 0.0)]
     piece = np.searchsorted(ends, time_s, side="right") + 1
     return np.array(rows)[np.where(time_s < 0, 0, piece)]
 

@@ -46,7 +46,7 @@ from .calibrations import BODY
 SCRIPT = """
 import sys, typer
 from mbot_protocol.errors import MbotError
-from mbot_workstation.cli.calibrate_body import body
+from mbot_workstation.cli.calibrate import body
 app = typer.Typer()
 app.command()(body)
 try:

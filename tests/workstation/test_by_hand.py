@@ -29,6 +29,7 @@ from mbot_workstation.fleet.by_hand.gamepad import (
     GamepadState,
     open_gamepad,
 )
+from mbot_workstation.fleet.by_hand.hand import HandInput, Wish, mixed
 from mbot_workstation.fleet.by_hand.hand_session import HandSession
 from mbot_workstation.fleet.by_hand.terminal_keys import (
     FIRST_REPEAT_WITHIN_S,
@@ -38,7 +39,6 @@ from mbot_workstation.fleet.by_hand.terminal_keys import (
     TerminalKeys,
     split_keys,
 )
-from mbot_workstation.fleet.by_hand.wish import HandInput, Wish, mixed
 from mbot_workstation.fleet.link.robot_link import RobotLink
 
 from ..until import until

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from mbot_protocol.drive.camera_model import CameraModel, nominal_pi_camera
 from mbot_protocol.drive.picture import Observer, Picture
 from mbot_protocol.policy.policy_contract import FULL_VIEW, OBSERVATION_SIDE_PX
-from mbot_workstation.learn.worlds.fetch_env import FetchEnv
+from mbot_workstation.learn.worlds.task_env import TaskEnv
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.camera.camera_renderer import CameraRenderer
 from mbot_workstation.sim.camera.frame_edges import FrameEdges
@@ -127,7 +127,7 @@ def test_a_camera_that_sees_enough_has_no_rim() -> None:
 def test_the_environment_of_a_calibrated_robot_has_its_rim() -> None:
     pictures = []
     for camera in (nominal_pi_camera(320, 240), WIDE, NARROW):
-        environment = FetchEnv("ideal", "10", ROOMS, RobotParameters(camera=camera))
+        environment = TaskEnv("ideal", "10", ROOMS, RobotParameters(camera=camera))
         pictures.append(environment.reset(seed=5)[0])
         environment.close()
     nominal, wide, narrow = pictures

@@ -20,8 +20,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.learn.drivers.contestants import driver
 from mbot_workstation.learn.learning.run_directory import write_json
 from mbot_workstation.learn.learning.training_config import TrainingConfig, read_config
-from mbot_workstation.learn.worlds.fetch_env import FetchEnv
-from mbot_workstation.learn.worlds.robot_body import BODY_RECORD, body_record
+from mbot_workstation.learn.worlds.task_env import TaskEnv
 from mbot_workstation.sim.body.parameter_table import OF_A_MOTOR, OF_THE_ROBOT, Parameter
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.calibrated.calibration_folder import (
@@ -42,6 +41,7 @@ from mbot_workstation.sim.calibrated.motion_calibration import (
 )
 from mbot_workstation.sim.calibrated.motion_ranges import NARROWINGS
 from mbot_workstation.sim.calibrated.toml_writer import write_toml
+from mbot_workstation.sim.effects.body_record import BODY_RECORD, body_record
 from mbot_workstation.sim.effects.effects import EFFECT_NAMES, EffectRanges, RealWorldEffects
 from mbot_workstation.sim.effects.perturbed_robot import (
     perturbed_robot,
@@ -193,7 +193,7 @@ def test_simulation_and_daemon_are_told_the_same(folder: Path) -> None:
     daemon = calibrated(
         Configuration("mbot-1", calibration="mbot-1"), folder.parent / "config.toml"
     )
-    assert daemon.motors.to_maps() == robot.wheel_maps
+    assert daemon.motors == robot.wheel_maps
     assert daemon.camera.model_at(320, 240) == robot.camera.scaled_to(320, 240)
 
 
@@ -304,7 +304,7 @@ def test_the_wheels_keep_their_differences_under_effects(folder: Path) -> None:
 def test_a_motor_map_keeps_room_for_driving() -> None:
     weak = WEAK.wheel_maps()
     maps = perturbed_wheel_maps(weak, replace(KNOWN, compensation_scale=20.0))
-    assert maps.left.to_board(250) != 0
+    assert maps.left.duty(250) != 0
     assert maps.left.dead_band < 255 * 0.2
 
 
@@ -322,7 +322,7 @@ def test_a_calibrated_robot_is_trained_on_with_its_own_motor_maps(folder: Path) 
     curves: list[float] = []
     for maps in (files.robot.wheel_maps, RobotParameters().wheel_maps):
         robot = replace(files.robot, wheel_maps=maps)
-        environment = FetchEnv(preset("nominal", files.effects), "10", ROOMS, robot, files.scene)
+        environment = TaskEnv(preset("nominal", files.effects), "10", ROOMS, robot, files.scene)
         environment.reset(seed=3)
         for _ in range(3):
             environment.step(np.ones(2, np.float32))
@@ -341,9 +341,9 @@ def test_the_oracle_is_told_of_the_trim(folder: Path) -> None:
     assert told["dead_band_compensation"] == pytest.approx(40)
     even = RobotParameters()
     trimmed = replace(even, wheel_maps=robot.wheel_maps)
-    target = np.array([[1.0, 0.0]])
-    plain = driver("oracle", 1, 0, effects).act(np.zeros((1, 64, 64, 3), np.uint8), target)
-    acted = driver("oracle", 1, 0, effects, trimmed).act(np.zeros((1, 64, 64, 3), np.uint8), target)
+    infos = [{"target_ahead_m": 1.0, "target_left_m": 0.0}]
+    plain = driver("oracle", 1, 0, effects).act(np.zeros((1, 64, 64, 3), np.uint8), infos)
+    acted = driver("oracle", 1, 0, effects, trimmed).act(np.zeros((1, 64, 64, 3), np.uint8), infos)
     assert plain[0, 0] == pytest.approx(plain[0, 1])
     assert acted[0, 0] > acted[0, 1]  # the trimmed wheel has to be told more
 
@@ -389,7 +389,7 @@ def test_the_light_of_the_calibration_is_drawn(folder: Path) -> None:
     files = read_files(folder)
     pictures = []
     for scene in (SceneParameters(), files.scene):
-        environment = FetchEnv("ideal", "10", ROOMS, scene=scene)
+        environment = TaskEnv("ideal", "10", ROOMS, scene=scene)
         observation, _ = environment.reset(seed=1)
         pictures.append(observation.astype(float))
         environment.close()

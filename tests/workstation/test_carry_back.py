@@ -1,7 +1,7 @@
 """On a free floor a robot that stands far away is carried back, and never while it drives."""
 
 from mbot_workstation.sim.pose import ORIGIN, Pose
-from mbot_workstation.virtual.carry_back import STANDING_S, CarryBack
+from mbot_workstation.virtual.live_world import STANDING_S, CarryBack
 
 STEP_S = 0.01
 FAR = Pose(2.0, 0.0)

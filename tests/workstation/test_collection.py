@@ -5,19 +5,20 @@ import pytest
 import torch
 from stable_baselines3.common.callbacks import BaseCallback
 
-from mbot_workstation.learn.drivers.guide import Guide
 from mbot_workstation.learn.learning.collection import Collection
 from mbot_workstation.learn.learning.full_speed import within_full_speed
 from mbot_workstation.learn.learning.guidance import advice_loss
 from mbot_workstation.learn.learning.learner import LearnerSettings, make_learner
 from mbot_workstation.learn.learning.memory_policy import truth
-from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
 from mbot_workstation.sim.effects.presets import preset
+from mbot_workstation.tasks.fetch.guide import FetchGuide
+from mbot_workstation.tasks.fetch.task import TASK
 
 from .small_world import ROOMS
 
 
-class Pointing(Guide):
+class Pointing(FetchGuide):
     """Advises nothing but where the object is, as the critic is told it, and not who forgets."""
 
     def become(self, bodies: np.ndarray) -> None:
@@ -26,8 +27,8 @@ class Pointing(Guide):
     def forget(self, who: np.ndarray) -> None:
         self._forgot = who
 
-    def act(self, situations: np.ndarray) -> np.ndarray:
-        pointed = truth(situations, self._bodies)[:, :2]
+    def act(self, facts: np.ndarray) -> np.ndarray:
+        pointed = truth(TASK.critic, facts, self._bodies)[:, :2]
         return np.where(self._forgot[:, None], np.nan, pointed)
 
 
@@ -37,10 +38,10 @@ def seen(truths: np.ndarray) -> np.ndarray:
 
 
 def test_advice_stays_with_its_situation() -> None:
-    """For every robot and decision, of several rollouts, stretches and workers."""
+    """For every robot and decision, of several rollouts, segments and workers."""
     settings = LearnerSettings(steps_per_robot=48, batch=48, epochs=1, guided_decisions=10**6)
-    with FetchVecEnv(4, 1, "ideal", "1", ROOMS, workers=2) as environment:
-        learner = make_learner(environment, settings, seed=0)
+    with TaskVecEnv(4, 1, "ideal", "1", ROOMS, workers=2) as environment:
+        learner = make_learner(environment, settings, seed=0, critic=TASK.critic)
         learner.collection = Collection(environment, lambda n: Pointing(n, preset("ideal")))
         for rollouts in (1, 2):
             learner.learn(rollouts * 4 * 48, reset_num_timesteps=rollouts == 1)
@@ -59,9 +60,11 @@ def test_advice_teaches() -> None:
     wheels that stand still.
     """
     settings = LearnerSettings(steps_per_robot=32, batch=64, guided_decisions=10**6)
-    with FetchVecEnv(robots=2, seed=1, preset="ideal", lesson="4", workers=1) as environment:
-        learner = make_learner(environment, settings, seed=0)
-        learner.collection = Collection(environment, lambda robots: Guide(robots, preset("ideal")))
+    with TaskVecEnv(robots=2, seed=1, preset="ideal", lesson="4", workers=1) as environment:
+        learner = make_learner(environment, settings, seed=0, critic=TASK.critic)
+        learner.collection = Collection(
+            environment, lambda robots: FetchGuide(robots, preset("ideal"))
+        )
         learner.learn(20 * 64)
         everything = learner.rollout_buffer.everything()
         with torch.no_grad():
@@ -86,8 +89,8 @@ def test_an_update_finds_the_rollout_as_it_was(units: int, monkeypatch: pytest.M
         learning_rate=1e-12,
         final_learning_rate=1e-12,
     )
-    with FetchVecEnv(robots=2, seed=1, preset="ideal", lesson="1", workers=1) as environment:
-        learner = make_learner(environment, settings, seed=0)
+    with TaskVecEnv(robots=2, seed=1, preset="ideal", lesson="1", workers=1) as environment:
+        learner = make_learner(environment, settings, seed=0, critic=TASK.critic)
         torch.nn.init.normal_(learner.policy.action_net.weight, std=0.2)
         learner.collection = Collection(environment)
         learner.learn(320)
@@ -107,8 +110,8 @@ def test_an_update_finds_the_rollout_as_it_was(units: int, monkeypatch: pytest.M
 
 def test_a_rollout_goes_by_what_was_learned_and_robots_go_on_remembering() -> None:
     settings = LearnerSettings(steps_per_robot=40, batch=40, memory_units=8)
-    with FetchVecEnv(2, 1, "ideal", "1", ROOMS, workers=2) as environment:
-        learner = make_learner(environment, settings, seed=0)
+    with TaskVecEnv(2, 1, "ideal", "1", ROOMS, workers=2) as environment:
+        learner = make_learner(environment, settings, seed=0, critic=TASK.critic)
         policy, lived = learner.policy, learner.rollout_buffer
         collection = Collection(environment)
         environment.reset()
@@ -152,10 +155,10 @@ def rollout(robots: int, workers: int, units: int = 8) -> tuple[dict[str, np.nda
     settings = LearnerSettings(
         steps_per_robot=200, batch=100, epochs=1, memory_units=units, reward_scale=0.5
     )
-    with FetchVecEnv(robots, 3, "randomised", "1", ROOMS, workers) as environment:
-        learner = make_learner(environment, settings, seed=0)
+    with TaskVecEnv(robots, 3, "randomised", "1", ROOMS, workers) as environment:
+        learner = make_learner(environment, settings, seed=0, critic=TASK.critic)
         learner.collection = Collection(
-            environment, lambda n: Guide(n, preset("randomised")), seed=4
+            environment, lambda n: FetchGuide(n, preset("randomised")), seed=4
         )
         sums = Sums()
         learner.learn(200 * robots, callback=sums)
@@ -204,8 +207,8 @@ def test_advantages_are_stable_baselines_own() -> None:
 
 def test_after_a_stop_in_the_middle_it_begins_again() -> None:
     settings = LearnerSettings(steps_per_robot=16, batch=16, epochs=1, memory_units=8)
-    with FetchVecEnv(2, 3, "ideal", "1", ROOMS, workers=1) as environment:
-        learner = make_learner(environment, settings, seed=0)
+    with TaskVecEnv(2, 3, "ideal", "1", ROOMS, workers=1) as environment:
+        learner = make_learner(environment, settings, seed=0, critic=TASK.critic)
         learner.collection = Collection(environment)
         learner.learn(320, callback=Sums(stop_after=5))
         assert learner.num_timesteps == 10
@@ -217,8 +220,8 @@ def test_after_a_stop_in_the_middle_it_begins_again() -> None:
 @pytest.mark.parametrize("robots", [1, 3])
 def test_any_number_of_robots(robots: int) -> None:
     settings = LearnerSettings(steps_per_robot=8, batch=8, epochs=1, memory_units=0)
-    with FetchVecEnv(robots, 3, "ideal", "1", ROOMS, workers=2) as environment:
-        learner = make_learner(environment, settings, seed=0)
+    with TaskVecEnv(robots, 3, "ideal", "1", ROOMS, workers=2) as environment:
+        learner = make_learner(environment, settings, seed=0, critic=TASK.critic)
         learner.collection = Collection(environment)
         learner.learn(8 * robots)
         assert (learner.rollout_buffer.observations.std(axis=(2, 3, 4)) > 0).all()

@@ -13,28 +13,26 @@ from typer.testing import CliRunner
 from mbot_protocol.errors import ConfigurationError, MbotError
 from mbot_protocol.files.git_lfs import POINTER
 from mbot_workstation.cli.calibrate import app as calibrate_app
-from mbot_workstation.cli.calibrate_body import body
+from mbot_workstation.cli.calibrate import body, calibrate_demo, panorama
 from mbot_workstation.cli.calibrate_camera import camera
-from mbot_workstation.cli.calibrate_demo import calibrate_demo
-from mbot_workstation.cli.check_model import check_model_file
+from mbot_workstation.cli.common_options import (
+    LinkOptions,
+    calibration_option,
+    json_option,
+    photographs,
+)
 from mbot_workstation.cli.demo import demo
-from mbot_workstation.cli.drive import drive, run, stop
+from mbot_workstation.cli.drives import replay
+from mbot_workstation.cli.driving import drive, robots, run, stop, telemetry
 from mbot_workstation.cli.enroll import enroll
 from mbot_workstation.cli.evaluate import evaluate
 from mbot_workstation.cli.identify import identify
-from mbot_workstation.cli.link_options import LinkOptions, json_option
 from mbot_workstation.cli.maneuvers import app as maneuvers_app
-from mbot_workstation.cli.models import models, rollback
+from mbot_workstation.cli.models import check_model_file, models, push_model, rollback
 from mbot_workstation.cli.options import argument, option, output_file, with_options
-from mbot_workstation.cli.panorama import panorama
-from mbot_workstation.cli.push_model import push_model
-from mbot_workstation.cli.replay import replay
-from mbot_workstation.cli.robots import robots
-from mbot_workstation.cli.simulation_options import calibration_option, photographs
 from mbot_workstation.cli.stop_signals import stop_signals
 from mbot_workstation.cli.subcommands import app as workstation
-from mbot_workstation.cli.telemetry import telemetry
-from mbot_workstation.cli.track_robot import track
+from mbot_workstation.cli.track import track
 
 NOBODY = ("--robot", "127.0.0.1:1")
 

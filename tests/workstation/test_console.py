@@ -19,9 +19,9 @@ from websockets.typing import Origin
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.policy.policy_contract import LARGEST_MODEL_BYTES
 from mbot_protocol.v1.messages_pb2 import Fault, LastStop, Model, Notice, State, Status
-from mbot_protocol.v1.recordings_pb2 import RecordedDrive, RecordedFile, RecordingList
+from mbot_protocol.v1.recordings_pb2 import ListedDrive, ListedFile, RecordingList
 from mbot_protocol.wire.keys import CAMERA, MODELS, OBSERVATION, PUSH_BEGIN, RECORDINGS
-from mbot_workstation.cli.console import ConsoleOptions
+from mbot_workstation.cli.driving import ConsoleOptions
 from mbot_workstation.cli.subcommands import app as workstation
 from mbot_workstation.fleet.by_hand import hand
 from mbot_workstation.fleet.link.robot_link import RobotLink
@@ -204,9 +204,9 @@ def test_pictures_of_both_eyes_reach_the_page(served: Served, robot: FakeRobot) 
 
 
 def test_models_and_recordings_are_listed(served: Served, robot: FakeRobot) -> None:
-    drive = RecordedDrive(
+    drive = ListedDrive(
         name="drive-0001-20261122-171501",
-        files=[RecordedFile(name="000.mcap", size_bytes=2_500_000)],
+        files=[ListedFile(name="000.mcap", size_bytes=2_500_000)],
         started_unix_time_ns=5_000_000_000,
         ended_unix_time_ns=47_000_000_000,
     )

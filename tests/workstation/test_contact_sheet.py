@@ -4,9 +4,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.beat.beat import Beat
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.look.demo.contact_sheet import Moment, contact_sheet, path_side_px, save
+from mbot_workstation.look.demo.contact_sheet import contact_sheet, path_side_px
 from mbot_workstation.look.demo.path_drawing import (
     BACKGROUND,
     PATH,
@@ -14,6 +14,8 @@ from mbot_workstation.look.demo.path_drawing import (
     draw_path,
     read_trajectory,
 )
+
+from .samples import picture
 
 
 def trajectory(path: Path) -> Path:
@@ -46,14 +48,8 @@ def test_the_path_is_drawn_where_the_robot_went(tmp_path: Path) -> None:
 @pytest.mark.parametrize("count", [0, 1, 5, 24, 200])
 def test_a_sheet_takes_any_number_of_moments(count: int) -> None:
     seen = [
-        Moment(np.full((64, 64, 3), 200, np.uint8), Decision(unix_time_ns=k * 400_000_000))
-        for k in range(count)
+        Beat(Decision(unix_time_ns=k * 400_000_000), encoded=picture().data) for k in range(count)
     ]
     sheet = contact_sheet(seen, np.zeros((path_side_px(), path_side_px(), 3), np.uint8), "title")
     assert sheet.shape[1] > sheet.shape[0]
     assert contact_sheet(seen, None, "").shape[0] == sheet.shape[0]
-
-
-def test_a_picture_that_cannot_be_written_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="can't write the picture"):
-        save(np.zeros((4, 4, 3), np.uint8), tmp_path / "none" / "sheet.png")

@@ -2,8 +2,15 @@ import msgspec
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_workstation.learn.learning.curriculum import CurriculumState, after_episode, is_last
-from mbot_workstation.learn.worlds.lessons import LESSONS, PAPER_MARK, Lesson, PassMark
+from mbot_workstation.learn.learning.curriculum import (
+    PAPER_MARK,
+    CurriculumState,
+    PassMark,
+    after_episode,
+    is_last,
+)
+from mbot_workstation.tasks.fetch.lessons import LESSONS
+from mbot_workstation.tasks.lesson import Lesson
 
 FEW = LESSONS[:3]
 

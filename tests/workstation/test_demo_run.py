@@ -11,14 +11,15 @@ from pathlib import Path
 import pytest
 
 from mbot_agent.configuration import load
+from mbot_protocol.beat.recorded_drive import read_drive
 from mbot_protocol.errors import ConfigurationError, MbotError, RefusedError
 from mbot_protocol.v1.messages_pb2 import Decision, Fault, Status
 from mbot_protocol.wire.keys import STATUS
 from mbot_workstation.fleet.link.robot_link import RobotLink
 from mbot_workstation.fleet.models.signing_key import SigningKey
-from mbot_workstation.fleet.recorded.drive_mcap import Recording, read_recording
 from mbot_workstation.fleet.telemetry.output import PlainLines
 from mbot_workstation.fleet.telemetry.stream import LinkState, TelemetryStream
+from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
 from mbot_workstation.look.demo.demo_result import SUCCESS_TOUCHES, summarise
 from mbot_workstation.look.demo.demo_run import (
     ENOUGH_TOUCHES,
@@ -29,7 +30,7 @@ from mbot_workstation.look.demo.demo_run import (
     drive,
     run_demo,
 )
-from mbot_workstation.tasks.fetch.run import FetchResult, Happening
+from mbot_workstation.tasks.fetch.episode import Happening
 from mbot_workstation.virtual.live_world import TaskEvent
 from mbot_workstation.virtual.trajectory import TrajectoryWriter
 
@@ -110,7 +111,7 @@ class Stage:
         self.link = resources.enter_context(RobotLink(robot.address))
         self.stream = resources.enter_context(TelemetryStream(self.link))
         self.file = folder / "recording.mcap"
-        self.recording = resources.enter_context(Recording(self.file, robot.robot_id))
+        self.recording = resources.enter_context(TelemetryFile(self.file, robot.robot_id))
         self.folder = folder
 
     def drive(self, seconds: float, output: PlainLines) -> list[Decision]:
@@ -157,7 +158,7 @@ def test_it_drives_for_its_time_and_records_what_it_saw(robot: FakeRobot, tmp_pa
     assert robot.commands()[0].run.when_ready
     assert decisions
     assert all(one.HasField("action") for one in decisions)
-    recorded = [m for _, m in read_recording(made.file) if isinstance(m, Decision)]
+    recorded = [beat.decision for beat in read_drive(made.file).beats]
     assert [m for m in recorded if m.HasField("action")] == decisions
     assert len(recorded) > len(decisions)
 
@@ -165,9 +166,7 @@ def test_it_drives_for_its_time_and_records_what_it_saw(robot: FakeRobot, tmp_pa
 def test_ten_objects_are_enough(robot: FakeRobot, tmp_path: Path) -> None:
     with TrajectoryWriter(tmp_path / "trajectory.jsonl") as writer:
         for happening in (Happening.TIME_OUT, *[Happening.TOUCH] * ENOUGH_TOUCHES):
-            writer.add_event(
-                TaskEvent(1.0, happening, 0.0, FetchResult(0, (), 0, 0, False, 0, 0, 0))
-            )
+            writer.add_event(TaskEvent(1.0, happening, 0.0, {}))
     with stage(robot, tmp_path) as made:
         began_s = time.monotonic()
         made.drive(LIMIT_S, quiet())

@@ -15,12 +15,12 @@ from msgspec import structs
 from PIL import Image, ImageSequence
 from typer.testing import CliRunner
 
+from mbot_protocol.beat.recorded_drive import RecordedDrive, read_drive
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision, Fault, State
-from mbot_workstation.cli.drive_report import ReportOptions
-from mbot_workstation.cli.drive_report import film as film_command
+from mbot_workstation.cli.drives import ReportOptions
+from mbot_workstation.cli.drives import film as film_command
 from mbot_workstation.cli.subcommands import app
-from mbot_workstation.fleet.recorded.recorded_drive import RecordedDrive, read_drive
 from mbot_workstation.look.drives.attention import attention
 from mbot_workstation.look.drives.drive_figures import HISTOGRAM_BINS, Latency, figures
 from mbot_workstation.look.drives.drive_film import RATE_HZ, film
@@ -125,13 +125,13 @@ def test_the_policy_looks_with_what_it_was_told_and_had_in_mind(drive: RecordedD
     decision.model_sha256 = hashlib.sha256(model.read_bytes()).hexdigest()
     seen = []
     for told, memory in ((0.0, 0.0), (0.9, 0.0), (0.0, 0.5)):
-        record = drive.decided[3].record
-        assert record is not None
+        known = drive.decided[3].policy_input
+        assert known is not None
         mind = np.full(128, memory, "<f4").tobytes()
-        record = structs.replace(
-            record, told_left=told, told_right=-told, memory=mind, began_anew=False
+        known = structs.replace(
+            known, told_left=told, told_right=-told, memory=mind, began_anew=False
         )
-        beat = replace(drive.decided[3], decision=decision, record=record)
+        beat = replace(drive.decided[3], decision=decision, policy_input=known)
         seen.append(attention([beat], [model])[0][beat.key].picture)
     assert np.any(seen[0] != seen[1])
     assert np.any(seen[0] != seen[2])
@@ -160,7 +160,7 @@ def test_a_model_that_is_not_here_or_telemetry_alone_is_said(
     assert not looks
     assert len(words) == 1
     assert "model 93277d5c321b drove" in words[0]
-    telemetry = [replace(beat, record=None) for beat in drive.beats]
+    telemetry = [replace(beat, policy_input=None) for beat in drive.beats]
     looks, words = attention(telemetry, [RECORDED / "seeing.onnx"])
     assert not looks
     assert "only telemetry" in words[0]

@@ -17,7 +17,6 @@ from mbot_workstation.look.drives.driven_path import (
 )
 from mbot_workstation.look.drives.live_view import MapLog
 from mbot_workstation.sim.pose import Pose
-from mbot_workstation.tasks.fetch.run import FetchResult
 from mbot_workstation.virtual.live_world import WorldStatus
 from mbot_workstation.virtual.trajectory import TrajectoryWriter
 
@@ -55,8 +54,7 @@ def test_what_the_virtual_robot_writes_can_be_read_at_once(tmp_path: Path) -> No
     path = tmp_path / "path.jsonl"
     with TrajectoryWriter(path) as writer:
         pose, target = Pose(0.25, -0.5, 1.0), Pose(1.0, 1.5, 0.0)
-        result = FetchResult(0, (), 0, 0, False, 0.0, 0.0, 3.0)
-        writer.add(WorldStatus(3.0, pose, target, Joystick(0, 0), (0.0, 0.0), result, ended=False))
+        writer.add(WorldStatus(3.0, pose, (target,), Joystick(0, 0), (0.0, 0.0), {}, ended=False))
         (place,) = PathFile(path).read()
     assert (place.robot, place.yaw_rad, place.target) == ((0.25, -0.5), 1.0, (1.0, 1.5))
     assert place.unix_time_ns > 1_700_000_000 * 10**9

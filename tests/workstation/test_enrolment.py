@@ -27,6 +27,7 @@ from mbot_workstation.fleet.enrolment.certificates import (
     make_authority,
 )
 from mbot_workstation.fleet.enrolment.fleet_folder import FleetFolder
+from mbot_workstation.fleet.enrolment.hand_over_words import instructions
 from mbot_workstation.fleet.enrolment.membership import Enrolment, HandOver
 from mbot_workstation.fleet.enrolment.roll import ROLL_FILE, decode_roll, encode_roll
 from mbot_workstation.fleet.link.security import owner_name
@@ -89,12 +90,22 @@ def test_secrets_are_the_owners_alone(enrolment: Enrolment) -> None:
     assert stat.S_IMODE(enrolment.folder.path.stat().st_mode) == 0o700
 
 
+def test_each_file_is_told_its_way(enrolment: Enrolment) -> None:
+    [router] = enrolment.router("lab", hosts=["fd00::7"])
+    _, person = enrolment.robot("mbot-1", people={"max": [Right.VIEW]})[-2:]
+    roll = enrolment.folder.roll()
+    _, copy, unpack_it = instructions(router, roll)
+    assert copy.endswith("USER@[fd00::7]:")
+    assert unpack_it.endswith("&& sudo systemctl restart zenohd'")
+    assert instructions(person, roll)[-1] == "  there: workstation enroll --join max.tar"
+
+
 def test_what_the_robot_gets_is_what_its_daemon_takes(enrolment: Enrolment, tmp_path: Path) -> None:
     enrolment.router("lab")
     [_, robot, max_] = enrolment.robot(
         "mbot-1", port=7450, people={"max": [Right.VIEW]}, router="lab"
     )
-    assert (robot.host, max_.host) == ("mbot-1.local", "")
+    assert (robot.host, max_.host) == ("mbot-1.local", None)
     root = unpack(robot.path, tmp_path / "root")
     with tarfile.open(robot.path) as tar:
         modes = {m.name: (m.mode, m.uname, m.gname) for m in tar}

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.cli.evaluate import evaluate as command
 from mbot_workstation.learn.drivers.contestants import driver
-from mbot_workstation.learn.drivers.oracle import Oracle
 from mbot_workstation.learn.evaluation.episode_film import (
     LINE_PX,
     RATE_HZ,
@@ -20,10 +19,12 @@ from mbot_workstation.learn.evaluation.episode_film import (
 )
 from mbot_workstation.learn.evaluation.episodes import EpisodeResult, Trial, evaluate, score
 from mbot_workstation.learn.evaluation.evaluation_report import Line, draw, share_of_oracle
-from mbot_workstation.learn.worlds.lessons import lesson
 from mbot_workstation.sim.effects.effects import IDEAL
 from mbot_workstation.sim.effects.presets import preset
 from mbot_workstation.sim.scene.room_generator import generate_room
+from mbot_workstation.tasks.fetch.oracle import Oracle
+from mbot_workstation.tasks.fetch.task import TASK
+from mbot_workstation.tasks.lesson import lesson_named
 
 from .called import output_of
 
@@ -31,7 +32,9 @@ ROOMS = [generate_room(7, width_px=256)]
 
 
 def trial(episodes: int, seed: int = 0, stage: str = "4") -> Trial:
-    return Trial(lesson(stage), preset("nominal"), ROOMS, episodes, seed, workers=1)
+    return Trial(
+        lesson_named(TASK.lessons, stage), preset("nominal"), ROOMS, episodes, seed, workers=1
+    )
 
 
 @pytest.mark.slow
@@ -40,8 +43,8 @@ def test_the_oracle_beats_chance_and_fetches_everything() -> None:
     chance = score(evaluate("random", trial(6)))
     assert told.success.mean == 1.0
     assert told.reward.low > chance.reward.high
-    assert told.decisions_per_object is not None
-    assert told.decisions_per_object.mean < 12
+    assert told.decisions_per_count is not None
+    assert told.decisions_per_count.mean < 12
 
 
 @pytest.mark.slow
@@ -105,15 +108,15 @@ def test_a_score_holds_its_means_and_is_the_same_every_time(episodes: list[Episo
     assert made.reward.mean == pytest.approx(
         np.mean([episode.reward for episode in episodes]), abs=1e-3
     )
-    for estimate in (made.reward, made.touches, made.success, made.length):
+    for estimate in (made.reward, made.count, made.success, made.length):
         assert estimate.low <= estimate.high
-    touches = sum(episode.touches for episode in episodes)
+    touches = sum(episode.count for episode in episodes)
     if touches == 0:
-        assert made.decisions_per_object is None
+        assert made.decisions_per_count is None
     else:
         decisions = sum(episode.decisions for episode in episodes)
-        assert made.decisions_per_object is not None
-        assert made.decisions_per_object.mean == pytest.approx(decisions / touches, rel=1e-3)
+        assert made.decisions_per_count is not None
+        assert made.decisions_per_count.mean == pytest.approx(decisions / touches, rel=1e-3)
 
 
 def test_more_episodes_narrow_the_interval() -> None:
@@ -132,7 +135,7 @@ def test_shares_are_of_the_oracle_under_the_same_preset(tmp_path: Path) -> None:
     lines = [Line("servo", "dim", half), Line("oracle", "dim", good), Line("x", "late", none)]
     assert share_of_oracle(lines[0], lines) == 0.5
     assert share_of_oracle(lines[2], lines) is None
-    draw(lines, tmp_path / "bars.png", ten_objects=True)
+    draw(lines, tmp_path / "bars.png", trial(1, stage="10"))
     assert (tmp_path / "bars.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 import torch
 
+from mbot_protocol.beat.recorded_drive import read_drive
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.policy.policy_contract import FULL_VIEW, PolicyMetadata
-from mbot_workstation.cli.explain import explain
-from mbot_workstation.cli.training_curve import training_curve
+from mbot_workstation.cli.evaluate import explain
+from mbot_workstation.cli.train import training_curve
 from mbot_workstation.fleet.models.servo_policy import ServoGains, servo_model
-from mbot_workstation.fleet.recorded.drive_mcap import Recording
-from mbot_workstation.fleet.recorded.recorded_drive import read_drive
+from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
 from mbot_workstation.learn.evaluation.activations import ActivationReader, Glance
 from mbot_workstation.learn.evaluation.explanation import (
     as_observation,
@@ -129,7 +129,7 @@ def test_a_recorded_policy_does_what_it_did_on_the_robot() -> None:
 
 def test_telemetry_tells_where_a_policy_began_anew(tmp_path: Path) -> None:
     path = tmp_path / "drive.mcap"
-    with Recording(path, "mbot-1") as recording:
+    with TelemetryFile(path, "mbot-1") as recording:
         for number in (0, 1, 2, 4, 5, 6, 7, 8):  # 3 was lost
             made = decision(number)
             if number == 8:
@@ -179,7 +179,7 @@ def test_frames_of_any_size_are_explained(model_file: Path, tmp_path: Path) -> N
 
 def test_a_recording_is_explained(model_file: Path, tmp_path: Path) -> None:
     path = tmp_path / "drive.mcap"
-    with Recording(path, "mbot-1") as recording:
+    with TelemetryFile(path, "mbot-1") as recording:
         for number in range(11):
             made = decision(number)
             recording.write(made)

@@ -18,7 +18,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 from mbot_protocol.errors import ConfigurationError, ContractError
 from mbot_protocol.policy.golden_frames import PROPERTY
 from mbot_protocol.policy.policy_contract import FULL_VIEW, PolicyMetadata
-from mbot_workstation.cli.export import export
+from mbot_workstation.cli.train import export
 from mbot_workstation.fleet.models.check import check_model
 from mbot_workstation.fleet.models.servo_policy import ServoGains, servo_model
 from mbot_workstation.learn.drivers.onnx_policy import OnnxPolicy
@@ -30,16 +30,17 @@ from mbot_workstation.learn.learning.checkpoint import (
 )
 from mbot_workstation.learn.learning.curriculum import CurriculumState
 from mbot_workstation.learn.learning.full_speed import KEEPS_TURNS, within_full_speed
-from mbot_workstation.learn.learning.golden_answers import check_golden_frames, golden_property
 from mbot_workstation.learn.learning.learner import LearnerSettings, make_learner
-from mbot_workstation.learn.learning.memory_policy import ACTIONS, Before
+from mbot_workstation.learn.learning.memory_policy import ACTIONS, PolicyInput
 from mbot_workstation.learn.learning.picture_ppo import PicturePPO
+from mbot_workstation.learn.learning.policy_export import check_golden_frames, golden_property
 from mbot_workstation.learn.learning.policy_graph import graph_weights, policy_graph
 from mbot_workstation.learn.learning.run_directory import RunDirectory, write_json
 from mbot_workstation.learn.learning.trained_policy import PROVENANCE, trained_policy
 from mbot_workstation.learn.learning.training_config import TrainingConfig
 from mbot_workstation.learn.learning.training_run import begin_run
-from mbot_workstation.learn.worlds.fetch_env import FetchEnv
+from mbot_workstation.learn.worlds.task_env import TaskEnv
+from mbot_workstation.tasks.fetch.task import TASK
 
 from .called import output_of
 
@@ -51,15 +52,17 @@ MODELS = Path(__file__).parents[2] / "models"
 
 @pytest.fixture(scope="module")
 def learner() -> PicturePPO:
-    environment = DummyVecEnv([FetchEnv])
-    made = make_learner(environment, LearnerSettings(batch=128, first_filter_px=6), seed=1)
+    environment = DummyVecEnv([TaskEnv])
+    made = make_learner(
+        environment, LearnerSettings(batch=128, first_filter_px=6), seed=1, critic=TASK.critic
+    )
     environment.close()
     with torch.no_grad():  # lively enough that actions leave [-1, 1]
         for parameter in made.policy.parameters():
             parameter.mul_(1.5).add_(0.02 * torch.randn_like(parameter))
         nothing = torch.zeros(len(PICTURES), ACTIONS)
         state = torch.zeros(len(PICTURES), made.policy.units)
-        before = Before(torch.from_numpy(PICTURES), state, nothing)
+        before = PolicyInput(torch.from_numpy(PICTURES), state, nothing)
         actions = made.policy.decide(before).actions
         made.policy.get_parameter("action_net.bias").sub_(actions.mean(0))
     return made
@@ -101,7 +104,7 @@ def test_onnx_decides_as_the_learner_does(learner: PicturePPO, run: RunDirectory
     state, told = torch.zeros(robots, learner.policy.units), torch.zeros(robots, 2)
     for moment in range(4):
         ours = policy.act(PICTURES)
-        before = Before(torch.from_numpy(PICTURES), state, told)
+        before = PolicyInput(torch.from_numpy(PICTURES), state, told)
         with torch.no_grad():
             decided = learner.policy.decide(before)
         theirs = within_full_speed(decided.actions)
@@ -116,8 +119,10 @@ def test_onnx_decides_as_the_learner_does(learner: PicturePPO, run: RunDirectory
 
 
 def test_a_network_without_memory_follows_the_first_contract() -> None:
-    environment = DummyVecEnv([FetchEnv])
-    plain = make_learner(environment, LearnerSettings(batch=128, memory_units=0), seed=2)
+    environment = DummyVecEnv([TaskEnv])
+    plain = make_learner(
+        environment, LearnerSettings(batch=128, memory_units=0), seed=2, critic=TASK.critic
+    )
     environment.close()
     torch.nn.init.normal_(plain.policy.action_net.weight, std=0.1)
     model = policy_graph(plain.policy.state_dict(), PolicyMetadata("plain"))
@@ -132,11 +137,11 @@ def test_a_network_without_memory_follows_the_first_contract() -> None:
 def test_the_dialect_for_armv6_decides_alike_and_has_the_same_weights(
     memory_units: int, first_filter_px: int
 ) -> None:
-    environment = DummyVecEnv([FetchEnv])
+    environment = DummyVecEnv([TaskEnv])
     settings = LearnerSettings(
         batch=128, memory_units=memory_units, first_filter_px=first_filter_px
     )
-    made = make_learner(environment, settings, seed=3)
+    made = make_learner(environment, settings, seed=3, critic=TASK.critic)
     environment.close()
     torch.nn.init.normal_(made.policy.action_net.weight, std=0.1)
     weights = made.policy.state_dict()

@@ -9,23 +9,17 @@ import pytest
 from gymnasium.utils.env_checker import check_env as check_gymnasium_env
 from stable_baselines3.common.env_checker import check_env as check_sb3_env
 
-from mbot_workstation.learn.worlds.fetch_env import ENV_ID, FetchEnv
-from mbot_workstation.learn.worlds.fetch_info import target_from_robot
-from mbot_workstation.learn.worlds.fetch_world import FetchWorld
-from mbot_workstation.learn.worlds.lessons import (
-    BLUR_LESSON,
-    LESSONS,
-    ROUGH_LESSON,
-    Lesson,
-)
-from mbot_workstation.learn.worlds.robot_body import BODY
 from mbot_workstation.learn.worlds.robot_eye import RobotEye
+from mbot_workstation.learn.worlds.task_env import ENV_ID, TaskEnv
+from mbot_workstation.learn.worlds.world import World
 from mbot_workstation.sim.body.robot_mjcf import HIDDEN_GROUP
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.effects.body_record import BODY
 from mbot_workstation.sim.scene.object_mjcf import DISTRACTORS
 from mbot_workstation.sim.scene.scene_parameters import SceneParameters
 from mbot_workstation.sim.scene.target_object import Shape, TargetObject
-from mbot_workstation.tasks.fetch.run import Happening
+from mbot_workstation.tasks.fetch.episode import Happening
+from mbot_workstation.tasks.fetch.lessons import BLUR_LESSON, LESSONS, ROUGH_LESSON, FetchLesson
 
 from .small_world import ROOMS, settings, steer_to_target, world
 
@@ -33,8 +27,8 @@ SPIN, STRAIGHT, STAND = (-1.0, 1.0), (1.0, 1.0), (0.0, 0.0)
 
 
 @pytest.fixture(scope="module")
-def nominal() -> Iterator[FetchEnv]:
-    environment = FetchEnv(preset="nominal", lesson="10", rooms=ROOMS)
+def nominal() -> Iterator[TaskEnv]:
+    environment = TaskEnv(preset="nominal", lesson="10", rooms=ROOMS)
     yield environment
     environment.close()
 
@@ -45,7 +39,7 @@ def eye() -> Iterator[RobotEye]:
         yield result
 
 
-def test_both_checkers_are_content(nominal: FetchEnv) -> None:
+def test_both_checkers_are_content(nominal: TaskEnv) -> None:
     check_gymnasium_env(nominal)
     check_sb3_env(nominal)
 
@@ -60,7 +54,7 @@ def test_is_made_by_its_name() -> None:
 
 @pytest.mark.parametrize("preset", ["nominal", "randomised"])
 def test_a_seed_fixes_everything(preset: str) -> None:
-    environment = FetchEnv(preset=preset, lesson="1", rooms=ROOMS)
+    environment = TaskEnv(preset=preset, lesson="1", rooms=ROOMS)
     environment.action_space.seed(0)
     actions = [environment.action_space.sample() for _ in range(12)]
 
@@ -79,7 +73,12 @@ def test_a_seed_fixes_everything(preset: str) -> None:
     environment.close()
 
 
-def drive(robot: FetchWorld, decisions: int) -> list[tuple[float, Happening, bool]]:
+def where(robot: World) -> tuple[float, float]:
+    info = robot.info()
+    return info["target_ahead_m"], info["target_left_m"]
+
+
+def drive(robot: World, decisions: int) -> list[tuple[float, str, bool]]:
     """Steer to objects until the episode ends."""
     outcomes = []
     for _ in range(decisions):
@@ -93,8 +92,8 @@ def drive(robot: FetchWorld, decisions: int) -> list[tuple[float, Happening, boo
 def test_one_object_is_worth_up_to_three() -> None:
     robot = world("1")
     *before, (reward, happening, ended) = drive(robot, 20)
-    assert (happening, ended, robot.touches) == (Happening.TOUCH, True, 1)
-    used_s = 66.8 - robot.time_left_s
+    assert (happening, ended, robot.info()["touches"]) == (Happening.TOUCH, True, 1)
+    used_s = 66.8 - robot.info()["time_left_s"]
     assert (len(before) * 0.4) < used_s <= (len(before) + 1) * 0.4 + 1e-6
     assert reward == pytest.approx(1 + (1 - used_s / 66.8) + 1)
     assert all(reward == 0 for reward, _, _ in before)
@@ -103,15 +102,15 @@ def test_one_object_is_worth_up_to_three() -> None:
 def test_ten_objects_make_a_run_near_the_papers_score() -> None:
     robot = world("10", 1)
     outcomes = drive(robot, 400)
-    assert robot.touches == 10
+    assert robot.info()["touches"] == 10
     assert sum(reward for reward, _, _ in outcomes) > 19
-    touched = [reward for reward, happening, _ in outcomes if happening is Happening.TOUCH]
+    touched = [reward for reward, happening, _ in outcomes if happening == Happening.TOUCH]
     assert len(touched) == 10
     assert all(1 < reward <= 2 for reward in touched[:-1])
     assert 2 < touched[-1] <= 3, "the complete run is worth one more"
 
 
-def test_the_border_ends_the_episode_with_a_penalty(nominal: FetchEnv) -> None:
+def test_the_border_ends_the_episode_with_a_penalty(nominal: TaskEnv) -> None:
     nominal.reset(seed=3)  # the object is not on the way
     ahead = np.array(STRAIGHT, np.float32)
     steps = iter(lambda: nominal.step(ahead), None)
@@ -131,7 +130,7 @@ def test_time_out_terminates_after_167_decisions_with_a_penalty() -> None:
     outcomes = [robot.decide(*STAND) for _ in range(167)]
     assert [outcome.ended for outcome in outcomes] == [False] * 166 + [True]
     assert (outcomes[-1].reward, outcomes[-1].happening) == (-1.0, Happening.TIME_OUT)
-    assert robot.time_left_s == pytest.approx(0, abs=0.01)
+    assert robot.info()["time_left_s"] == pytest.approx(0, abs=0.01)
 
 
 def test_a_touch_moves_the_object_turns_the_room_and_restarts_the_timer() -> None:
@@ -145,8 +144,8 @@ def test_a_touch_moves_the_object_turns_the_room_and_restarts_the_timer() -> Non
     again = world("7", 2)
     for _ in range(first + 1):
         again.decide(*steer_to_target(again))
-    assert again.time_left_s > 66.8 - 0.4
-    assert not again._task.ended
+    assert again.info()["time_left_s"] > 66.8 - 0.4
+    assert not again.episode.ended
 
 
 @pytest.mark.parametrize("latency_ms", [0.0, 150.0, 600.0])
@@ -279,7 +278,7 @@ def test_a_robot_that_changes_on_the_way_turns_from_there_on_and_stands_where_it
     """A motor gives way in mid-drive; what drivers are told of the robot says so."""
     weak = (("right_gain", (0.5, 0.5)),)
     robot = world(
-        Lesson("changing", 2.5, objects=10, changes=1.0, change_after=(3, 4), change_to=weak)
+        FetchLesson("changing", 2.5, objects=10, changes=1.0, change_after=(3, 4), change_to=weak)
     )
     gain = BODY.index("right_gain")
     for _ in range(3):
@@ -290,7 +289,7 @@ def test_a_robot_that_changes_on_the_way_turns_from_there_on_and_stands_where_it
     assert robot.body[gain] == 0.5
     assert robot.robot.x_m - before.x_m == pytest.approx(before.x_m / 3, rel=0.5)  # no jump
     assert robot.robot.yaw_rad < -0.1
-    robot.begin(Lesson("steady", 2.5, objects=10))
+    robot.begin(FetchLesson("steady", 2.5, objects=10))
     for _ in range(5):
         robot.decide(*STRAIGHT)
     assert robot.body[gain] == 1.0
@@ -308,7 +307,7 @@ def test_a_lesson_with_lookalikes_shows_them() -> None:
         robot = world(scene_variety=1.0)
         hues: list[float] = []
         for _ in range(60):
-            robot.begin(Lesson("any look", 2.5, objects=1, lookalikes=lookalikes))
+            robot.begin(FetchLesson("any look", 2.5, objects=1, lookalikes=lookalikes))
             things = [robot.simulation.model.geom(name) for name in DISTRACTORS]
             shown = [thing.rgba[:3] for thing in things if thing.group[0] != HIDDEN_GROUP]
             hues += [colorsys.rgb_to_hsv(*rgb)[0] for rgb in shown]
@@ -332,7 +331,7 @@ def test_compensation_meets_the_dead_band() -> None:
 
 def test_the_blur_lesson_blurs_an_ideal_robot() -> None:
     made = settings(BLUR_LESSON)
-    robot = FetchWorld(made)
+    robot = World(made)
     robot.seed(np.random.default_rng(0))
     robot.begin(BLUR_LESSON)
     assert robot.camera.view(replace(robot.glimpse, turn_rate_rad_s=3.0)).focal_x_px < 60
@@ -342,7 +341,7 @@ def test_the_blur_lesson_blurs_an_ideal_robot() -> None:
 
 def test_the_robot_is_the_one_it_was_given() -> None:
     robot = replace(RobotParameters(), wheel_radius_m=0.030)
-    environment = FetchEnv("ideal", "1", ROOMS, robot)
+    environment = TaskEnv("ideal", "1", ROOMS, robot)
     environment.reset(seed=0)
     assert environment.world.simulation.robot.wheel_radius_m == 0.030
     environment.close()
@@ -354,24 +353,24 @@ def test_of_several_kinds_of_object_one_at_a_time_is_seen_and_touched_where_it_s
         TargetObject("post", Shape.CYLINDER, 0.04, 0.3, (25, 60, 220)),
     )
     made = replace(settings("1"), scene=SceneParameters(objects=kinds))
-    driven = FetchWorld(made)
+    driven = World(made)
     driven.seed(np.random.default_rng(0))
     touched_at_m: dict[int, list[float]] = {0: [], 1: []}
     grey = [np.full_like(room, 128) for room in ROOMS]
     with RobotEye(grey, scene=made.scene) as eye:
         for _ in range(8):
             driven.begin(made.lesson)
-            kind, ended = driven.kind, False
+            (kind,), ended = driven.episode.places(), False
             while not ended:
-                ahead_m, left_m = target_from_robot(driven)
+                ahead_m, left_m = where(driven)
                 picture = eye.observe(driven).astype(int)
                 coloured = picture[..., 1 + kind] - picture[..., 2 - kind]
                 if ahead_m > 0.3 and abs(left_m) < 0.3 * ahead_m:
                     assert (coloured > 60).sum() >= 3, "the kind that is due"
                 assert (coloured < -80).sum() == 0, "and never the other"
                 ended = driven.decide(*steer_to_target(driven)).ended
-            if driven.touches:
-                ahead_m, left_m = target_from_robot(driven)
+            if driven.info()["touches"]:
+                ahead_m, left_m = where(driven)
                 touched_at_m[kind].append(float(np.hypot(ahead_m, left_m)))
     radius_m = made.robot.touch_radius_m
     for kind, thing in enumerate(kinds):

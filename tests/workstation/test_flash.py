@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mbot_protocol.errors import ConfigurationError, RefusedError, UnreachableError
-from mbot_workstation.cli.flash import flash
+from mbot_workstation.cli.set_up import flash
 from mbot_workstation.fleet.firmware import flashing as firmware_flash
 from mbot_workstation.fleet.firmware.flashing import Image, read_image
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from mbot_protocol.beat.drive_record import DriveRecord
-from mbot_workstation.fleet.recorded.whole_chunks import WholeChunks
+from mbot_protocol.beat.fields import drive_schema
+from mbot_protocol.beat.whole_chunks import WholeChunks
 from mbot_workstation.look.drives import foxglove_layout
 from mbot_workstation.look.drives.foxglove_layout import layout, layout_file, layout_text
 
@@ -35,13 +35,14 @@ def test_every_topic_and_field_exists() -> None:
         message.topic.rpartition("/")[2]
         for message in WholeChunks(CHECKOUT / "tests/data/recorded-drive/000.mcap").messages()
     }
+    fields = json.loads(drive_schema())["properties"]
     found = list(names(layout("mbot-1")))
     topics = {name.partition(".")[0] for name in found}
     assert topics == LIVE
     assert topics - {"camera"} <= recorded
     for name in found:
         topic, _, field = name.partition(".")
-        assert not field or (topic == "drive" and field in DriveRecord.__struct_fields__), name
+        assert not field or (topic == "drive" and field in fields), name
 
 
 def panels(found: Any) -> Iterator[str]:

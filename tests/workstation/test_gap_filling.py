@@ -16,14 +16,15 @@ from typer.testing import CliRunner
 from mbot_agent.configuration import Recording as RecordingSettings
 from mbot_agent.recording.recording_directory import RecordingDirectory
 from mbot_agent.recording.recording_service import RecordingService
+from mbot_protocol.beat.beat import Beat
+from mbot_protocol.beat.recorded_drive import RecordedDrive, read_drive
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.cli.fill_recording import FillOptions
+from mbot_workstation.cli.recordings import FillOptions
 from mbot_workstation.cli.subcommands import app
-from mbot_workstation.fleet.recorded.drive_mcap import Recording
-from mbot_workstation.fleet.recorded.gap_filling import fill, gaps, write
-from mbot_workstation.fleet.recorded.recorded_drive import Beat, RecordedDrive, read_drive
+from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
+from mbot_workstation.look.drives.gap_filling import fill, gaps, write
 from mbot_workstation.look.drives.replayed_drive import TOLERANCE, replay
-from mbot_workstation.pictures.picture_file import encode_picture
+from mbot_workstation.pictures.picture_file import encode_picture, observation
 
 from .fake_robot import FakeRobot
 from .samples import decision
@@ -83,10 +84,10 @@ def torn(tmp_path: Path) -> Path:
     """The recorded drive as a link that lost four of its records would have brought it."""
     whole = read_drive(RECORDED).beats
     path = tmp_path / "torn.mcap"
-    with Recording(path, "virtual") as recording:
+    with TelemetryFile(path, "virtual") as recording:
         for beat in (beat for n, beat in enumerate(whole) if n not in (2, 5, 6, 9)):
             recording.write(beat.decision)
-            if (seen := beat.observation) is not None:
+            if (seen := observation(beat)) is not None:
                 jpeg = encode_picture(seen, ".jpg", 80)
                 picture = CompressedImage(frame_id="virtual", format="jpeg", data=jpeg)
                 picture.timestamp.FromNanoseconds(beat.decision.unix_time_ns)
@@ -103,7 +104,7 @@ def test_a_recording_with_dropped_records_is_whole_again(torn: Path, tmp_path: P
     there, whole = read_drive(tmp_path / "torn-filled.mcap"), read_drive(RECORDED)
     assert [b.decision for b in there.beats] == [b.decision for b in whole.beats]
     assert [b.encoded for b in there.beats] == [b.encoded for b in whole.beats]
-    assert [b.record and b.told for b in there.beats] == [b.told for b in whole.beats]
+    assert [b.policy_input for b in there.beats] == [b.policy_input for b in whole.beats]
     again = CliRunner().invoke(app, ["recordings", "fill", str(torn), "--from", str(RECORDED)])
     assert isinstance(again.exception, ConfigurationError)
     assert "exists already" in str(again.exception)

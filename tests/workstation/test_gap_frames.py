@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.fleet.recorded.drive_mcap import Recording
+from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
 from mbot_workstation.measure.gap_report.frames import read_frames, telemetry_frames
 from mbot_workstation.measure.gap_report.simulated_view import FramePlace, RealFrame, frame_pairs
 from mbot_workstation.measure.tracks.maneuver import maneuver_named
@@ -75,7 +75,7 @@ def test_unusable_frames_are_named(tmp_path: Path, content: str | None, message:
 def test_frames_of_the_first_run_are_found_in_telemetry(tmp_path: Path) -> None:
     (run,) = compared_runs([maneuver_named("forward-forward")], 1, duration_s=4.0)
     # Decisions from 100 s on, every 0.1 s; their pictures are 0.03 s older.
-    with Recording(tmp_path / TELEMETRY_FILE, "mbot-1") as file:
+    with TelemetryFile(tmp_path / TELEMETRY_FILE, "mbot-1") as file:
         for number in range(80):
             one = decision(number)
             if number != 17:  # one picture got lost

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.cli.gap_report import gap_report
+from mbot_workstation.cli.identify import gap_report
 from mbot_workstation.learn.studies.tolerance_file import write_tolerances
 from mbot_workstation.measure.gap_report.page import light_from, page, way
 from mbot_workstation.measure.gap_report.report import as_fields, build
@@ -259,7 +259,7 @@ def test_a_robot_without_calibration_is_reported_as_such(
 ) -> None:
     where, ships = tmp_path / "gap.html", tmp_path / "tolerance.json"
     write_tolerances(ships, tolerances())
-    monkeypatch.setattr("mbot_workstation.cli.gap_report.SHIPPED_MAP", ships)
+    monkeypatch.setattr("mbot_workstation.cli.identify.SHIPPED_MAP", ships)
     said = run_command(str(recording), "--calibration", str(tmp_path), "-o", str(where))
     assert "16 held-out runs" in said  # nothing was fitted, so all count
     assert "missing: no motion.toml" in said

@@ -9,23 +9,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mbot_protocol.drive.actions import WheelMaps
-from mbot_workstation.learn.drivers.guide import SEARCH_BEGINS, SEARCH_SPEED, Guide
-from mbot_workstation.learn.drivers.oracle import Oracle, middle
 from mbot_workstation.learn.learning.advice_memory import BURN_IN, AdviceMemory
 from mbot_workstation.learn.learning.collection import Collection
 from mbot_workstation.learn.learning.full_speed import within_full_speed
 from mbot_workstation.learn.learning.guidance import advice_loss, guide_weight
 from mbot_workstation.learn.learning.learner import LearnerSettings, make_learner
 from mbot_workstation.learn.learning.sequences import Sequences
-from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
-from mbot_workstation.learn.worlds.lessons import lesson
-from mbot_workstation.learn.worlds.robot_body import BODY_RECORD, body_record
 from mbot_workstation.learn.worlds.rooms import evaluation_rooms
-from mbot_workstation.learn.worlds.shared_arrays import STEP_RECORD
+from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.effects.body_record import BODY_RECORD, body_record
 from mbot_workstation.sim.effects.effects import RealWorldEffects
 from mbot_workstation.sim.effects.presets import KNOWN, preset
+from mbot_workstation.tasks.fetch.episode import FACTS
+from mbot_workstation.tasks.fetch.guide import SEARCH_BEGINS, SEARCH_SPEED, FetchGuide
+from mbot_workstation.tasks.fetch.oracle import Oracle, middle
 from mbot_workstation.tasks.fetch.rules import TIME_LIMIT_DECISIONS
+from mbot_workstation.tasks.fetch.task import TASK
+from mbot_workstation.tasks.lesson import lesson_named
 
 NOMINAL = preset("nominal")
 SEARCH, BEGINS = (
@@ -43,14 +44,14 @@ def situation(
 ) -> np.ndarray:
     if seen_left_rad is None:  # a robot that stands: it sees where the object is
         seen_left_rad = math.atan2(left_m, ahead_m - 0.06)
-    record = np.zeros(1, STEP_RECORD)
+    record = np.zeros(1, FACTS)
     record["target_ahead_m"], record["target_left_m"] = ahead_m, left_m
     record["seen_left_rad"], record["time_left_s"] = seen_left_rad, time_left_s
     return record
 
 
 def advice(ahead_m: float, left_m: float, seen_left_rad: float | None = None) -> np.ndarray:
-    return Guide(1, NOMINAL).act(situation(ahead_m, left_m, seen_left_rad))[0]
+    return FetchGuide(1, NOMINAL).act(situation(ahead_m, left_m, seen_left_rad))[0]
 
 
 def told(advice: np.ndarray) -> np.ndarray:
@@ -74,7 +75,7 @@ def test_what_the_camera_cannot_see_is_searched_clockwise() -> None:
 
 
 def test_a_search_turn_begins_faster_since_wheels_lag() -> None:
-    guide = Guide(1, NOMINAL)
+    guide = FetchGuide(1, NOMINAL)
     behind = situation(-1.0, 0.1)
     np.testing.assert_allclose(guide.act(behind)[0], BEGINS)
     for driven in (BEGINS, SEARCH, 0.8 * SEARCH):
@@ -86,7 +87,7 @@ def test_a_search_turn_begins_faster_since_wheels_lag() -> None:
 
 
 def test_to_a_picture_of_the_object_before_there_is_no_advice() -> None:
-    guide = Guide(1, NOMINAL, remembers=2)
+    guide = FetchGuide(1, NOMINAL, remembers=2)
     guide.drove(told(guide.act(situation(0.2, 0.0, time_left_s=50))))
     assert np.isnan(guide.act(situation(-1.0, 0.5, math.nan, time_left_s=66))).all()
     guide.drove(np.array([[0.9, 1.0]], np.float32))
@@ -110,7 +111,7 @@ def test_what_a_picture_shows_counts_though_the_robot_has_turned_past_it() -> No
 
 
 def test_what_has_just_been_lost_is_gone_back_to_and_then_searched() -> None:
-    guide = Guide(1, NOMINAL, remembers=2)
+    guide = FetchGuide(1, NOMINAL, remembers=2)
     guide.drove(told(guide.act(situation(1.0, 0.3))))
     for _ in range(2):
         left, right = guide.act(situation(0.3, 1.0))[0]
@@ -119,7 +120,7 @@ def test_what_has_just_been_lost_is_gone_back_to_and_then_searched() -> None:
 
 
 def test_who_forgets_searches_what_it_had_noticed() -> None:
-    guide = Guide(2, NOMINAL, remembers=2)
+    guide = FetchGuide(2, NOMINAL, remembers=2)
     guide.drove(told(guide.act(situation(1.0, 0.3).repeat(2))))
     guide.forget(np.array([True, False]))
     forgot, remembers = guide.act(situation(0.3, 1.0).repeat(2))
@@ -129,7 +130,7 @@ def test_who_forgets_searches_what_it_had_noticed() -> None:
 
 def test_what_was_not_noticed_is_not_gone_back_to() -> None:
     """Who drives on searching has not seen it, whatever the picture shows."""
-    guide = Guide(1, NOMINAL, remembers=2)
+    guide = FetchGuide(1, NOMINAL, remembers=2)
     guide.act(situation(3.0, 0.3))
     guide.drove(SEARCH[None] + np.float32(0.1))
     np.testing.assert_allclose(guide.act(situation(1.0, 3.0))[0], SEARCH)
@@ -137,7 +138,7 @@ def test_what_was_not_noticed_is_not_gone_back_to() -> None:
 
 @pytest.mark.parametrize("time_left_s", [50, 66], ids=["the same object", "the next one"])
 def test_to_have_noticed_it_once_does_not_count_for_ever(time_left_s: float) -> None:
-    guide = Guide(1, NOMINAL, remembers=1)
+    guide = FetchGuide(1, NOMINAL, remembers=1)
     guide.drove(told(guide.act(situation(1.0, 0.3, time_left_s=50))))
     for _ in range(2 if time_left_s == 50 else 0):
         guide.drove(told(guide.act(situation(0.3, 1.0, time_left_s=50))))
@@ -147,14 +148,14 @@ def test_to_have_noticed_it_once_does_not_count_for_ever(time_left_s: float) -> 
 
 
 def test_the_next_object_was_not_seen_before() -> None:
-    guide = Guide(1, NOMINAL, remembers=2)
+    guide = FetchGuide(1, NOMINAL, remembers=2)
     guide.drove(told(guide.act(situation(1.0, 0.3, time_left_s=50))))
     np.testing.assert_allclose(guide.act(situation(0.3, 1.0, time_left_s=66))[0], BEGINS)
 
 
-def searched_in_vain() -> Guide:
+def searched_in_vain() -> FetchGuide:
     """For as long as there is time for an object."""
-    guide = Guide(1, NOMINAL, remembers=2)
+    guide = FetchGuide(1, NOMINAL, remembers=2)
     for decision in range(TIME_LIMIT_DECISIONS):
         asked = guide.act(situation(-4.0, 0.0))
         np.testing.assert_allclose(asked[0], SEARCH if decision else BEGINS)
@@ -168,7 +169,7 @@ def test_a_search_ends_with_an_object_in_view() -> None:
 
 
 def test_who_stands_before_an_object_has_not_noticed_it() -> None:
-    guide = Guide(1, NOMINAL, remembers=2)
+    guide = FetchGuide(1, NOMINAL, remembers=2)
     guide.act(situation(2.0, 0.1))
     guide.drove(np.zeros((1, 2), np.float32))
     np.testing.assert_allclose(guide.act(situation(0.1, 2.0))[0], BEGINS)
@@ -181,12 +182,14 @@ def test_who_stays_where_it_is_needs_eyes_that_reach_across_the_arena(
 ) -> None:
     """Robots of all kinds: in how many of 16 episodes they fetch all ten objects."""
     ranges = preset("randomised")
-    guide = Guide(16, ranges, remembers=6)
+    guide = FetchGuide(16, ranges, remembers=6)
     touched_all: list[bool] = []
-    with FetchVecEnv(16, 0, ranges, lesson("10"), evaluation_rooms([], 1)) as environment:
+    with TaskVecEnv(
+        16, 0, ranges, lesson_named(TASK.lessons, "10"), evaluation_rooms([], 1)
+    ) as environment:
         environment.reset()
         while len(touched_all) < 16:
-            sight = environment.sight()
+            sight = environment.observations()
             seen = sight.situations.copy()
             distance_m = np.hypot(seen["target_ahead_m"], seen["target_left_m"])
             seen["seen_left_rad"][distance_m > sight_m] = math.pi
@@ -205,7 +208,7 @@ def test_without_a_target_there_is_no_advice() -> None:
 def test_who_knows_of_a_weak_motor_drives_straight_with_it() -> None:
     """The stronger wheel is told less, so that both turn alike."""
     effects = RealWorldEffects(left_gain=0.5)
-    guide = Guide(1, preset("ideal"))
+    guide = FetchGuide(1, preset("ideal"))
     guide.become(np.array([body_record(effects, RobotParameters())], BODY_RECORD))
     left, right = told(guide.act(situation(2.0, 0.0)))[0]
     assert left == pytest.approx(1.0, abs=0.01)
@@ -349,9 +352,11 @@ def test_rehearsing_moves_the_wheels_and_the_memory(monkeypatch: pytest.MonkeyPa
         learning_rate=1e-9,  # PPO's own steps change nothing that could be seen
         final_learning_rate=1e-9,
     )
-    with FetchVecEnv(robots=1, seed=1, preset="ideal", lesson="4", workers=1) as environment:
-        learner = make_learner(environment, settings, seed=0)
-        learner.collection = Collection(environment, lambda robots: Guide(robots, preset("ideal")))
+    with TaskVecEnv(robots=1, seed=1, preset="ideal", lesson="4", workers=1) as environment:
+        learner = make_learner(environment, settings, seed=0, critic=TASK.critic)
+        learner.collection = Collection(
+            environment, lambda robots: FetchGuide(robots, preset("ideal"))
+        )
         learner.learn(16)
         before = {k: v.clone() for k, v in learner.policy.state_dict().items()}
         for group in learner.policy.optimizer.param_groups:
@@ -378,9 +383,11 @@ def test_fewer_epochs_while_the_guide_counts_for_more_than_half() -> None:
     settings = LearnerSettings(
         steps_per_robot=16, batch=16, epochs=3, guided_decisions=64, guided_epochs=1
     )
-    with FetchVecEnv(robots=1, seed=1, preset="ideal", lesson="4", workers=1) as environment:
-        learner = make_learner(environment, settings, seed=0)
-        learner.collection = Collection(environment, lambda robots: Guide(robots, preset("ideal")))
+    with TaskVecEnv(robots=1, seed=1, preset="ideal", lesson="4", workers=1) as environment:
+        learner = make_learner(environment, settings, seed=0, critic=TASK.critic)
+        learner.collection = Collection(
+            environment, lambda robots: FetchGuide(robots, preset("ideal"))
+        )
         learner.learn(16)  # its weight is 3/4
         updates = [learner._n_updates]  # pyright: ignore[reportPrivateUsage]
         learner.learn(16, reset_num_timesteps=False)  # 1/2

@@ -7,7 +7,8 @@ from cryptography.hazmat.primitives.asymmetric.ec import SECP256R1, generate_pri
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.signing.model_manifest import ModelManifest, verify
+from mbot_protocol.signing.envelope import MODEL, Envelope, verify
+from mbot_protocol.signing.model_manifest import ModelManifest, encode
 from mbot_protocol.signing.public_key import PublicKey
 from mbot_workstation.fleet.models.key_folder import KeyFolder, keys_directory
 
@@ -25,8 +26,9 @@ def never(_name: str) -> str:
 
 def test_a_new_key_signs_what_its_public_line_verifies(folder: KeyFolder) -> None:
     line = folder.new("anna").line
-    signed = folder.load("anna", never).sign(MANIFEST)
-    assert verify(signed, [PublicKey.parse(line)]).name == "anna"
+    signed = folder.load("anna", never).sign(MODEL, encode(MANIFEST))
+    envelope = Envelope(encode(MANIFEST), (signed,))
+    assert verify(MODEL, envelope, [PublicKey.parse(line)]).name == "anna"
     assert [key.line for key in folder.public_keys()] == [line]
 
 

@@ -7,7 +7,7 @@ from typer.testing import CliRunner, Result
 from mbot_agent.configuration import load
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.signing.public_key import PublicKey
-from mbot_workstation.cli.model_keys import app
+from mbot_workstation.cli.keys import app
 
 from .pasted import EXAMPLE, pasted
 

@@ -4,19 +4,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mbot_workstation.learn.worlds.lessons import (
-    BLUR_LESSON,
-    LESSONS,
-    PAPER_MARK,
-    ROUGH_LESSON,
-    lesson,
-    named,
-    passed,
-)
+from mbot_workstation.learn.learning.curriculum import PAPER_MARK, passed
 from mbot_workstation.sim.effects.effects import IDEAL
 from mbot_workstation.sim.effects.presets import KNOWN, PRESETS
 from mbot_workstation.sim.pose import ORIGIN
+from mbot_workstation.tasks.fetch.lessons import BLUR_LESSON, LESSONS, ROUGH_LESSON
 from mbot_workstation.tasks.fetch.rules import spawn
+from mbot_workstation.tasks.fetch.task import TASK
+from mbot_workstation.tasks.lesson import lesson_named, lessons_named
 
 
 def test_there_are_the_papers_ten() -> None:
@@ -57,11 +52,11 @@ def test_the_blur_lesson_is_the_last_one_with_an_exposure_time() -> None:
 
 
 def test_lessons_are_found_by_name() -> None:
-    assert lesson("7") is LESSONS[6]
-    assert lesson("blur") is BLUR_LESSON
-    assert lesson("rough") is ROUGH_LESSON
+    assert lesson_named(TASK.lessons, "7") is LESSONS[6]
+    assert lesson_named(TASK.lessons, "blur") is BLUR_LESSON
+    assert lesson_named(TASK.lessons, "rough") is ROUGH_LESSON
     with pytest.raises(ValueError, match=r"no lesson '11'.*blur"):
-        lesson("11")
+        lesson_named(TASK.lessons, "11")
 
 
 def test_the_rough_lesson_shows_usual_robots_and_worse_ones() -> None:
@@ -104,12 +99,15 @@ def test_worse_robots_are_worse_than_the_calibrated_one() -> None:
 
 
 def test_ranges_of_lessons_are_spelt_out() -> None:
-    assert named(["1-10", "rough"]) == (*(stage.name for stage in LESSONS), "rough")
-    assert named(["9-10"]) == ("9", "10")
-    assert named(["4-4", "blur"]) == ("4", "blur")
+    assert lessons_named(TASK.lessons, ["1-10", "rough"]) == (
+        *(stage.name for stage in LESSONS),
+        "rough",
+    )
+    assert lessons_named(TASK.lessons, ["9-10"]) == ("9", "10")
+    assert lessons_named(TASK.lessons, ["4-4", "blur"]) == ("4", "blur")
     for wrong in ("10-9", "0-3", "8-11", "-3", "3-", "blur-10"):
         with pytest.raises(ValueError, match="rising range"):
-            named([wrong])
+            lessons_named(TASK.lessons, [wrong])
 
 
 def test_rough_robots_are_also_better_than_any_down_to_ideal_ones() -> None:

@@ -1,6 +1,7 @@
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import fields
 from functools import cache, partial
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from mbot_protocol.drive.camera_model import nominal_pi_camera
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.cli.calibrate_light import light as light_command
+from mbot_workstation.cli.calibrate_camera import light as light_command
 from mbot_workstation.measure.calibration.light.colour_difference import ciede2000, lab, srgb_level
 from mbot_workstation.measure.calibration.light.gray_card import read_card
 from mbot_workstation.measure.calibration.light.light_fit import (
@@ -22,6 +23,7 @@ from mbot_workstation.measure.calibration.light.light_fit import (
     fit_light,
     shade,
 )
+from mbot_workstation.measure.calibration.light.light_result import CardPhotograph
 from mbot_workstation.sim.calibrated.calibration_folder import read_calibration
 from mbot_workstation.sim.scene.scene_parameters import Light
 
@@ -177,6 +179,7 @@ def test_photographs_under_another_light_bring_the_simulation_to_it(tmp_path: Pa
     assert found["ambient"] == pytest.approx(0.45, abs=0.04)
     towards = np.array(LAMP.direction) / np.linalg.norm(LAMP.direction)
     assert np.degrees(np.arccos(np.dot(found["direction"], towards))) < 6
+    assert found["photographs"][0].keys() == {field.name for field in fields(CardPhotograph)}
     assert found["delta_e_before"] > 8
     assert found["delta_e_after"] < 1
     read = read_calibration(folder)

@@ -6,12 +6,14 @@ import pytest
 
 from mbot_protocol.drive.mcore import Joystick
 from mbot_workstation.sim.simulation import Simulation
-from mbot_workstation.tasks.fetch.rules import FetchRules
+from mbot_workstation.tasks.fetch.task import TASK
 from mbot_workstation.virtual.live_world import SLICE_S, LiveWorld
 from mbot_workstation.virtual.mcore_board import BoardState
 
 from ..until import until
 from .small_world import ROOMS
+
+FETCH = (TASK, TASK.play(None, None, ends_on_failure=True))
 
 FORWARD = Joystick(-255, 255)
 
@@ -32,7 +34,7 @@ class Board:
 
 def test_a_slice_made_up_for_does_not_obey_commands_that_came_later() -> None:
     simulation = Simulation(room_picture=ROOMS[0])
-    world = LiveWorld(simulation, Board(since_s=10.0), FetchRules(), seed=0, free_floor=True)
+    world = LiveWorld(simulation, Board(since_s=10.0), *FETCH, seed=0, free_floor=True)
     for moment_s in (9.985, 9.990, 9.995):
         world.advance(moment_s)
     assert abs(simulation.wheel_speeds_rad_s[0]) < 0.2  # it settles on its wheels
@@ -42,9 +44,7 @@ def test_a_slice_made_up_for_does_not_obey_commands_that_came_later() -> None:
 
 
 def test_a_stall_of_the_machine_leaves_no_trace_in_the_history() -> None:
-    world = LiveWorld(
-        Simulation(room_picture=ROOMS[0]), Board(), FetchRules(), seed=0, free_floor=True
-    )
+    world = LiveWorld(Simulation(room_picture=ROOMS[0]), Board(), *FETCH, seed=0, free_floor=True)
     kept: list[float] = []
     add = world.history.add
     world.history.add = lambda time_s, state: (kept.append(time_s), add(time_s, state))[1]
@@ -61,10 +61,10 @@ def test_a_stall_of_the_machine_leaves_no_trace_in_the_history() -> None:
 
 def test_the_way_counts_on_a_free_floor_and_being_carried_does_not() -> None:
     simulation = Simulation(room_picture=ROOMS[0])
-    world = LiveWorld(simulation, Board(), FetchRules(), seed=0, free_floor=True)
+    world = LiveWorld(simulation, Board(), *FETCH, seed=0, free_floor=True)
     for _ in range(400):
         world.advance(1.0)
-    driven_m = world.status().result.distance_driven_m
+    driven_m = world.status().result["distance_driven_m"]
     assert driven_m == pytest.approx(simulation.pose.x_m, rel=0.05)
     assert driven_m > 0.3
     world._board = Board()  # pyright: ignore[reportPrivateUsage]
@@ -72,4 +72,4 @@ def test_the_way_counts_on_a_free_floor_and_being_carried_does_not() -> None:
     for _ in range(400):
         world.advance(3.0)
     assert abs(simulation.pose.x_m) < 0.05, "it was carried back"
-    assert world.status().result.distance_driven_m < driven_m + 0.1
+    assert world.status().result["distance_driven_m"] < driven_m + 0.1

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from mbot_protocol.beat.whole_chunks import WholeChunks
 from mbot_protocol.errors import ARMED_BUT_STANDING
 from mbot_protocol.v1.messages_pb2 import (
     Activate,
@@ -32,7 +33,6 @@ from mbot_protocol.wire.keys import (
     PUSH_COMMIT,
     STATUS,
 )
-from mbot_workstation.fleet.recorded.drive_mcap import read_recording
 
 from ..free_port import free_port
 from ..until import until
@@ -287,6 +287,14 @@ def test_a_push_broken_off_leaves_the_old_model(robot: FakeRobot, policy: Path) 
     assert robot.active == OLD_MODEL
 
 
+def test_with_json_an_error_is_an_object_with_its_kind(tmp_path: Path) -> None:
+    done = workstation(None, "check-model", str(tmp_path / "no.onnx"), "--json")
+    assert (done.returncode, done.stdout) == (2, "")
+    error = json.loads(done.stderr)["error"]
+    assert error["kind"] == "configuration"
+    assert error.keys() == {"kind", "text", "remedy", "facts"}
+
+
 def test_models_and_rollback(robot: FakeRobot) -> None:
     assert "active    aaaaaaaaaaaa  old" in workstation(robot, "models").stdout
     listed = json.loads(workstation(robot, "rollback", "b" * 8, "--json").stdout)
@@ -369,8 +377,8 @@ def test_telemetry_records_until_ctrl_c(robot: FakeRobot, tmp_path: Path) -> Non
         out, errors = process.communicate(timeout=LIMIT_S)
     assert process.returncode == 130, errors
     assert out.startswith("mbot-1: running, decision ")
-    topics = {topic for topic, _ in read_recording(path)}
-    assert topics == {"/mbot/mbot-1/decision", "/mbot/mbot-1/observation"}
+    topics = {message.topic.rpartition("/")[2] for message in WholeChunks(path).messages()}
+    assert topics == {"decision", "drive", "observation", "log"}
     assert path.read_bytes().endswith(b"MCAP0\r\n")
     assert re.match(rf"workstation: recorded \d+ decisions into {path}; open it in Fox", errors)
     assert "workstation explain POLICY.onnx --recording" in errors

@@ -417,7 +417,7 @@ def test_a_robot_that_restarts_ends_the_session(
             monkeypatch.setattr(robot, "now_ns", lambda: truth() - 4_000_000_000_000)
 
     monkeypatch.setattr(script, "hear", restart)
-    with pytest.raises(Exception, match="clock began anew"):
+    with pytest.raises(Exception, match="clock started over"):
         session(link, journal, script).run()
     assert kept(journal) == [1]
 

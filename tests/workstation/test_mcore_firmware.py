@@ -13,7 +13,7 @@ from mbot_protocol.drive.mcore import (
     VersionReply,
     stop_burst,
 )
-from mbot_workstation.sim.body.motor import duties
+from mbot_workstation.sim.body.motor import pwm_duties
 from mbot_workstation.virtual.mcore_firmware import McoreFirmware
 
 DRIVE = Joystick(-120, -120)
@@ -119,7 +119,7 @@ def test_a_bare_header_swallows_about_five_frames() -> None:
 
 
 def test_duty_counts_forward_positive_on_both_wheels() -> None:
-    assert duties(STOP) == (0, 0)
-    assert duties(Joystick(-255, 255)) == (1, 1)
-    assert duties(Joystick(255, 127)) == (-1, 0.5)
-    assert duties(WheelMaps().to_board(to_steps(1, -1))) == (1, -1)
+    assert pwm_duties(STOP.duties) == (0, 0)
+    assert pwm_duties(Joystick(-255, 255).duties) == (1, 1)
+    assert pwm_duties(Joystick(255, 127).duties) == (-1, 0.5)
+    assert pwm_duties(WheelMaps().duties(to_steps(1, -1))) == (1, -1)

@@ -5,16 +5,17 @@ import pytest
 import torch
 
 from mbot_workstation.learn.learning.memory_policy import (
-    TRUTH,
-    Before,
     MemoryPolicy,
+    PolicyInput,
+    critic_inputs,
     memory_policy_arguments,
     truth,
 )
-from mbot_workstation.learn.worlds.fetch_env import action_space, observation_space
-from mbot_workstation.learn.worlds.robot_body import BODY_RECORD
-from mbot_workstation.learn.worlds.shared_arrays import STEP_RECORD
+from mbot_workstation.learn.worlds.task_env import action_space, observation_space
+from mbot_workstation.sim.effects.body_record import BODY_RECORD
+from mbot_workstation.tasks.fetch.task import TASK
 
+TRUTH = critic_inputs(TASK.critic)
 RNG = np.random.default_rng(8)
 PICTURES = RNG.integers(0, 256, (9, 3, 64, 64, 3)).astype(np.uint8)
 ACTIONS = RNG.uniform(-1, 1, (9, 3, 2)).astype(np.float32)
@@ -24,7 +25,7 @@ FORGETS[2, 1] = FORGETS[6] = True
 
 def made(units: int) -> MemoryPolicy:
     torch.manual_seed(3)
-    arguments = memory_policy_arguments(units, -1.0)
+    arguments = memory_policy_arguments(units, -1.0, TRUTH)
     policy = MemoryPolicy(observation_space(), action_space(), lambda _: 1e-3, **arguments)
     torch.nn.init.normal_(policy.action_net.weight, std=0.1)
     return policy
@@ -40,7 +41,7 @@ def driven(policy: MemoryPolicy) -> tuple[torch.Tensor, torch.Tensor, torch.Tens
     for pictures, actions, forget in zip(PICTURES, ACTIONS, FORGETS, strict=True):
         previous.append(told)
         all_forgot.append(forgot)
-        before = Before(torch.from_numpy(pictures), state, told)
+        before = PolicyInput(torch.from_numpy(pictures), state, told)
         with torch.no_grad():
             decided = policy.decide(before)
         wheels.append(decided.actions)
@@ -86,7 +87,7 @@ def test_the_last_action_is_a_part_of_what_is_remembered() -> None:
 def test_what_is_drawn_is_as_likely_as_is_said() -> None:
     policy = made(16)
     many = 4000
-    before = Before(
+    before = PolicyInput(
         torch.from_numpy(np.repeat(PICTURES[0][:1], many, axis=0)),
         torch.zeros(many, 16),
         torch.zeros(many, 2),
@@ -104,12 +105,12 @@ def test_what_is_drawn_is_as_likely_as_is_said() -> None:
 
 
 def test_the_critic_is_told_finite_numbers_of_about_one() -> None:
-    situations = np.zeros(2, STEP_RECORD)
+    situations = np.zeros(2, TASK.facts)
     situations["target_ahead_m"] = (2.5, np.nan)
     situations["time_left_s"] = 66
     bodies = np.zeros(2, BODY_RECORD)
     bodies["camera_latency_ms"] = 190
-    told = truth(situations, bodies)
+    told = truth(TASK.critic, situations, bodies)
     assert told.shape == (2, TRUTH)
     assert np.isfinite(told).all()
     assert np.abs(told).max() < 2.5

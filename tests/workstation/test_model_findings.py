@@ -9,7 +9,7 @@ from onnx import TensorProto, helper
 
 from mbot_protocol.policy.golden_frames import PROPERTY
 from mbot_protocol.policy.policy_contract import LARGEST_MODEL_BYTES
-from mbot_workstation.cli.check_model import check_model_file
+from mbot_workstation.cli.models import check_model_file
 from mbot_workstation.fleet.models.model_findings import FAILED, OK, WARNING, examine_model
 
 from .samples import small_policy

@@ -1,11 +1,13 @@
 import time
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 
 import pytest
 
 from mbot_protocol.errors import ContractError, RefusedError
-from mbot_protocol.signing.model_manifest import SignedManifest, decode, verify
+from mbot_protocol.signing.envelope import MODEL, Envelope, Signature, verify
+from mbot_protocol.signing.model_manifest import decode
 from mbot_protocol.v1.messages_pb2 import (
     Activate,
     ModelList,
@@ -23,11 +25,12 @@ from mbot_protocol.wire.keys import (
     PUSH_NONCE,
 )
 from mbot_protocol.wire.schema import MalformedMessageError
+from mbot_workstation.fleet.link.pieces import push_in_pieces
 from mbot_workstation.fleet.link.robot_link import RobotLink
 from mbot_workstation.fleet.models.check import check_model
-from mbot_workstation.fleet.models.push import push, push_checked
+from mbot_workstation.fleet.models.push import PUSH, push, push_checked
 from mbot_workstation.fleet.models.signing_key import SigningKey
-from mbot_workstation.fleet.models.stored_models import activate, list_models, model_fields
+from mbot_workstation.fleet.models.stored_models import StoredModel, activate, list_models
 
 from .fake_robot import NONCE, OLD_MODEL, ROBOT_ID, FakeRobot
 from .samples import small_policy
@@ -78,8 +81,8 @@ def test_what_is_signed_is_this_push_to_this_robot(
 ) -> None:
     push(link, policy, signed)
     first = robot.wanted
-    manifest = SignedManifest(first.manifest, first.signature, first.public_key)
-    assert verify(manifest, [KEY.public]) == KEY.public
+    envelope = Envelope(first.manifest, (Signature(first.public_key, first.signature),))
+    assert verify(MODEL, envelope, [KEY.public]) == KEY.public
     said = decode(first.manifest)
     assert (said.robot_id, said.nonce) == (ROBOT_ID, NONCE)
     assert (said.sha256, said.size_bytes) == (first.sha256, first.size_bytes)
@@ -138,8 +141,11 @@ def test_a_refusal_at_any_step_gives_the_reason(
 
 def test_a_lost_chunk_is_noticed(robot: FakeRobot, link: RobotLink, policy: Path) -> None:
     robot.replies[PUSH_CHUNK.name] = lambda _data: PushReply(schema_version=1, accepted=True)
-    with pytest.raises(MalformedMessageError, match="0 bytes of the model, expected 65536"):
+    with pytest.raises(MalformedMessageError, match="0 bytes of it, expected 65536"):
         push(link, policy, signed)
+    begin, content = PushBegin(schema_version=1, robot_id=ROBOT_ID), BytesIO(b"ab")
+    with pytest.raises(MalformedMessageError, match="0 bytes of it, expected 2"):
+        push_in_pieces(link, PUSH, begin, content, 2, lambda _sent, _all: None)
 
 
 def test_a_robot_that_activates_another_model_is_noticed(
@@ -174,7 +180,7 @@ def test_an_interrupted_push_is_never_committed(
 
 def test_models_are_listed(link: RobotLink) -> None:
     active, previous = list_models(link)
-    assert model_fields(active)["sha256"] == "a" * 64
+    assert StoredModel.of(active).sha256 == "a" * 64
     assert (active.active, previous.previous) == (True, True)
 
 

@@ -6,10 +6,9 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.cli.evaluate import evaluate
-from mbot_workstation.cli.output_paths import check_output_file, check_output_folder
-from mbot_workstation.cli.study import study
-from mbot_workstation.cli.telemetry import telemetry
+from mbot_workstation.cli.driving import telemetry
+from mbot_workstation.cli.evaluate import evaluate, study
+from mbot_workstation.cli.options import check_output_file, check_output_folder
 from mbot_workstation.cli.virtual_robot import virtual_robot
 
 from .test_commands import call

@@ -8,8 +8,7 @@ import pytest
 from rich.console import Console
 
 from mbot_protocol.errors import MbotError
-from mbot_workstation.fleet.link.address import parse_address
-from mbot_workstation.fleet.link.destination import Destination
+from mbot_workstation.fleet.link.address import Destination, parse_address
 from mbot_workstation.fleet.telemetry.output import JsonLines, LiveView, PlainLines
 from mbot_workstation.fleet.telemetry.stream import LinkState, Sample
 from mbot_workstation.learn.evaluation.provenance import digest, provenance

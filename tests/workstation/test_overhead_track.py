@@ -33,13 +33,14 @@ from mbot_workstation.measure.tracking.floor_plane import (
     plane_from_board,
     plane_from_corners,
 )
-from mbot_workstation.measure.tracking.marker_track import watch_marker
+from mbot_workstation.measure.tracking.marker_track import floor_finder, watch_marker
 from mbot_workstation.measure.tracking.openvr_tracker import (
     OpenVrTracker,
     load_openvr,
     quaternion_of,
     record_poses,
 )
+from mbot_workstation.measure.tracking.overhead_camera import camera_for
 from mbot_workstation.measure.tracking.overhead_track import (
     MarkerSight,
     overhead_track,
@@ -540,3 +541,19 @@ def test_every_rotation_has_its_quaternion(values: tuple[float, float, float, fl
     assert abs(found @ [w, x, y, z]) == pytest.approx(1)
     assert quaternion_of(matrix * [1, 1, -1]) is None
     assert quaternion_of(matrix * 1.1) is None
+
+
+def test_a_camera_without_calibration_is_guessed_from_its_view(tmp_path: Path) -> None:
+    model = camera_for(None, 60.0)(640, 480)
+    assert (model.width_px, model.height_px) == (640, 480)
+    assert model.focal_x_px == pytest.approx(320 / np.tan(np.radians(30)))
+    assert model.focal_y_px == pytest.approx(model.focal_x_px)
+    with pytest.raises(ConfigurationError):
+        camera_for(tmp_path, 60.0)
+
+
+def test_the_floor_is_looked_for_by_what_lies_on_it() -> None:
+    assert floor_finder(None, None) is None
+    by_corners = floor_finder((1.8, 1.2), None)
+    assert by_corners is not None
+    assert by_corners(camera_for(None, 60.0)(640, 480), np.zeros((480, 640), np.uint8), {}) is None

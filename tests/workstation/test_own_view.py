@@ -8,7 +8,7 @@ import pytest
 from mbot_protocol.drive.camera_model import CameraModel
 from mbot_protocol.drive.picture import Picture
 from mbot_protocol.policy.policy_contract import FULL_VIEW
-from mbot_workstation.learn.worlds.fetch_env import FetchEnv
+from mbot_workstation.learn.worlds.task_env import TaskEnv
 from mbot_workstation.sim.body.own_view import MARGIN_DEG, parts_in_view
 from mbot_workstation.sim.body.robot_parameters import BoxBody, CameraMount, RobotParameters
 from mbot_workstation.sim.camera.camera_renderer import CameraRenderer
@@ -75,7 +75,7 @@ def test_the_nominal_robot_does_not_see_itself() -> None:
 def test_training_shows_what_the_camera_sees_of_its_own_robot() -> None:
     counts = []
     for mount in (CameraMount(), CameraMount(height_m=0.12)):
-        environment = FetchEnv("ideal", "10", ROOMS, robot(mount))
+        environment = TaskEnv("ideal", "10", ROOMS, robot(mount))
         counts.append(green(environment.reset(seed=0)[0]))
         environment.close()
     assert counts[0] > 20

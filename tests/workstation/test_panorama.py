@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.cli.panorama import panorama as panorama_command
+from mbot_workstation.cli.calibrate import panorama as panorama_command
 from mbot_workstation.measure.calibration.room.panorama_checks import PanoramaTags, read_tags
 from mbot_workstation.measure.calibration.room.panorama_import import prepare_room
 from mbot_workstation.measure.calibration.room.panorama_level import (

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mbot_agent.models.dry_run import dry_run
-from mbot_agent.models.policy import Policy
+from mbot_protocol.policy.dry_run import dry_run
+from mbot_protocol.policy.policy import Policy
 from mbot_workstation.fleet.models.check import check_model
 from mbot_workstation.learn.drivers.onnx_policy import OnnxPolicy
 

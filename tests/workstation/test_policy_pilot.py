@@ -8,13 +8,13 @@ import torch
 
 from mbot_workstation.learn.learning.full_speed import within_full_speed
 from mbot_workstation.learn.learning.memory_policy import (
-    Before,
     MemoryPolicy,
+    PolicyInput,
     memory_policy_arguments,
 )
-from mbot_workstation.learn.learning.policy_pilot import Notes, PolicyPilot, Task
-from mbot_workstation.learn.worlds.fetch_env import action_space, observation_space
-from mbot_workstation.learn.worlds.worker_pilot import Pilot
+from mbot_workstation.learn.learning.policy_pilot import PolicyPilot
+from mbot_workstation.learn.worlds.segment import Decisions, Pilot, SegmentPlan
+from mbot_workstation.learn.worlds.task_env import action_space, observation_space
 
 ROBOTS, DECISIONS, UNITS = 3, 6, 8
 RNG = np.random.default_rng(0)
@@ -28,56 +28,59 @@ ENDED[4, 0] = True
 
 def policy(seed: int) -> MemoryPolicy:
     torch.manual_seed(seed)
-    made = MemoryPolicy(
-        observation_space(), action_space(), lambda _: 1e-4, **memory_policy_arguments(UNITS, -1.0)
+    one = MemoryPolicy(
+        observation_space(),
+        action_space(),
+        lambda _: 1e-4,
+        **memory_policy_arguments(UNITS, -1.0, 4),
     )
-    torch.nn.init.normal_(made.action_net.weight, std=0.2)
-    return made
+    torch.nn.init.normal_(one.action_net.weight, std=0.2)
+    return one
 
 
-def driven(pilot: Pilot, learned: MemoryPolicy | None, stretch: range) -> Notes:
+def driven(pilot: Pilot, learned: MemoryPolicy | None, segment: range) -> Decisions:
     weights = None
     if learned is not None:
         weights = {name: one.numpy() for name, one in learned.state_dict().items()}
-    pilot.start(Task(weights, NOISE[stretch], FORGETS[stretch]))
-    for now in stretch:
+    pilot.start(SegmentPlan(weights, NOISE[segment], FORGETS[segment]))
+    for now in segment:
         pilot.decide(PICTURES[now])
         pilot.arrive(ENDED[now])
-    return pilot.notes()
+    return pilot.decisions()
 
 
 def test_a_pilot_decides_as_its_policy_does() -> None:
-    """By the newest weights, and what robots remember goes on from stretch to stretch."""
+    """By the newest weights, and what robots remember goes on from segment to segment."""
     policies = policy(1), policy(2)
     sent = pickle.dumps(PolicyPilot(policies[0]))
     assert len(sent) < 100_000, "without weights, which are a megabyte"
     pilot: PolicyPilot = pickle.loads(sent)
-    stretches = range(DECISIONS), range(DECISIONS, 2 * DECISIONS)
+    segments = range(DECISIONS), range(DECISIONS, 2 * DECISIONS)
     state, told = torch.zeros(ROBOTS, UNITS), torch.zeros(ROBOTS, 2)
     forgot = np.ones(ROBOTS, np.bool_)
-    for learned, stretch in zip(policies, stretches, strict=True):
-        notes = driven(pilot, learned, stretch)
-        for place, now in enumerate(stretch):
-            np.testing.assert_array_equal(notes.states[place], state.numpy())
-            np.testing.assert_array_equal(notes.previous_actions[place], told.numpy())
-            np.testing.assert_array_equal(notes.forgot[place], forgot)
+    for learned, segment in zip(policies, segments, strict=True):
+        made = driven(pilot, learned, segment)
+        for place, now in enumerate(segment):
+            np.testing.assert_array_equal(made.states[place], state.numpy())
+            np.testing.assert_array_equal(made.previous_actions[place], told.numpy())
+            np.testing.assert_array_equal(made.forgot[place], forgot)
             with torch.no_grad():
-                before = Before(torch.from_numpy(PICTURES[now]), state, told)
+                before = PolicyInput(torch.from_numpy(PICTURES[now]), state, told)
                 decided = learned.decide(before, torch.from_numpy(NOISE[now]))
-            np.testing.assert_allclose(notes.actions[place], decided.actions, rtol=0, atol=1e-6)
-            np.testing.assert_allclose(notes.known[place], decided.known, rtol=0, atol=1e-6)
+            np.testing.assert_allclose(made.actions[place], decided.actions, rtol=0, atol=1e-6)
+            np.testing.assert_allclose(made.known[place], decided.known, rtol=0, atol=1e-6)
             told = within_full_speed(decided.actions)
-            np.testing.assert_allclose(notes.told[place], told, rtol=0, atol=1e-6)
+            np.testing.assert_allclose(made.wheels[place], told, rtol=0, atol=1e-6)
             forgot = ENDED[now] | FORGETS[now]
             # From what it wrote down: rounding must not add up.
-            told = torch.from_numpy(notes.told[place] * ~forgot[:, None])
-            following = notes.states[place + 1] if now != stretch[-1] else notes.after.state
+            told = torch.from_numpy(made.wheels[place] * ~forgot[:, None])
+            following = made.states[place + 1] if now != segment[-1] else made.after.state
             kept = (decided.state * torch.from_numpy(~forgot).float()[:, None]).numpy()
             np.testing.assert_allclose(following, kept, rtol=0, atol=1e-6)
             state = torch.from_numpy(following.copy())
-        np.testing.assert_array_equal(notes.after.told, told.numpy())
-        np.testing.assert_array_equal(notes.after.forgot, forgot)
-        assert np.ptp(notes.actions) > 0.5
+        np.testing.assert_array_equal(made.after.previous_actions, told.numpy())
+        np.testing.assert_array_equal(made.after.forgot, forgot)
+        assert np.ptp(made.actions) > 0.5
 
 
 def test_weights_stay_until_others_come() -> None:
@@ -88,10 +91,10 @@ def test_weights_stay_until_others_come() -> None:
     assert not np.array_equal(first.known[0], second.known[0]), "it remembers"
 
 
-def test_notes_of_workers_stand_side_by_side() -> None:
+def test_decisions_of_workers_stand_side_by_side() -> None:
     parts = [driven(PolicyPilot(policy(seed)), policy(seed), range(DECISIONS)) for seed in (1, 2)]
-    both = Notes.together(parts)
-    for field in fields(Notes):
+    both = Decisions.beside(parts)
+    for field in fields(Decisions):
         if field.name != "after":
             one, other = (getattr(part, field.name) for part in parts)
             np.testing.assert_array_equal(getattr(both, field.name)[:, :ROBOTS], one)

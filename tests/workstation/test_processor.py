@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import torch
 
-from mbot_workstation.learn.drivers.guide import Guide
 from mbot_workstation.learn.learning.collection import Collection
 from mbot_workstation.learn.learning.learner import GUIDED, LearnerSettings, make_learner
 from mbot_workstation.learn.learning.processor import (
@@ -17,9 +16,11 @@ from mbot_workstation.learn.learning.processor import (
     prepare_gpu,
 )
 from mbot_workstation.learn.learning.trained_policy import trained_policy
-from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
 from mbot_workstation.sim.effects.presets import preset
 from mbot_workstation.sim.scene.room_generator import generate_room
+from mbot_workstation.tasks.fetch.guide import FetchGuide
+from mbot_workstation.tasks.fetch.task import TASK
 
 RUN = Path(__file__).parents[2] / "models" / "red-cube-run"
 
@@ -62,9 +63,11 @@ def test_updates_are_short_only_where_it_pays(
     monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"avx512_bf16": has_them})
     settings = LearnerSettings(16, batch=16, epochs=1, guided_decisions=10**6, rehearsals=1)
     ways: list[bool] = []
-    with FetchVecEnv(robots=1, seed=1, preset="ideal", lesson="4", workers=1) as environment:
-        learner = make_learner(environment, settings, seed=0)
-        learner.collection = Collection(environment, lambda robots: Guide(robots, preset("ideal")))
+    with TaskVecEnv(robots=1, seed=1, preset="ideal", lesson="4", workers=1) as environment:
+        learner = make_learner(environment, settings, seed=0, critic=TASK.critic)
+        learner.collection = Collection(
+            environment, lambda robots: FetchGuide(robots, preset("ideal"))
+        )
         unroll = learner.policy.unroll
 
         def noted(*fields: torch.Tensor, short: bool) -> torch.Tensor:
@@ -84,8 +87,8 @@ def test_a_ratio_of_short_floats_is_near_one_before_anything_is_learned() -> Non
     still = replace(GUIDED, learning_rate=0.0, final_learning_rate=0.0, rehearsals=0)
     settings = replace(still, steps_per_robot=32, batch=128, noise=GUIDED.final_noise)
     rooms = [generate_room(seed, 512) for seed in range(4)]
-    with FetchVecEnv(4, 1, "randomised", "10", rooms, workers=1) as environment:
-        learner = make_learner(environment, settings, seed=0)
+    with TaskVecEnv(4, 1, "randomised", "10", rooms, workers=1) as environment:
+        learner = make_learner(environment, settings, seed=0, critic=TASK.critic)
         learner.policy.load_state_dict(trained_policy(RUN).weights, strict=True)
         learner.policy.log_std.data.fill_(math.log(settings.final_noise))
         learner.collection = Collection(environment)
@@ -114,8 +117,10 @@ def test_a_gpu_keeps_all_digits(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_features_of_short_floats_are_nearly_the_same() -> None:
-    with FetchVecEnv(robots=1, seed=1, preset="ideal", lesson="4", workers=1) as environment:
-        learner = make_learner(environment, LearnerSettings(steps_per_robot=16, batch=16), seed=0)
+    with TaskVecEnv(robots=1, seed=1, preset="ideal", lesson="4", workers=1) as environment:
+        learner = make_learner(
+            environment, LearnerSettings(steps_per_robot=16, batch=16), seed=0, critic=TASK.critic
+        )
     rng = np.random.default_rng(0)
     pictures = torch.from_numpy(rng.integers(0, 256, (4, 8, 64, 64, 3), dtype=np.uint8))
     rest = (torch.zeros(4, 8, 2), torch.zeros(4, 8), torch.zeros(8, learner.policy.units))

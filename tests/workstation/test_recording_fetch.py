@@ -11,10 +11,9 @@ from mbot_agent.configuration import Recording
 from mbot_agent.recording.recording_directory import RecordingDirectory
 from mbot_agent.recording.recording_service import RecordingService
 from mbot_protocol.errors import ConfigurationError, RefusedError
-from mbot_protocol.v1.recordings_pb2 import RecordedDrive, RecordingList
+from mbot_protocol.v1.recordings_pb2 import ListedDrive, RecordingList
 from mbot_workstation.cli.recordings import app
-from mbot_workstation.fleet.link.robot_link import RobotLink
-from mbot_workstation.fleet.recorded.recording_fetch import (
+from mbot_workstation.fleet.link.recording_fetch import (
     PART,
     choose,
     fetch,
@@ -22,6 +21,7 @@ from mbot_workstation.fleet.recorded.recording_fetch import (
     list_recordings,
     remove,
 )
+from mbot_workstation.fleet.link.robot_link import RobotLink
 
 from .fake_robot import ROBOT_ID, FakeRobot
 
@@ -44,7 +44,7 @@ def reads(robot: FakeRobot) -> int:
     return robot.names().count("recordings/read")
 
 
-def oldest(link: RobotLink) -> RecordedDrive:
+def oldest(link: RobotLink) -> ListedDrive:
     return list_recordings(link).drives[-1]
 
 
@@ -125,7 +125,7 @@ def test_keeping_and_removing(robot: FakeRobot, card: Path) -> None:
 
 def test_a_drive_is_chosen_by_number_name_or_last() -> None:
     names = ["drive-0012-20261122-171501", "drive-0011-20261121-100000"]
-    drives = list(RecordingList(drives=[RecordedDrive(name=name) for name in names]).drives)
+    drives = list(RecordingList(drives=[ListedDrive(name=name) for name in names]).drives)
     for wanted, index in (("last", 0), ("11", 1), ("drive-0012", 0), (names[1], 1)):
         assert choose(drives, wanted).name == names[index]
     for wanted in ("1", "drive-00", "x"):

@@ -327,7 +327,8 @@ def test_a_run_without_a_whole_track_is_named(
     write_maneuvers(tmp_path, "mbot-1", [spoilt if r.number == number else r for r in runs])
     with pytest.raises(UnusableRunError, match=words) as caught:
         read_maneuvers(tmp_path)
-    assert caught.value.number == number
+    assert (caught.value.number, caught.value.kind) == (number, "run-spoilt")
+    assert str(caught.value).startswith(f"{tmp_path}: ")
 
 
 def test_a_track_that_ends_while_the_robot_drives_is_named(tmp_path: Path) -> None:

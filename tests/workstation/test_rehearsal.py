@@ -192,7 +192,7 @@ class FailingLine(CommandLine):
     def run(self, *words: str, to: str | None = None, quiet: bool = False) -> float:
         self.typed.append(words)
         if len(self.typed) <= self.failures:
-            raise MbotError("`workstation maneuvers run` failed: workstation: link lost")
+            raise MbotError("`workstation maneuvers run` failed", said="link lost")
         return 1.0
 
 
@@ -223,9 +223,9 @@ def test_a_daemon_that_corrects_drives_the_same_motors() -> None:
 
 def test_a_session_that_never_gets_on_ends(tmp_path: Path) -> None:
     line = FailingLine(tmp_path, failures=99)
-    with pytest.raises(MbotError, match="link lost"):
+    with pytest.raises(MbotError) as caught:
         drive_session(line, "recording", "--yes")
-    assert len(line.typed) == 3
+    assert (caught.value.facts, len(line.typed)) == ({"said": "link lost"}, 3)
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ import pytest
 from google.protobuf.message import Message
 
 from mbot_protocol.errors import ConfigurationError, RefusedError, UnreachableError
-from mbot_protocol.signing import release_manifest
+from mbot_protocol.signing.envelope import RELEASE, Envelope, verify
 from mbot_protocol.v1.messages_pb2 import (
     PushChunk,
     PushReply,
@@ -19,7 +19,7 @@ from mbot_protocol.v1.messages_pb2 import (
     ReleaseUpdate,
 )
 from mbot_protocol.wire.keys import RELEASE_BEGIN, RELEASE_CHUNK, RELEASE_COMMIT, RELEASES, Topic
-from mbot_workstation.cli.update import UpdateOptions, update
+from mbot_workstation.cli.set_up import UpdateOptions, update
 from mbot_workstation.fleet.link.robot_link import M
 from mbot_workstation.fleet.models.signing_key import SigningKey
 from mbot_workstation.fleet.releases import make_release, robot_wheels, send_release
@@ -87,7 +87,8 @@ def test_a_release_holds_what_a_robot_needs(release: Path) -> None:
     )
     assert manifest.installed_bytes > 12_000
     for key in (KEY, SPARE):
-        release_manifest.verify(checked.data, checked.signatures, [key.public])
+        envelope = Envelope.with_lines(checked.data, checked.signatures)
+        assert verify(RELEASE, envelope, [key.public]) == key.public
 
 
 def test_a_release_without_firmware_is_asked_for_by_name(
@@ -180,6 +181,8 @@ class FakeLink:
         assert topic in (RELEASE_BEGIN, RELEASE_CHUNK, RELEASE_COMMIT)
         if isinstance(request, ReleaseBegin) and self.refuses:
             return PushReply(reason=self.refuses)
+        if isinstance(request, ReleaseBegin):
+            self.received = b""
         if isinstance(request, PushChunk):
             self.received += request.data
         return PushReply(accepted=True, push_id="a1", received_bytes=len(self.received))

@@ -4,10 +4,11 @@ from typing import Any
 
 import pytest
 
-from mbot_protocol.errors import RefusedError, UnreachableError
+from mbot_protocol.errors import ConfigurationError, RefusedError, UnreachableError
 from mbot_protocol.v1.messages_pb2 import CommandReply, State
 from mbot_protocol.wire.keys import COMMAND, STATUS, STOP
 from mbot_protocol.wire.schema import SCHEMA_VERSION
+from mbot_workstation.fleet.by_hand.timed_drive import HOLD_MS, drive_for
 from mbot_workstation.fleet.link import remote_control
 from mbot_workstation.fleet.link.remote_control import (
     BEGIN_WAIT_S,
@@ -151,7 +152,7 @@ def test_a_robot_that_does_not_confirm_that_it_stands(
         schema_version=1, accepted=True, state=State.STATE_STOPPED, reason="the board is lost"
     )
     with pytest.raises(
-        NotStandingError, match="not confirmed that it stands: the board is"
+        NotStandingError, match="not confirmed that it has stopped: the board is"
     ) as raised:
         control.stop()
     assert raised.value.exit_code == 1
@@ -247,3 +248,15 @@ def test_a_refusal_gives_the_robots_reason(robot: FakeRobot, control: RemoteCont
     )
     with pytest.raises(RefusedError, match="mbot-1 refused: no model: push one"):
         control.run()
+
+
+def test_a_drive_for_some_time_is_held_by_repeats_and_ends_in_a_stop(
+    robot: FakeRobot, control: RemoteControl
+) -> None:
+    drive_for(control, 0.4, -0.4, 0.6)
+    drives = [command.drive for command in robot.commands() if command.HasField("drive")]
+    assert len(drives) >= 2
+    assert all(0 < drive.hold_ms <= HOLD_MS for drive in drives)
+    assert "stop" in robot.names()
+    with pytest.raises(ConfigurationError):
+        drive_for(control, float("nan"), 0.0, 1.0)

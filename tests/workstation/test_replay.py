@@ -1,5 +1,6 @@
 """A recorded drive is a test of the daemon: its own program has to decide the same again."""
 
+import hashlib
 import json
 import shutil
 from dataclasses import replace
@@ -10,18 +11,24 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from mbot_protocol.errors import ConfigurationError, MbotError
+from mbot_protocol.beat.recorded_drive import (
+    Beat,
+    RecordedDrive,
+    read_drive,
+    read_drives,
+)
+from mbot_protocol.drive.actions import AS_BUILT, Steps
+from mbot_protocol.errors import ConfigurationError, ContractError
 from mbot_protocol.policy.policy_contract import FULL_VIEW, FieldOfView, PolicyMetadata
-from mbot_workstation.cli.replay import DIFFERS
+from mbot_workstation.cli.drives import DIFFERS
 from mbot_workstation.cli.subcommands import app
-from mbot_workstation.fleet.recorded.drive_mcap import Recording
-from mbot_workstation.fleet.recorded.recorded_drive import RecordedDrive, read_drive, read_drives
+from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
 from mbot_workstation.look.drives import replay_words
-from mbot_workstation.look.drives.decider import Decider
-from mbot_workstation.look.drives.replayed_drive import TOLERANCE, replay
+from mbot_workstation.look.drives.replayed_drive import TOLERANCE, Redecided, replay
 from mbot_workstation.pictures.film_tile import TILE_PX, Bar, blank, caption_px, draw_tile
+from mbot_workstation.pictures.picture_file import observation
 
-from ..robot.tiny_models import constant_model
+from ..robot.tiny_models import constant_model, counting_model
 from .samples import decision, picture
 
 RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"
@@ -45,9 +52,21 @@ def test_a_recording_is_read_beat_by_beat(drive: RecordedDrive) -> None:
     assert drive.duration_s == pytest.approx(4.8, abs=0.1)
     assert drive.facts is not None
     assert drive.facts.decision_rate_hz == 2.5
-    seen = drive.beats[0].observation
+    seen = observation(drive.beats[0])
     assert seen is not None
     assert seen.shape == (64, 64, 3)
+
+
+def test_a_recording_of_before_duties_tells_the_same_speeds(drive: RecordedDrive) -> None:
+    beat = drive.beats[10]
+    assert not beat.decision.HasField("duty")
+    assert (beat.decision.board_m1, beat.decision.board_m2) == (54, 255)
+    assert drive.facts is not None
+    assert drive.facts.wheels == AS_BUILT
+    steps = beat.decision.steps
+    told = AS_BUILT.duties(Steps(steps.left, steps.right))
+    assert AS_BUILT.levels(told) == (54, 255)
+    assert AS_BUILT.of_levels(54, 255) == told
 
 
 def test_the_daemon_decides_the_same_again(drive: RecordedDrive) -> None:
@@ -64,8 +83,9 @@ def test_a_memory_that_is_not_zeroed_where_the_robot_zeroed_it_is_found(
 ) -> None:
     beats = []
     for beat in drive.beats:
-        assert beat.record is not None
-        beats.append(replace(beat, record=msgspec.structs.replace(beat.record, began_anew=False)))
+        assert beat.policy_input is not None
+        goes_on = msgspec.structs.replace(beat.policy_input, began_anew=False)
+        beats.append(replace(beat, policy_input=goes_on))
     found = replay(replace(drive, beats=tuple(beats)), [MODEL])
     assert not found.is_as_expected
     assert found.largest_difference > 0.01
@@ -101,12 +121,14 @@ def with_view(drive: RecordedDrive, horizontal_deg: float, vertical_deg: float) 
     beats = [
         replace(
             beat,
-            record=msgspec.structs.replace(
-                beat.record, view_horizontal_deg=horizontal_deg, view_vertical_deg=vertical_deg
+            policy_input=msgspec.structs.replace(
+                beat.policy_input,
+                view_horizontal_deg=horizontal_deg,
+                view_vertical_deg=vertical_deg,
             ),
         )
         for beat in drive.beats
-        if beat.record is not None
+        if beat.policy_input is not None
     ]
     return replace(drive, beats=tuple(beats))
 
@@ -140,7 +162,7 @@ def test_a_recording_that_cannot_be_replayed_says_why(drive: RecordedDrive, tmp_
     with pytest.raises(ConfigurationError, match=r"model 93277d5c321b drove, and none of 1 files"):
         replay(drive, [RECORDED / "000.mcap"])
     path = tmp_path / "telemetry.mcap"
-    with Recording(path, "mbot-1") as recording:
+    with TelemetryFile(path, "mbot-1") as recording:
         recording.write(picture(decision(0).unix_time_ns))
         recording.write(decision(0))
     with pytest.raises(ConfigurationError, match="fetch the robot's own recording"):
@@ -152,11 +174,54 @@ def test_a_recording_that_cannot_be_replayed_says_why(drive: RecordedDrive, tmp_
         read_drive(path)
 
 
-def test_what_the_daemon_says_of_a_model_reaches_the_person(tmp_path: Path) -> None:
+def test_what_is_wrong_with_a_model_reaches_the_person(
+    drive: RecordedDrive, tmp_path: Path
+) -> None:
     path = tmp_path / "no.onnx"
     path.write_bytes(b"no")
-    with pytest.raises(MbotError, match="mbot-agent: "), Decider(path):
-        pass
+    with pytest.raises(ContractError, match="not an ONNX model"):
+        replay(drive, [], path)
+
+
+def seen_by(
+    drive: RecordedDrive, model: bytes, folder: Path, *beats: tuple[int, dict[str, object]]
+) -> list[Redecided]:
+    """A model that drove asked again, for the recording's first beats with these changes."""
+    path = folder / "model.onnx"
+    path.write_bytes(model)
+    sha256 = hashlib.sha256(model).hexdigest()
+    made: list[Beat] = []
+    for beat, (sequence, changes) in zip(drive.decided, beats, strict=False):
+        assert beat.policy_input is not None
+        decision = type(beat.decision)()
+        decision.CopyFrom(beat.decision)
+        decision.model_sha256, decision.sequence = sha256, sequence
+        known = msgspec.structs.replace(beat.policy_input, **changes)
+        made.append(replace(beat, decision=decision, policy_input=known))
+    return list(replay(replace(drive, beats=tuple(made)), [path]).decisions)
+
+
+def test_it_goes_on_with_its_own_memory_and_what_the_wheels_were_told(
+    drive: RecordedDrive, tmp_path: Path
+) -> None:
+    """Left: an eighth of the decisions remembered; right: what the left wheel was told."""
+    first = (1, {"began_anew": True, "memory": None})
+    second = (2, {"began_anew": False, "memory": np.float32(1).tobytes()})
+    third = (9, {"began_anew": False, "memory": np.float32(4).tobytes()})
+    lost = (11, {"began_anew": False, "memory": b"of another model"})
+    found = seen_by(drive, counting_model(), tmp_path, first, second, third, lost)
+    assert [one.action[0] for one in found] == [0.0, 0.125, 0.5, 0.0]
+    told = [one.beat.told for one in found]
+    assert [one.action[1] for one in found[1:3]] == [
+        pytest.approx(one[0]) for one in told[1:3] if one
+    ]
+    assert [one.same_memory for one in found[1:]] == [True, True, False]
+
+
+def test_a_model_that_fails_says_so_and_goes_on(drive: RecordedDrive, tmp_path: Path) -> None:
+    found = seen_by(drive, constant_model(float("nan"), 0.0), tmp_path, *[(7, {})] * 4)
+    assert len(found) == 4
+    assert all("expected two finite numbers" in one.failure for one in found)
 
 
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

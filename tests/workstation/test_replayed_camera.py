@@ -17,12 +17,13 @@ from hypothesis import strategies as st
 from msgspec import structs
 from typer.testing import CliRunner
 
+from mbot_protocol.beat.recorded_drive import RecordedDrive, read_drive
 from mbot_protocol.drive.camera_model import CameraModel, nominal_pi_camera
 from mbot_protocol.drive.picture import Observer, Picture
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.policy.policy_contract import FULL_VIEW, FieldOfView
 from mbot_workstation.cli.subcommands import app
-from mbot_workstation.fleet.recorded.recorded_drive import RecordedDrive, read_drive
+from mbot_workstation.pictures.picture_file import observation
 from mbot_workstation.virtual.live_report import LiveReport
 from mbot_workstation.virtual.replay_session import ReplaySettings, play
 from mbot_workstation.virtual.replayed_camera import BackProjection, Frame, ReplayedCamera, frames
@@ -40,7 +41,7 @@ def drive() -> RecordedDrive:
 
 
 def pictures(drive: RecordedDrive) -> list[Picture]:
-    return [seen for beat in drive.beats if (seen := beat.observation) is not None]
+    return [seen for beat in drive.beats if (seen := observation(beat)) is not None]
 
 
 @pytest.mark.parametrize("camera", [CAMERA, LENS])

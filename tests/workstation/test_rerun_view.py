@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError, UnreachableError
 from mbot_protocol.v1.messages_pb2 import Decision, Fault, State
+from mbot_workstation.cli.drives import ViewOptions
 from mbot_workstation.cli.subcommands import app
-from mbot_workstation.cli.view_drives import ViewOptions
 from mbot_workstation.look.drives.rerun_view import RerunView, changes
 
 from ..free_port import free_port

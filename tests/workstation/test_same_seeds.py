@@ -8,7 +8,7 @@ processor rounds sines and blends pixels differently in the last bit.
 import numpy as np
 import pytest
 
-from mbot_workstation.learn.worlds.fetch_env import FetchEnv
+from mbot_workstation.learn.worlds.task_env import TaskEnv
 
 DECISIONS = 60
 KNOWN = {
@@ -23,7 +23,7 @@ the last object is (metres ahead of the robot and to its left)."""
 
 def drive(preset: str, lesson: str) -> tuple[float, int, float, float, float]:
     """What comes of a clumsy drive at each object, of seed 3."""
-    env = FetchEnv(preset=preset, lesson=lesson)
+    env = TaskEnv(preset=preset, lesson=lesson)
     rng = np.random.default_rng(5)
     _, info = env.reset(seed=3)
     rewards, touches, means = [], 0, []

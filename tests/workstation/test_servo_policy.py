@@ -27,9 +27,11 @@ from mbot_protocol.policy.policy_contract import (
     FieldOfView,
     PolicyMetadata,
 )
-from mbot_workstation.cli.make_servo_policy import make_servo_policy
+from mbot_workstation.cli.demo import make_servo_policy
+from mbot_workstation.cli.presenter import plain
 from mbot_workstation.fleet.models.check import check_model
 from mbot_workstation.fleet.models.servo_policy import ServoGains, servo_model
+from mbot_workstation.fleet.models.written_policy import write_policy
 
 from .called import output_of
 
@@ -227,6 +229,16 @@ def test_command_tells_digest_and_what_is_next(tmp_path: Path) -> None:
     output = run(str(path))
     assert hashlib.sha256(path.read_bytes()).hexdigest()[:12] in output
     assert f"push-model {path}" in output
+
+
+def test_a_written_policy_says_what_it_is(tmp_path: Path) -> None:
+    model = servo_model(ServoGains(), PolicyMetadata("servo"))
+    made = write_policy(tmp_path / "a.onnx", "servo", model)
+    assert made.sha256 == hashlib.sha256(made.path.read_bytes()).hexdigest()
+    assert made.size_bytes == made.path.stat().st_size
+    assert plain(made).keys() == {"path", "name", "sha256", "size_bytes"}
+    trained = write_policy(tmp_path / "b.onnx", "servo", model, checkpoint=tmp_path)
+    assert plain(trained)["checkpoint"] == str(tmp_path)
 
 
 def test_same_options_give_the_same_file(tmp_path: Path) -> None:

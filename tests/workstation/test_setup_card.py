@@ -12,7 +12,7 @@ import pytest
 
 from mbot_agent.configuration import load
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.cli import setup_card as command
+from mbot_workstation.cli import set_up as command
 from mbot_workstation.fleet.models.key_folder import KeyFolder
 from mbot_workstation.fleet.models.signing_key import SigningKey
 from mbot_workstation.fleet.releases import boot_card

@@ -7,9 +7,10 @@ import pytest
 
 from mbot_workstation.learn.evaluation.episodes import Trial, evaluate, score
 from mbot_workstation.learn.studies.study_plans import study_plan
-from mbot_workstation.learn.worlds.lessons import lesson
 from mbot_workstation.learn.worlds.rooms import evaluation_rooms
 from mbot_workstation.sim.effects.presets import preset
+from mbot_workstation.tasks.fetch.task import TASK
+from mbot_workstation.tasks.lesson import lesson_named
 
 pytestmark = pytest.mark.slow
 
@@ -29,13 +30,21 @@ def test_it_is_as_good_as_its_page_says(name: str) -> None:
     assert found is not None
     assert asked is not None
     mean, low, high = map(float, found.groups())
-    trial = Trial(lesson("10"), preset(name), evaluation_rooms([]), episodes=int(asked[1]))
+    trial = Trial(
+        lesson_named(TASK.lessons, "10"), preset(name), evaluation_rooms([]), episodes=int(asked[1])
+    )
     reward = score(evaluate(SHIPPED, trial)).reward.mean
     assert low <= reward <= high, f"the page says {mean}"
 
 
 def test_it_is_no_worse_than_the_paper() -> None:
-    trial = Trial(lesson("10"), preset("nominal"), evaluation_rooms([]), episodes=32, seed=1)
+    trial = Trial(
+        lesson_named(TASK.lessons, "10"),
+        preset("nominal"),
+        evaluation_rooms([]),
+        episodes=32,
+        seed=1,
+    )
     assert score(evaluate(SHIPPED, trial)).reward.mean >= 19.8
 
 
@@ -46,6 +55,6 @@ def test_it_bears_pictures_as_late_as_the_papers() -> None:
     assert found is not None
     mean, low, high = map(float, found.groups())
     (late,) = [one for one in study_plan("latency").conditions if one.label == "400 ms"]
-    trial = Trial(lesson("10"), late.effects, evaluation_rooms([]), episodes=50)
+    trial = Trial(lesson_named(TASK.lessons, "10"), late.effects, evaluation_rooms([]), episodes=50)
     reward = score(evaluate(SHIPPED, trial)).reward.mean
     assert low <= reward <= high, f"the page says {mean}"

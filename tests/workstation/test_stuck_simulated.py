@@ -13,8 +13,8 @@ from mbot_protocol.drive.camera_model import CameraModel
 from mbot_protocol.drive.picture import Observer, Picture
 from mbot_protocol.policy.policy_contract import FULL_VIEW
 from mbot_workstation.learn.drivers.contestants import driver
-from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
-from mbot_workstation.sim.body.motor import duties
+from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
+from mbot_workstation.sim.body.motor import pwm_duties
 from mbot_workstation.sim.camera.camera_renderer import CameraRenderer
 from mbot_workstation.sim.camera.isp import IspSettings
 from mbot_workstation.sim.effects.isp_settings import isp_settings
@@ -38,9 +38,9 @@ CAMERAS = {
 
 def beat(number: int, observation: Picture, action: Sequence[float]) -> Tick:
     at_ns = round(number * PERIOD_S * 1e9)
-    joystick = WheelMaps().to_board(to_steps(*action))
+    told = WheelMaps().duties(to_steps(*action))
     orders = Orders(Mode.RUNNING)
-    return Tick(number, at_ns, at_ns, 0, orders, observation=observation, joystick=joystick)
+    return Tick(number, at_ns, at_ns, 0, orders, observation=observation, duties=told)
 
 
 @pytest.mark.parametrize("camera", CAMERAS)
@@ -50,7 +50,7 @@ def test_a_robot_at_a_wall_is_found_stuck(
 ) -> None:
     simulation = Simulation()
     simulation.place_robot(Pose(2.6, 0.5, heading_rad))
-    simulation.set_duty(*duties(WheelMaps().to_board(to_steps(*action))))
+    simulation.set_duty(*pwm_duties(WheelMaps().duties(to_steps(*action))))
     lens = CameraModel.from_field_of_view(
         320, 240, FULL_VIEW.horizontal_deg, FULL_VIEW.vertical_deg
     )
@@ -83,11 +83,11 @@ def test_nobody_is_found_stuck_in_ordinary_episodes(name: str) -> None:
     driven_by = driver("servo", ROBOTS, 7, ranges)
     checks = [StuckCheck() for _ in range(ROBOTS)]
     ended, driven = 0, 0
-    with FetchVecEnv(ROBOTS, 7, ranges, lesson="10") as environment:
+    with TaskVecEnv(ROBOTS, 7, ranges, lesson="10") as environment:
         pictures = np.asarray(environment.reset())
         number = 0
         while ended < EPISODES:
-            actions = np.clip(driven_by.act(pictures, np.zeros((ROBOTS, 2))), -1, 1)
+            actions = np.clip(driven_by.act(pictures, []), -1, 1)
             for check, picture, action in zip(checks, pictures, actions.tolist(), strict=True):
                 assert check.judge(beat(number, picture, action)) is None
                 driven += any(action)

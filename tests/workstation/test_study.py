@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.cli.study import NAMES, TOLERANCE, _beside, study  # pyright: ignore[reportPrivateUsage]
+from mbot_workstation.cli.evaluate import NAMES, TOLERANCE, _beside, study  # pyright: ignore[reportPrivateUsage]
 from mbot_workstation.learn.evaluation.episodes import EpisodeResult, Trial, score
 from mbot_workstation.learn.evaluation.evaluation_report import Line
 from mbot_workstation.learn.studies.study_plans import (
@@ -18,7 +18,7 @@ from mbot_workstation.learn.studies.study_plans import (
 )
 from mbot_workstation.learn.studies.study_run import Condition, run_study
 from mbot_workstation.learn.studies.tolerance_map import ToleranceMap
-from mbot_workstation.learn.worlds.lessons import lesson
+from mbot_workstation.learn.studies.tolerance_study import pairs_named
 from mbot_workstation.sim.calibrated.calibration_folder import (
     CalibrationFiles,
     read_files,
@@ -26,6 +26,8 @@ from mbot_workstation.sim.calibrated.calibration_folder import (
 )
 from mbot_workstation.sim.effects.perturbed_robot import perturbed_robot
 from mbot_workstation.sim.effects.presets import NOMINAL
+from mbot_workstation.tasks.fetch.task import TASK
+from mbot_workstation.tasks.lesson import lesson_named
 
 from .calibrations import LIGHT, MOTION
 from .called import output_of
@@ -57,6 +59,14 @@ def test_latency_is_counted_from_picture_to_wheels() -> None:
         effects = condition.effects.low
         assert effects.camera_latency_ms == condition.value
         assert effects.action_latency_ms + effects.action_jitter_ms + effects.frame_interval_ms == 0
+
+
+def test_pairs_are_two_deviations_each() -> None:
+    assert len(pairs_named((), 3)) == len(PAIRS)
+    (one,) = pairs_named(["track_scale:exposure_ms"], 3)
+    assert (one.across, one.up) == ("track_scale", "exposure_ms")
+    with pytest.raises(ConfigurationError):
+        pairs_named(["track_scale"], 3)
 
 
 def test_a_map_goes_row_by_row_from_the_lowest() -> None:
@@ -147,6 +157,6 @@ def test_what_cannot_be_studied_is_named(tmp_path: Path) -> None:
     ):
         with pytest.raises(ConfigurationError, match=message):
             invoke(*arguments, "-o", str(tmp_path))
-    trial = Trial(lesson("1"), NOMINAL, [], 1)
+    trial = Trial(lesson_named(TASK.lessons, "1"), NOMINAL, [], 1)
     with pytest.raises(ConfigurationError, match="needs the package 'ray'"):
         run_study([], [], trial, backend="ray")

@@ -1,5 +1,8 @@
+import io
+import json
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -7,7 +10,9 @@ from mbot_protocol.errors import NewerSchemaError
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_protocol.wire.keys import DECISION, OBSERVATION
 from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.fleet.telemetry.output import JsonLines
 from mbot_workstation.fleet.telemetry.stream import DEPTH, LinkState, Sample, TelemetryStream
+from mbot_workstation.fleet.telemetry.watch import watch
 
 from .fake_robot import FakeRobot
 from .samples import decision, picture
@@ -98,3 +103,14 @@ def test_a_restart_of_the_robot_is_survived() -> None:
         with FakeRobot(port=first.port) as second:
             settle(second, stream)
             assert stream.state is LinkState.LIVE
+
+
+def test_what_is_watched_is_counted_shown_and_recorded(robot: FakeRobot, tmp_path: Path) -> None:
+    out, path, count = io.StringIO(), tmp_path / "drive.mcap", 0
+    with RobotLink(robot.address) as link:
+        for count in watch(link, JsonLines(out, io.StringIO()), path, seconds=1.5):
+            if count < 3:
+                robot.publish(decision(count))
+    shown = [json.loads(line) for line in out.getvalue().splitlines()]
+    assert count == len(shown) >= 3
+    assert path.stat().st_size > 0

@@ -22,15 +22,14 @@ from torch.distributions import Normal
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.cli import train as command
-from mbot_workstation.learn.learning import picture_ppo, training_run
+from mbot_workstation.learn.learning import picture_ppo, run_plan, training_run
 from mbot_workstation.learn.learning.checkpoint import read_state, read_weights, restore_learner
-from mbot_workstation.learn.learning.curriculum import CurriculumState
+from mbot_workstation.learn.learning.curriculum import GUIDED_MARK, PAPER_MARK, CurriculumState
 from mbot_workstation.learn.learning.learner import LearnerSettings, make_learner
 from mbot_workstation.learn.learning.memory_policy import (
     MEMORY_UNITS,
-    TRUTH,
-    Before,
     MemoryPolicy,
+    PolicyInput,
 )
 from mbot_workstation.learn.learning.picture_ppo import PicturePPO
 from mbot_workstation.learn.learning.progress_display import LineDisplay
@@ -38,8 +37,8 @@ from mbot_workstation.learn.learning.progress_log import Episode, ProgressLog, r
 from mbot_workstation.learn.learning.run_directory import RunDirectory
 from mbot_workstation.learn.learning.training_config import TrainingConfig, read_config
 from mbot_workstation.learn.learning.training_run import TrainingResult, begin_run, train
-from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
-from mbot_workstation.learn.worlds.lessons import GUIDED_MARK, PAPER_MARK
+from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
+from mbot_workstation.tasks.fetch.task import TASK
 
 from ..until import until
 
@@ -58,7 +57,7 @@ LIMIT_S = 60
 
 def test_neighbouring_seeds_have_no_robot_in_common(monkeypatch: pytest.MonkeyPatch) -> None:
     first: list[int] = []
-    monkeypatch.setattr(training_run, "FetchVecEnv", lambda **told: first.append(told["seed"]))
+    monkeypatch.setattr(training_run, "TaskVecEnv", lambda **told: first.append(told["seed"]))
     for seed in range(4):
         training_run.environment_of(replace(TINY, robots=16, seed=seed))
     assert np.diff(first).tolist() == [16, 16, 16], "robots count up from it"
@@ -250,18 +249,18 @@ def test_what_is_no_run_is_named(tmp_path: Path) -> None:
 
 def test_progress_is_a_row_an_interval_and_forgets_a_lost_future(tmp_path: Path) -> None:
     path = tmp_path / "progress.csv"
-    log = ProgressLog(path, row_every=100)
+    log = ProgressLog(path, "touches", row_every=100)
     log.add(Episode(2.0, 10, 1))
     log.add(Episode(-1.0, 30, 0))
     assert log.row_if_due(99, 1.0, "1") is None
     row = log.row_if_due(104, 1.0, "1")
     assert row is not None
-    assert (row.mean_reward, row.mean_length, row.mean_touches, row.episodes) == (0.5, 20, 0.5, 2)
+    assert (row.mean_reward, row.mean_length, row.mean_count, row.episodes) == (0.5, 20, 0.5, 2)
     assert log.row_if_due(205, 2.0, "1") is None  # no episode has ended
     log.add(Episode(3.0, 10, 1))
     assert log.row_if_due(206, 2.0, "2") is not None
     assert [row.step for row in read_progress(path)] == [104, 206]
-    ProgressLog(path, step=150, row_every=100)
+    ProgressLog(path, "touches", step=150, row_every=100)
     assert [row.step for row in read_progress(path)] == [104]
     path.write_text("a,b\n1,2\n")
     with pytest.raises(ConfigurationError, match="columns"):
@@ -295,7 +294,7 @@ def test_threads_learn_what_stable_baselines_learns(
     def evaluate_actions(self: MemoryPolicy, obs: Any, actions: Any) -> Any:
         known = self.features_extractor(obs.float())
         wheels = Normal(self.action_net(known), self.log_std.exp())
-        values = self.value_of(known, torch.zeros(len(obs), TRUTH))
+        values = self.value_of(known, torch.zeros(len(obs), self.critic_inputs))
         return values, wheels.log_prob(actions).sum(dim=1), wheels.entropy().sum(dim=1)
 
     monkeypatch.setattr(MemoryPolicy, "evaluate_actions", evaluate_actions)
@@ -310,13 +309,15 @@ def test_threads_learn_what_stable_baselines_learns(
     learned: list[dict[str, torch.Tensor]] = []
     for update in (PicturePPO.train, PPO.train):
         environment = DummyVecEnv([Pictures, Pictures])
-        learner = make_learner(environment, settings, seed=3)
+        learner = make_learner(environment, settings, seed=3, critic=TASK.critic)
         learner.set_logger(Logger(None, []))
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(PicturePPO, "train", update)
             learner.learn(64)
         learned.append(learner.policy.state_dict())
-    start = make_learner(DummyVecEnv([Pictures]), settings, seed=3).policy.state_dict()
+    start = make_learner(
+        DummyVecEnv([Pictures]), settings, seed=3, critic=TASK.critic
+    ).policy.state_dict()
     for name, ours in learned[0].items():
         torch.testing.assert_close(ours, learned[1][name], rtol=0, atol=2e-5)
     moved = max(float((learned[0][name] - start[name]).abs().max()) for name in start)
@@ -354,8 +355,8 @@ def test_without_options_a_policy_with_memory_learns_from_a_guide_on_any_robot()
     config = configured()
     assert config.lessons == ("10", "rough")
     assert config.pass_mark == GUIDED_MARK
-    assert config.steps == command.STEPS
-    assert config.learner.guided_decisions == command.GUIDED_DECISIONS
+    assert config.steps == run_plan.STEPS
+    assert config.learner.guided_decisions == run_plan.GUIDED_DECISIONS
     assert config.learner.memory_units == command.MEMORY_UNITS == MEMORY_UNITS
 
 
@@ -389,13 +390,15 @@ def test_for_another_colour_the_parents_first_layer_is_turned(
     file = Path("models/objects/green-ball.toml")
     told = configured(parent=finished.path, object=file, memory=0)
     assert told.hue_turn_deg == pytest.approx(131, abs=1)
-    assert told.steps == command.NEW_OBJECT_STEPS
+    assert told.steps == run_plan.NEW_OBJECT_STEPS
     assert told.lessons == ("rough",)
-    assert told.learner.guided_decisions == command.NEW_OBJECT_GUIDED
+    assert told.learner.guided_decisions == run_plan.NEW_OBJECT_GUIDED
     assert told.learner.first_filter_px == 8  # as the parent's, not as the guide's pupils have it
     config = replace(TINY, parent=told.parent, hue_turn_deg=told.hue_turn_deg)
-    with FetchVecEnv(robots=2, workers=1, preset="ideal") as environment:
-        red, green = (make_learner(environment, TINY.learner, seed=5) for _ in range(2))
+    with TaskVecEnv(robots=2, workers=1, preset="ideal") as environment:
+        red, green = (
+            make_learner(environment, TINY.learner, seed=5, critic=TASK.critic) for _ in range(2)
+        )
         restore_learner(Path(config.parent), red, with_optimizer=False)
         turn_deg = config.hue_turn_deg
         restore_learner(Path(config.parent), green, with_optimizer=False, turn_deg=turn_deg)
@@ -414,16 +417,16 @@ def test_a_policy_without_memory_gets_one_that_it_does_not_heed_yet(tmp_path: Pa
     run_to_end(parent, paper)
     config = configured(parent=parent.path, memory=16)
     assert (config.learner.guided_decisions, config.lessons) == (0, ("rough",))
-    with FetchVecEnv(robots=2, workers=1, preset="ideal") as environment:
-        learner = make_learner(environment, config.learner, seed=5)
+    with TaskVecEnv(robots=2, workers=1, preset="ideal") as environment:
+        learner = make_learner(environment, config.learner, seed=5, critic=TASK.critic)
         restore_learner(Path(config.parent), learner, with_optimizer=False)
-        before = make_learner(environment, paper.learner, seed=6)
+        before = make_learner(environment, paper.learner, seed=6, critic=TASK.critic)
         restore_learner(Path(config.parent), before, with_optimizer=True)
         pictures = environment.reset()
         state, told = torch.randn(2, 16), torch.rand(2, 2)
         sight = torch.from_numpy(pictures)
         for remembered in (torch.zeros(2, 16), state):
-            ours = learner.policy.decide(Before(sight, remembered, told))
+            ours = learner.policy.decide(PolicyInput(sight, remembered, told))
             theirs = before.policy.predict(pictures, deterministic=True)[0]
             np.testing.assert_allclose(ours.actions.detach(), theirs, rtol=0, atol=1e-5)
     with pytest.raises(ConfigurationError, match="weights of another network"):

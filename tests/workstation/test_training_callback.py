@@ -10,12 +10,14 @@ import pytest
 from stable_baselines3.common.logger import Logger
 
 from mbot_workstation.learn.learning.checkpoint import MODEL_FILE, CheckpointState, read_state
+from mbot_workstation.learn.learning.curriculum import PAPER_MARK, PassMark
 from mbot_workstation.learn.learning.progress_display import LineDisplay
 from mbot_workstation.learn.learning.progress_log import read_progress
 from mbot_workstation.learn.learning.run_directory import RunDirectory
 from mbot_workstation.learn.learning.training_callback import TrainingCallback
 from mbot_workstation.learn.learning.training_config import TrainingConfig
-from mbot_workstation.learn.worlds.lessons import PAPER_MARK, Lesson, PassMark
+from mbot_workstation.tasks.fetch.task import TASK
+from mbot_workstation.tasks.lesson import Lesson
 
 CONFIG = TrainingConfig(
     steps=1000, lessons=("1", "2"), target_reward=2.0, checkpoint_every=64, row_every=100
@@ -29,7 +31,7 @@ class Learning:
     def __init__(
         self, path: Path, start: CheckpointState | None = None, config: TrainingConfig = CONFIG
     ) -> None:
-        self.run = RunDirectory(path)
+        self.run, self.task = RunDirectory(path), TASK
         self.lessons: list[str] = []
         self.stop = threading.Event()
         path.mkdir(exist_ok=True)

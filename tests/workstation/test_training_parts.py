@@ -16,8 +16,12 @@ from mbot_workstation.learn.learning.policy_source import find_source
 from mbot_workstation.learn.learning.progress_log import ProgressRow
 from mbot_workstation.learn.learning.run_directory import RunDirectory
 from mbot_workstation.learn.studies.study_report import make_folder, markdown
-from mbot_workstation.learn.worlds.fetch_worker import Done, Quit, Reset, Step, run_worker
-from mbot_workstation.learn.worlds.robot_camera import Glimpse, RobotCamera
+from mbot_workstation.learn.worlds.robot_camera import (
+    NOISE_SHARE,
+    Glimpse,
+    RobotCamera,
+    observation_processor,
+)
 from mbot_workstation.learn.worlds.rooms import (
     CHOICE_ROOMS,
     EVALUATION_ROOMS,
@@ -27,13 +31,14 @@ from mbot_workstation.learn.worlds.rooms import (
     gather_rooms,
     training_rooms,
 )
-from mbot_workstation.learn.worlds.sensor import NOISE_SHARE, observation_processor
 from mbot_workstation.learn.worlds.shared_arrays import SharedMemory
+from mbot_workstation.learn.worlds.worker import Done, Quit, Reset, Step, run_worker
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.camera.frame_edges import FrameEdges
 from mbot_workstation.sim.effects.effects import IDEAL, RealWorldEffects
 from mbot_workstation.sim.effects.isp_settings import isp_settings
 from mbot_workstation.sim.scene.target_object import RED_CUBE, Shape, TargetObject
+from mbot_workstation.tasks.fetch.task import TASK
 
 from .small_world import settings
 
@@ -114,7 +119,7 @@ def test_a_robots_camera_repeats_itself_by_its_seed() -> None:
 
 
 def test_memory_is_shared_by_its_arrays() -> None:
-    memory = SharedMemory.allocate(multiprocessing.get_context("spawn"), 3)
+    memory = SharedMemory.allocate(multiprocessing.get_context("spawn"), 3, TASK)
     one, other = memory.arrays(), memory.arrays()
     one.actions[1] = (0.5, -0.5)
     one.frames[2] = 7
@@ -125,8 +130,8 @@ def test_memory_is_shared_by_its_arrays() -> None:
 
 def test_a_worker_serves_its_share_until_told_to_quit() -> None:
     ours, theirs = multiprocessing.Pipe()
-    memory = SharedMemory.allocate(multiprocessing.get_context("spawn"), 1)
-    for request in (settings(), Reset(seeds=(5,)), Step(), Quit()):
+    memory = SharedMemory.allocate(multiprocessing.get_context("spawn"), 1, TASK)
+    for request in ("fetch", settings(), Reset(seeds=(5,)), Step(), Quit()):
         ours.send(request)
     before = signal.getsignal(signal.SIGINT)
     try:
@@ -154,16 +159,16 @@ def test_a_curve_is_drawn(tmp_path: Path) -> None:
         ProgressRow(step, 10.0, lesson, 2.0, 20.0, 1.0, 100)
         for step, lesson in ((40_000, "1"), (80_000, "2"))
     ]
-    draw_curves({"a run": rows}, tmp_path / "curve.png")
+    draw_curves({"a run": rows}, TASK, tmp_path / "curve.png")
     assert (tmp_path / "curve.png").stat().st_size > 5_000
-    assert mark_note("10") == ""
-    assert "rough, is harder than the paper's" in mark_note("rough")
+    assert mark_note(TASK, "10") == ""
+    assert "rough, is harder than the paper's" in mark_note(TASK, "rough")
 
 
 def test_a_report_without_lines_is_a_table_without_rows(tmp_path: Path) -> None:
     make_folder(tmp_path / "new")
     assert (tmp_path / "new").is_dir()
-    assert markdown([]).count("|") > 5
+    assert markdown([], TASK).count("|") > 5
 
 
 def test_a_checkpoint_for_which_there_is_no_room_leaves_nothing(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from mbot_protocol.drive.mcore import Joystick
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.sim.pose import Pose
-from mbot_workstation.tasks.fetch.run import FetchResult, Happening
+from mbot_workstation.tasks.fetch.episode import Happening
 from mbot_workstation.virtual.live_world import TaskEvent, WorldStatus
 from mbot_workstation.virtual.port_link import PortLink
 from mbot_workstation.virtual.trajectory import TrajectoryWriter
@@ -48,29 +48,13 @@ def test_a_file_is_not_replaced_by_a_link(tmp_path: Path) -> None:
 
 def test_a_trajectory_is_a_json_object_a_line(tmp_path: Path) -> None:
     path = tmp_path / "path.jsonl"
-    result = FetchResult(1, (1.5,), 0, 0, True, 1.9, 0.5, 1.5)
+    result = {"touches": 1, "score": 1.9}
     status = WorldStatus(
-        1.0, Pose(0.1, 0.2, 0.3), Pose(1, 2), Joystick(0, 0), (0.0, 0.0), result, ended=False
+        1.0, Pose(0.1, 0.2, 0.3), (Pose(1, 2),), Joystick(0, 0), (0.0, 0.0), result, ended=False
     )
     with TrajectoryWriter(path) as writer:
         writer.add(status)
-        writer.add_event(
-            TaskEvent(
-                1.5,
-                Happening.TOUCH,
-                1.9,
-                FetchResult(
-                    1,
-                    (1.5,),
-                    0,
-                    0,
-                    completed=True,
-                    score=1.9,
-                    distance_driven_m=0.5,
-                    duration_s=1.5,
-                ),
-            )
-        )
+        writer.add_event(TaskEvent(1.5, Happening.TOUCH, 1.9, {"touches": 1}))
     moment, event = map(json.loads, path.read_text().splitlines())
     assert moment.pop("unix_s") == pytest.approx(time.time(), abs=60)
     assert moment == {"t": 1.0, "x": 0.1, "y": 0.2, "yaw": 0.3, "object": [1, 2, 0.0]}

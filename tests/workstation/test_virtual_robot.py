@@ -20,9 +20,9 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.sim.camera.scene_renderer import TRAINING
 from mbot_workstation.sim.scene.object_file import read_objects
 from mbot_workstation.sim.scene.room_generator import generate_room
-from mbot_workstation.sim.scene.scene_parameters import SceneParameters
-from mbot_workstation.tasks.fetch.rules import FetchRules
-from mbot_workstation.tasks.fetch.run import Happening
+from mbot_workstation.sim.scene.scene_parameters import Arena, SceneParameters
+from mbot_workstation.tasks.fetch.episode import Happening
+from mbot_workstation.tasks.fetch.lessons import FetchLesson
 from mbot_workstation.virtual.camera_stream import CameraSettings
 from mbot_workstation.virtual.live_report import LiveReport
 from mbot_workstation.virtual.stand_in import VirtualRobot, VirtualRobotSettings
@@ -85,8 +85,8 @@ def test_no_two_pictures_of_a_standing_robot_are_the_same() -> None:
 
 def test_its_object_is_the_one_it_was_told() -> None:
     (ball,) = read_objects(Path("models/objects/green-ball.toml"))
-    rules = FetchRules(spawn_farthest_m=0.5, spawn_half_angle_rad=0.1, objects=1)
-    with running(scene=SceneParameters(objects=(ball,)), rules=rules) as robot:
+    lesson = FetchLesson("close", 0.5, spawn_half_angle_deg=6, objects=1)
+    with running(scene=SceneParameters(objects=(ball,)), lesson=lesson) as robot:
         capture = cv2.VideoCapture(robot.server.url)
         blue, green, red = cv2.split(capture.read()[1].astype(int))
         capture.release()
@@ -94,21 +94,25 @@ def test_its_object_is_the_one_it_was_told() -> None:
 
 
 def test_the_task_waits_until_somebody_drives() -> None:
-    rules = FetchRules(time_limit_s=0.05, ends_on_failure=False)
-    with running(rules=rules) as robot:
+    lesson = FetchLesson("short", 1.2, time_limit_s=0.05, ends_on_failure=False)
+    with running(lesson=lesson) as robot:
         assert until(lambda: robot.world.status().time_s > 0.3)
-        assert robot.world.status().result.duration_s == 0
+        assert robot.world.status().result["duration_s"] == 0
         with serial.Serial(str(robot.board.path), BAUD_RATE) as port:
             port.write(FORWARD.to_bytes())
             event = robot.world.events.get(timeout=LIMIT_S)
-        assert event.happening is Happening.TIME_OUT
+        assert event.happening == Happening.TIME_OUT
 
 
 def test_the_border_puts_it_back_and_it_drives_on() -> None:
-    rules = FetchRules(border_m=0.6, spawn_farthest_m=0.5, objects=0, ends_on_failure=False)
-    with running(rules=rules) as robot, serial.Serial(str(robot.board.path), BAUD_RATE) as port:
+    lesson = FetchLesson("endless", 0.5, objects=0, ends_on_failure=False)
+    near = SceneParameters(arena=Arena(border_m=0.6))
+    with (
+        running(lesson=lesson, scene=near) as robot,
+        serial.Serial(str(robot.board.path), BAUD_RATE) as port,
+    ):
         port.write(FORWARD.to_bytes())
-        while robot.world.events.get(timeout=LIMIT_S).happening is not Happening.BORDER:
+        while robot.world.events.get(timeout=LIMIT_S).happening != Happening.BORDER:
             pass
         assert robot.world.status().robot.x_m < 0.3
         assert robot.world.status().motors == FORWARD
@@ -129,7 +133,7 @@ def test_a_failing_part_stops_the_whole_and_is_told() -> None:
 def test_a_session_leaves_result_trajectory_and_film(tmp_path: Path) -> None:
     outputs = Outputs(tmp_path / "result.json", tmp_path / "path.jsonl", tmp_path / "film.mp4")
     lines = io.StringIO()
-    rules = FetchRules(time_limit_s=1.0, objects=0, ends_on_failure=True)
+    lesson = FetchLesson("short", 1.2, time_limit_s=1.0, objects=0)
     board = tmp_path / "board"
     stop = threading.Event()
 
@@ -142,12 +146,12 @@ def test_a_session_leaves_result_trajectory_and_film(tmp_path: Path) -> None:
     driver = threading.Thread(target=drive)
     driver.start()
     try:
-        made = settings(rules=rules, board_link=board)
+        made = settings(lesson=lesson, board_link=board)
         result = run_session(made, outputs, LiveReport(as_json=True, stream=lines), stop, 20)
     finally:
         stop.set()
         driver.join()
-    assert result.time_outs == 1
+    assert result["time_outs"] == 1
     assert json.loads((tmp_path / "result.json").read_text())["time_outs"] == 1
     path = [json.loads(line) for line in (tmp_path / "path.jsonl").read_text().splitlines()]
     assert {"t", "x", "y", "yaw", "object"} <= path[0].keys()

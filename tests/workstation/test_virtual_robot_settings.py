@@ -4,8 +4,9 @@ from typing import Any
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.cli.virtual_robot import CameraKind, VirtualRobotOptions
-from mbot_workstation.cli.virtual_robot_settings import (
+from mbot_workstation.cli.virtual_robot import (
+    CameraKind,
+    VirtualRobotOptions,
     outputs,
     replay_settings,
     robot_settings,

@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_protocol.v1.messages_pb2 import STATE_RUNNING, Fault
+from mbot_protocol.v1.messages_pb2 import Decision, Fault
 from mbot_workstation.wording import (
     LONGEST_TEXT,
+    computer_words,
     degrees,
     fault_lines,
     metres,
@@ -19,7 +20,6 @@ from mbot_workstation.wording import (
     seconds,
     short_digest,
     size_words,
-    state_word,
     typed,
     waiting_words,
 )
@@ -33,12 +33,14 @@ def test_any_text_becomes_one_printable_line(text: str) -> None:
 
 
 def test_values_become_words() -> None:
-    assert state_word(STATE_RUNNING) == "running"
-    assert state_word(77) == "state-77"
     assert short_digest("ab" * 32) == "abababababab"
     assert short_digest("") == "none"
     assert (size_words(4600), size_words(2_410_000)) == ("4.6 kB", "2.41 MB")
     fault = Fault(kind="camera", detail="black\x1b[2J\npictures")
+    computer = Decision(cpu_temperature_c=51.5, load_1min=0.75)
+    assert computer_words(computer) == "52 °C, load 0.75"
+    computer.under_voltage = True
+    assert "under-voltage" in computer_words(computer)
     assert fault_lines([fault]) == ["camera: black [2J pictures"]
 
 

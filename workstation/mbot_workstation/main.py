@@ -49,7 +49,14 @@ def _run() -> int:
         return _said("interrupted", code) if code == INTERRUPTED else code
     except MbotError as error:
         # Names and words of strangers' files may stand in it.
-        return _said("".join(c if c.isprintable() else " " for c in str(error)), error.exit_code)
+        words = "".join(c if c.isprintable() else " " for c in str(error))
+        if "--json" in sys.argv:
+            import json
+
+            told = {"kind": error.kind, "text": words, "remedy": error.remedy, "facts": error.facts}
+            print(json.dumps({"error": told}, default=str), file=sys.stderr)
+            return error.exit_code
+        return _said(words, error.exit_code)
     except typer.Abort:
         return _said("interrupted", INTERRUPTED)
     except Exception as error:

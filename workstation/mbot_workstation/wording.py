@@ -1,10 +1,12 @@
-"""How values are written for people: lengths and shares, states, digests, texts from the wire."""
+"""How values are written for people: lengths and shares, digests, texts from the wire."""
 
 import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
-from mbot_protocol.v1.messages_pb2 import Decision, Fault, Notice, State, Status
+if TYPE_CHECKING:  # loading messages takes longer than `--help` may
+    from mbot_protocol.v1.messages_pb2 import Decision, Fault, Status
 
 LONGEST_TEXT = 400
 """Longer texts from the wire are cut: an error is one line a person reads."""
@@ -50,21 +52,23 @@ def seconds(value_s: float) -> str:
     return f"{value_s:.3g} s"
 
 
-def state_word(state: int) -> str:
-    """`State` in one lower-case word; a state this software does not know by its number."""
-    if state not in State.values():
-        return f"state-{state}"
-    return State.Name(State.ValueType(state)).removeprefix("STATE_").lower()
-
-
 def short_digest(sha256: str) -> str:
     """The first 12 digits of a digest: enough to tell models apart, and for a roll-back."""
     return one_line(sha256)[:12] or "none"
 
 
-def decision_state(decision: Decision) -> str:
-    """A beat's state, and why it stands if a hand has let go."""
-    return state_word(decision.state) + (" (the hand let go)" if decision.hand_let_go else "")
+def computer_words(decision: "Decision") -> str:
+    """How the robot's computer is, as far as it tells: "52 °C, load 0.75, 200 MiB"."""
+    known: list[str] = []
+    if decision.HasField("cpu_temperature_c"):
+        known.append(f"{decision.cpu_temperature_c:.0f} °C")
+    if decision.HasField("load_1min"):
+        known.append(f"load {decision.load_1min:.2f}")
+    if decision.HasField("resident_memory_bytes"):
+        known.append(f"{decision.resident_memory_bytes / 2**20:.0f} MiB")
+    if decision.under_voltage:
+        known.append("under-voltage: check battery and cable")
+    return ", ".join(known)
 
 
 def size_words(size_bytes: int) -> str:
@@ -72,7 +76,21 @@ def size_words(size_bytes: int) -> str:
     return f"{size_bytes / 1e3:.1f} kB" if size_bytes < 1e6 else f"{size_bytes / 1e6:.2f} MB"
 
 
-def fault_lines(faults: Iterable[Fault | Notice]) -> list[str]:
+class Told(Protocol):
+    """A fault or notice, as the robot tells it."""
+
+    @property
+    def kind(self) -> str:
+        """A slug."""
+        ...
+
+    @property
+    def detail(self) -> str:
+        """What was found and what to do."""
+        ...
+
+
+def fault_lines(faults: Iterable[Told]) -> list[str]:
     """Each fault or notice in one line: kind, what was found, what to do."""
     return [f"{one_line(fault.kind)}: {one_line(fault.detail)}" for fault in faults]
 
@@ -85,7 +103,7 @@ _MENDED = {
 _DEVICE_MENDED = {"lost": "is back", "stalled": "is back", "starting": "is ready"}
 
 
-def waiting_words(faults: Sequence[Fault]) -> str:
+def waiting_words(faults: "Sequence[Fault]") -> str:
     """What an armed robot that stands is waiting for, and the faults behind it."""
     if not faults:
         return "it does not drive yet, and reports no fault"
@@ -100,7 +118,7 @@ def _mended(kind: str) -> str:
     return _MENDED.get(kind, "that is mended")
 
 
-def standing_words(status: Status) -> str:
+def standing_words(status: "Status") -> str:
     """Why a robot stands that is `stopped`, and since when: a hand has let go, or a stop."""
     if not status.let_go_monotonic_ns:
         return stop_words(status)
@@ -108,7 +126,7 @@ def standing_words(status: Status) -> str:
     return f"the hand let go {duration(ago_s)} ago"
 
 
-def stop_words(status: Status) -> str:
+def stop_words(status: "Status") -> str:
     """Who or what has stopped a robot last, and how long before it said so."""
     stop = status.last_stop
     if not stop.monotonic_ns:

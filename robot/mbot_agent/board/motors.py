@@ -11,17 +11,20 @@ import threading
 import time
 from typing import Self
 
+from mbot_agent.board import board_kinds
 from mbot_agent.board.board_session import (
     BoardLostError,
     BoardResetError,
     BoardSession,
+    Firmware,
     UnacknowledgedError,
 )
 from mbot_agent.configuration import Board
 from mbot_agent.faults import Fault
-from mbot_agent.hardware import Delivery, DriveCommand
+from mbot_agent.hardware import Delivery
 from mbot_protocol.back_off import BackOff
-from mbot_protocol.drive.mcore import STOP, has_deadman, is_of_another_board
+from mbot_protocol.drive.actions import AS_BUILT, WheelMaps
+from mbot_protocol.drive.wheel_command import STOP, WheelCommand
 from mbot_protocol.errors import UnreachableError
 
 log = logging.getLogger(__name__)
@@ -49,10 +52,18 @@ class Motors:
 
     """
 
-    def __init__(self, board: Board) -> None:
+    def __init__(self, board: Board, wheels: WheelMaps = AS_BUILT) -> None:
+        """`wheels` say which motor is reversed.
+
+        Raises:
+            ConfigurationError: nobody knows this kind of board.
+
+        """
         self._board = board
+        self._wheels = wheels
+        self._open = board_kinds.opener(board)
         self._news = threading.Condition()
-        self._command: DriveCommand | None = None
+        self._command: WheelCommand | None = None
         self._fresh = False  # the command has not been written yet
         self._delivery: tuple[int, Delivery] | None = None  # the last one, and its ticket
         self._ticket = 0
@@ -65,7 +76,7 @@ class Motors:
         self._closing = False
         self._stopped = threading.Event()
         self._fault: Fault | None = Fault("board-starting", "the board has not answered yet")
-        self._version = ""
+        self._firmware = Firmware()
         self._wake_reader, self._wake_writer = os.pipe()
         os.set_blocking(self._wake_reader, False)
         os.set_blocking(self._wake_writer, False)
@@ -83,7 +94,7 @@ class Motors:
     @property
     def version(self) -> str:
         """The firmware's name of itself; empty while not connected."""
-        return self._version
+        return self._firmware.version
 
     @property
     def resets(self) -> int:
@@ -93,22 +104,18 @@ class Motors:
     @property
     def has_deadman(self) -> bool:
         """Whether the firmware stops by itself when commands cease."""
-        return has_deadman(self._version)
+        return self._firmware.has_deadman
 
     @property
     def fault(self) -> Fault | None:
         """Why the wheels cannot be driven now, if they cannot."""
-        fault = self._fault
-        if fault is None and is_of_another_board(self._version):
-            return Fault(
-                "board-other",
-                f"the firmware ({self._version}) is Makeblock's for another board than the mBot's "
-                "mCore: motors are not where it is told; connect an mCore",
-            )
-        if fault is None and not (self.has_deadman or self._board.accept_no_deadman):
+        fault, firmware = self._fault, self._firmware
+        if fault is None and firmware.mistaken:
+            return Fault("board-other", firmware.mistaken)
+        if fault is None and not (firmware.has_deadman or self._board.accept_no_deadman):
             return Fault(
                 "board-no-deadman",
-                f"the board's firmware ({self._version}) keeps driving if this computer dies; "
+                f"the board's firmware ({firmware.version}) keeps driving if this computer dies; "
                 "flash one with a time-out, or accept it by board.accept_no_deadman = true",
             )
         return fault
@@ -123,7 +130,7 @@ class Motors:
         with self._news:
             self._arm = False
 
-    def drive(self, command: DriveCommand) -> int:
+    def drive(self, command: WheelCommand) -> int:
         """Make this the command in force. Returns a ticket for `delivery`.
 
         A command given while the motors cannot be driven is dropped, never kept for later.
@@ -195,9 +202,7 @@ class Motors:
         back_off = BackOff()
         while not self._closing:
             try:
-                with BoardSession.open(
-                    self._board.port, self._board.baud_rate, self._wake_reader
-                ) as session:
+                with self._open(self._board, self._wake_reader) as session:
                     while not self._closing and session.handshake(self._gives_up):
                         back_off.succeeded()
                         self._connected(session)
@@ -223,8 +228,8 @@ class Motors:
 
     def _connected(self, session: BoardSession) -> None:
         with self._news:
-            self._version, self._command, self._fault = session.version, None, None
-        log.info("board ready on %s, firmware %s", session.path, session.version)
+            self._firmware, self._command, self._fault = session.firmware, None, None
+        log.info("board ready on %s, firmware %s", session.path, session.firmware.version)
         if (fault := self.fault) is not None:
             log.warning("%s", fault.detail)
 
@@ -233,7 +238,7 @@ class Motors:
         if self._fault != fault:
             log.warning("%s", error)
         with self._news:
-            self._fault, self._version, self._command = fault, "", None
+            self._fault, self._firmware, self._command = fault, Firmware(), None
             self._arm = False
             self._news.notify_all()
 
@@ -257,10 +262,12 @@ class Motors:
                         next_write = now + IDLE_HEARTBEAT_S
                     self._stopped.set()
                 elif fresh or now >= next_write:
-                    driving = driving or not command.joystick.is_stop
+                    driving = driving or not command.duties.is_stop
                     if self._is_to_be_armed():
                         session.arm()
-                    written_ns, acknowledged_ns = session.send(command.joystick)
+                    written_ns, acknowledged_ns = session.send(
+                        self._wheels.at_motors(command.duties)
+                    )
                     refused = 0
                     next_write = now + REFRESH_S
                     if fresh:
@@ -269,20 +276,20 @@ class Motors:
             except UnacknowledgedError as error:
                 failures += 1
                 refused += command is not None
-                if failures >= LOST_AFTER_FAILURES and not session.may_latch:
+                if failures >= LOST_AFTER_FAILURES and not session.firmware.may_latch:
                     raise BoardLostError(str(error)) from None
                 self._drop(ticket)
                 # It may or may not have obeyed. Stop it for certain before anything newer is sent;
                 # a board that does not acknowledge that is lost.
                 self._stop(session)
                 driving = False
-                if refused >= LATCHED_AFTER_REFUSALS and session.may_latch:
+                if refused >= LATCHED_AFTER_REFUSALS and session.firmware.may_latch:
                     # It obeys stops and no drive command: its dead man's switch has latched.
                     self._resets, refused = self._resets + 1, 0
                 continue
             self._wait(session, command, next_write)
 
-    def _in_force(self) -> tuple[DriveCommand | None, int, bool]:
+    def _in_force(self) -> tuple[WheelCommand | None, int, bool]:
         """The command that holds now, its ticket, and whether it still has to be written."""
         with self._news:
             command, fresh = self._command, self._fresh
@@ -323,7 +330,7 @@ class Motors:
             self._delivery = ticket, delivery
             self._news.notify_all()
 
-    def _wait(self, session: BoardSession, command: DriveCommand | None, next_write: float) -> None:
+    def _wait(self, session: BoardSession, command: WheelCommand | None, next_write: float) -> None:
         until = next_write
         if command is not None:
             until = min(until, command.deadline_ns / 1e9)

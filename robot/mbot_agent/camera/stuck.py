@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from mbot_agent.faults import Fault
 from mbot_agent.tick import Tick
-from mbot_protocol.drive.mcore import SPEED_LIMIT, STOP, Joystick
 from mbot_protocol.drive.picture import Picture
+from mbot_protocol.drive.wheel_command import STOP, Duties
 
 STILL_FOR_NS = 3_000_000_000
 """So long at least; latency, start-up of the motors and a slipping start are over in a tenth."""
@@ -29,8 +29,8 @@ WAY_M = 0.5
 """And so far would a wheel have come at least: by then even a plain wall that fills the picture has
 come to its end or shows its foot. On the spot it is more than one turn."""
 
-LOOSE_BAND = 65
-"""Board speed up to which a wheel may stand by itself: public notes say 40 to 60 of 255."""
+LOOSE_BAND = 65 / 255
+"""Duty up to which a wheel may stand by itself: public notes say 40 to 60 of 255."""
 
 SLOWEST_M_S = 0.3
 """At full speed: units have 105 to 132 rpm (public), 0.36 m/s and more, less a sixth for a battery
@@ -85,12 +85,12 @@ class StuckCheck:
         """The fault, if this beat shows it for the first time."""
         if tick.orders.is_armed:
             self.fault = None
-        if tick.observation is None or tick.joystick.is_stop:
+        if tick.observation is None or tick.duties.is_stop:
             self._first = None
             return None
         seen = _view(tick.observation)
         self._ways_m += _speeds_m_s(self._told) * (tick.started_ns - self._last_ns) / 1e9
-        self._told, self._last_ns = tick.joystick, tick.started_ns
+        self._told, self._last_ns = tick.duties, tick.started_ns
         if self._first is None or has_moved(self._first, seen):
             self._first, self._begun_ns = seen, tick.started_ns
             self._ways_m[:] = 0
@@ -134,8 +134,8 @@ def _view(observation: Picture) -> _View:
     return _View(np.asarray(levels, np.float32), np.asarray(areas, np.float32))
 
 
-def _speeds_m_s(joystick: Joystick) -> NDArray[np.float64]:
-    """How fast M1 and M2 turn at least, of a weak robot; the sign is the board's."""
-    board = np.array((joystick.m1, joystick.m2), np.float64)
-    share = (np.abs(board) - LOOSE_BAND).clip(0) / (SPEED_LIMIT - LOOSE_BAND)
-    return np.sign(board) * share * SLOWEST_M_S
+def _speeds_m_s(told: Duties) -> NDArray[np.float64]:
+    """How fast left and right wheel turn at least, of a weak robot."""
+    duties = np.array((told.left, told.right), np.float64)
+    share = (np.abs(duties) - LOOSE_BAND).clip(0) / (1 - LOOSE_BAND)
+    return np.sign(duties) * share * SLOWEST_M_S

@@ -63,7 +63,7 @@ class CommandService:
         self._camera_source = shown_source(configuration.camera.source)
         self._trust = configuration.trust
         self._rate_hz = configuration.control.decision_rate_hz
-        self._wheels = configuration.motors.to_maps()
+        self._wheels = configuration.motors
         self._session_id = session_id
         self._helm = helm
         self._board = board
@@ -203,5 +203,5 @@ class CommandService:
         if (fault := self._board.fault) is not None:
             raise RefusedError(fault.detail)
         until_ns = min(now_ns + hold_ns, command.expires_monotonic_ns)
-        joystick = self._wheels.to_board(steps)
-        self._helm.steer_by_hand(joystick, until_ns, command.stop_count, press)
+        duties = self._wheels.duties(steps)
+        self._helm.steer_by_hand(duties, until_ns, command.stop_count, press)

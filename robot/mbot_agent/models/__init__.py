@@ -2,5 +2,6 @@
 
 For others: `pilot.Pilot`, which answers for the model in use; `model_keeper.ModelKeeper`, which
 chooses it; `model_service.ModelService`, which answers `models/...`; and what these are made with,
-`model_directory`, `sequence_floors`, `trust`, `policy`. `decide_again` is for replays.
+`model_directory`, `sequence_floors`, `trust`. The policy itself is the
+protocol's: `mbot_protocol.policy.policy`.
 """

@@ -3,7 +3,11 @@
 The content of `active.json`, as a value; each change gives a new one, which one rename makes true.
 """
 
+from collections.abc import Callable
+
 import msgspec
+
+from mbot_agent.faults import Notice
 
 MOST_STARTS = 2
 """Starts a model has to prove itself that crashes the daemon; the next one goes without it."""
@@ -101,6 +105,36 @@ class Activation(msgspec.Struct, frozen=True):
         elif self.starts.get(sha256, 0) >= MOST_STARTS:
             return f"the daemon crashed at its last {MOST_STARTS} starts with it"
         return ""
+
+    def notice(
+        self, name_of: Callable[[str], str], now_s: float, *, has_model: bool, unusable: str
+    ) -> Notice | None:
+        """What a person should know of the models, though the robot drives.
+
+        Args:
+            name_of: a stored model's name by its digest; empty if unknown.
+            now_s: UNIX time.
+            has_model: whether there is one in use.
+            unusable: why the active one could not be loaded at the daemon's start; empty if it was.
+
+        """
+
+        def named(sha256: str) -> str:
+            return f"{name_of(sha256) or 'model'} {sha256[:12]}"
+
+        if (rollback := self.rollback) is not None:
+            given_up, successor = named(rollback.sha256), named(rollback.successor)
+            text = f"{given_up} was rolled back to {successor}: {rollback.reason}"
+            return Notice("model-rolled-back", text)
+        if has_model:
+            return None
+        if crashes := self.crashes(self.active, now_s):
+            text = f"{named(self.active)} is the only one, and {crashes}: push another one"
+            return Notice("model-left-out", text)
+        if unusable:
+            text = f"{named(self.active)} cannot be used: {unusable}"
+            return Notice("model-unusable", text)
+        return None
 
     def successors(self, sha256: str) -> tuple[str, ...]:
         """What to go back to from this model, best first: the previous one if it has proven

@@ -16,7 +16,7 @@ import msgspec
 from mbot_agent.models.activation import Activation
 from mbot_protocol.errors import ContractError, RefusedError
 from mbot_protocol.files import atomic_file
-from mbot_protocol.signing.model_manifest import SignedManifest
+from mbot_protocol.signing.envelope import Envelope
 
 log = logging.getLogger(__name__)
 
@@ -28,7 +28,7 @@ class Label(msgspec.Struct, frozen=True):
 
     Attributes:
         name, decision_rate_hz: what it says of itself.
-        signed: the manifest it was pushed with, as `SignedManifest.to_text`; empty: none.
+        signed: the manifest it was pushed with, as `Envelope.to_text`; empty: none.
 
     """
 
@@ -37,14 +37,14 @@ class Label(msgspec.Struct, frozen=True):
     signed: str = ""
 
     @property
-    def manifest(self) -> SignedManifest | None:
+    def manifest(self) -> Envelope | None:
         """The manifest it was pushed with; None if it was pushed without.
 
         Raises:
             RefusedError: it is damaged.
 
         """
-        return SignedManifest.from_text(self.signed) if self.signed else None
+        return Envelope.from_text(self.signed) if self.signed else None
 
 
 class StoredModel(msgspec.Struct, frozen=True):

@@ -16,12 +16,11 @@ from typing import Self
 from mbot_agent.faults import Notice
 from mbot_agent.models.activation import Activation
 from mbot_agent.models.model_directory import Label, ModelDirectory
-from mbot_agent.models.model_notices import model_notices
-from mbot_agent.models.policy import Policy
 from mbot_agent.models.trial import Finding, Trial, Verdict
 from mbot_agent.models.trust import Admission, Trust
 from mbot_agent.models.turn import Turn
 from mbot_protocol.errors import MbotError, RefusedError
+from mbot_protocol.policy.policy import Policy
 
 log = logging.getLogger(__name__)
 
@@ -291,10 +290,10 @@ class ModelKeeper:
         return True
 
     def _notices(self) -> tuple[Notice, ...]:
-        return model_notices(
-            self._store.activation,
+        of_models = self._store.activation.notice(
             lambda sha256: self._store.label(sha256).name,
-            self._trust,
+            time.time(),
             has_model=self._in_use is not None,
             unusable=self._unusable,
         )
+        return tuple(filter(None, (self._trust.notice, of_models)))

@@ -11,19 +11,18 @@ import hmac
 import logging
 import re
 import shutil
-import threading
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import partial
 
 from mbot_agent.configuration import Configuration
-from mbot_agent.intake.pieces import STAGING_EXPIRES_S
-from mbot_agent.models.dry_run import Report, dry_run
+from mbot_agent.intake import SENDER, Intake, replied
 from mbot_agent.models.model_directory import ModelDirectory, StoredModel
 from mbot_agent.models.model_keeper import ModelKeeper
-from mbot_agent.models.policy import Policy
-from mbot_agent.models.staging import Staging
-from mbot_agent.models.trust import Trust
+from mbot_agent.models.trust import Admission, Trust
 from mbot_protocol.errors import MbotError, RefusedError
+from mbot_protocol.policy.dry_run import Report, dry_run
+from mbot_protocol.policy.policy import Policy
 from mbot_protocol.policy.policy_contract import LARGEST_MODEL_BYTES
 from mbot_protocol.v1 import messages_pb2 as messages
 from mbot_protocol.wire import keys
@@ -33,10 +32,29 @@ log = logging.getLogger(__name__)
 
 DISK_RESERVE_BYTES = 4 << 20
 
-_SENDER = "the workstation"
+LONGEST_S = 60.0
+"""The largest model (16 MiB) then needs 280 kB/s."""
 
 TryModel = Callable[[bytes, float], Report]
 """As `dry_run`."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Pushed:
+    """A model on its way in.
+
+    Attributes:
+        sha256: of the model, as announced.
+        expected_active: the digest that was active when it began.
+        admission: why it was let in.
+        data: what is here.
+
+    """
+
+    sha256: str
+    expected_active: str
+    admission: Admission
+    data: bytearray = field(default_factory=bytearray)
 
 
 class ModelService:
@@ -57,8 +75,7 @@ class ModelService:
         self._keeper = keeper
         self._trust = trust
         self._try = try_model or partial(dry_run, model_s=configuration.models.dry_run_s)
-        self._staging: Staging | None = None
-        self._staging_lock = threading.Lock()
+        self._intake = Intake[_Pushed](LONGEST_S, _say_unfinished)
 
     @property
     def answers(self) -> dict[str, Callable[[bytes], bytes]]:
@@ -92,18 +109,13 @@ class ModelService:
 
     def expire_staging(self) -> None:
         """Free the memory of a push whose sender has fallen silent. Any thread may call it."""
-        with self._staging_lock:
-            expired = self._staging
-            if expired is None or not expired.has_expired:
-                return
-            self._staging = None
-        log.warning("a push of %s was never finished", expired.sha256[:12])
+        self._intake.expire()
 
     def nonce(self, payload: bytes) -> bytes:
         """Reply to `models/push/nonce`."""
         reply = messages.PushNonceReply(schema_version=SCHEMA_VERSION)
         try:
-            self._check_robot(decode(messages.PushNonce, payload, _SENDER).robot_id)
+            self._check_robot(decode(messages.PushNonce, payload, SENDER).robot_id)
             reply.nonce = self._trust.new_nonce()
             reply.accepted = True
         except MbotError as error:
@@ -112,15 +124,15 @@ class ModelService:
 
     def begin(self, payload: bytes) -> bytes:
         """Reply to `models/push/begin`."""
-        return self._push_reply(lambda reply: self._begin(payload, reply))
+        return replied("push", lambda reply: self._begin(payload, reply))
 
     def chunk(self, payload: bytes) -> bytes:
         """Reply to `models/push/chunk`."""
-        return self._push_reply(lambda reply: self._chunk(payload, reply))
+        return replied("push", lambda reply: self._intake.add(payload, reply))
 
     def commit(self, payload: bytes) -> bytes:
         """Reply to `models/push/commit`."""
-        return self._push_reply(lambda reply: self._commit(payload, reply))
+        return replied("push", lambda reply: self._commit(payload, reply))
 
     def models(self, _: bytes) -> bytes:
         """Reply to `models/list`."""
@@ -129,16 +141,6 @@ class ModelService:
     def activate(self, payload: bytes) -> bytes:
         """Reply to `models/activate`: a stored model, or the previous one, becomes active."""
         return self._list_reply(lambda: self._activate(payload))
-
-    def _push_reply(self, act: Callable[[messages.PushReply], None]) -> bytes:
-        reply = messages.PushReply(schema_version=SCHEMA_VERSION)
-        try:
-            act(reply)
-            reply.accepted = True
-        except MbotError as error:
-            log.warning("push refused: %s", error)
-            reply.reason = str(error)
-        return reply.SerializeToString()
 
     def _list_reply(self, act: Callable[[], None]) -> bytes:
         reply = messages.ModelList(schema_version=SCHEMA_VERSION)
@@ -152,7 +154,7 @@ class ModelService:
         return reply.SerializeToString()
 
     def _begin(self, payload: bytes, reply: messages.PushReply) -> None:
-        request = decode(messages.PushBegin, payload, _SENDER)
+        request = decode(messages.PushBegin, payload, SENDER)
         self._check_robot(request.robot_id)
         if not re.fullmatch(r"[0-9a-f]{64}", request.sha256):
             raise RefusedError(f"sha256 is {request.sha256[:80]!r}, expected 64 hexadecimal digits")
@@ -169,38 +171,25 @@ class ModelService:
         needed_bytes = request.size_bytes + DISK_RESERVE_BYTES
         if free_bytes < needed_bytes:
             raise RefusedError(self._store.no_room(needed_bytes, free_bytes))
-        self.expire_staging()
-        staging = Staging(
-            request.sha256, request.size_bytes, request.expected_active_sha256, admission
+        pushed = _Pushed(request.sha256, request.expected_active_sha256, admission)
+        reply.push_id = self._intake.begin(
+            pushed,
+            request.size_bytes,
+            pushed.data.extend,
+            replaces=lambda other: other.sha256 == pushed.sha256,
         )
-        with self._staging_lock:
-            if self._staging is not None and self._staging.sha256 != request.sha256:
-                raise RefusedError(
-                    f"another push is under way; try again in {STAGING_EXPIRES_S:.0f} s"
-                )
-            self._staging = staging
-        reply.push_id = staging.push_id
-
-    def _chunk(self, payload: bytes, reply: messages.PushReply) -> None:
-        request = decode(messages.PushChunk, payload, _SENDER)
-        staging = self._staged(request.push_id)
-        staging.add(request.offset_bytes, request.data)
-        reply.push_id = staging.push_id
-        reply.received_bytes = staging.received_bytes
 
     def _commit(self, payload: bytes, reply: messages.PushReply) -> None:
-        request = decode(messages.PushCommit, payload, _SENDER)
-        staging = self._staged(request.push_id)
-        with self._staging_lock:
-            self._staging = None
-        data = staging.whole()
-        if not hmac.compare_digest(hashlib.sha256(data).hexdigest(), staging.sha256):
+        pushed = self._intake.take(decode(messages.PushCommit, payload, SENDER).push_id, reply)
+        data = bytes(pushed.data)
+        pushed.data.clear()  # or the model would be there twice while it is tried
+        if not hmac.compare_digest(hashlib.sha256(data).hexdigest(), pushed.sha256):
             raise RefusedError("the bytes do not match their digest: push again")
-        self._keeper.check_active(staging.expected_active)
+        self._keeper.check_active(pushed.expected_active)
         report = self._try(data, self._rate_hz)
         log.info(
             "model %s tried: %.1f ms a decision, %d golden frames right",
-            staging.sha256[:12],
+            pushed.sha256[:12],
             report.inference_ms,
             report.golden_frames,
         )
@@ -208,14 +197,12 @@ class ModelService:
             log.warning(
                 "this kernel or machine confines no process: the trial could do as it likes"
             )
-        policy = self._keeper.install(data, staging.expected_active, staging.admission)
-        reply.push_id = staging.push_id
-        reply.received_bytes = len(data)
+        policy = self._keeper.install(data, pushed.expected_active, pushed.admission)
         reply.reason = self._advice(policy)
         reply.active_model.CopyFrom(self.active_model or messages.Model())
 
     def _activate(self, payload: bytes) -> None:
-        request = decode(messages.Activate, payload, _SENDER)
+        request = decode(messages.Activate, payload, SENDER)
         self._check_robot(request.robot_id)
         sha256 = self._keeper.find(request.sha256)
         # Going back needs the word that a push needs: a key that the robot trusts, for this model
@@ -262,15 +249,12 @@ class ModelService:
             rejected=stored.sha256 in activation.rejected,
         )
 
-    def _staged(self, push_id: str) -> Staging:
-        self.expire_staging()
-        staging = self._staging
-        if staging is None or staging.push_id != push_id:
-            raise RefusedError("this push is not under way (any more): push again")
-        return staging
-
     def _check_robot(self, robot_id: str) -> None:
         if robot_id != self._robot_id:
             raise RefusedError(
                 f"the model is for robot {robot_id!r}, this one is {self._robot_id!r}"
             )
+
+
+def _say_unfinished(pushed: _Pushed) -> None:
+    log.warning("a push of %s was never finished", pushed.sha256[:12])

@@ -5,11 +5,11 @@ import time
 from collections import deque
 
 from mbot_agent.faults import Fault
-from mbot_agent.models.policy import Answer, Policy, PolicyError
 from mbot_agent.models.trial import Trial
-from mbot_agent.tick import Action, Memory
+from mbot_agent.tick import Action
 from mbot_protocol.drive.picture import Picture
-from mbot_protocol.policy.policy_contract import FULL_VIEW, FieldOfView
+from mbot_protocol.policy.policy import Answer, Policy, PolicyError
+from mbot_protocol.policy.policy_contract import FULL_VIEW, FieldOfView, Memory
 
 log = logging.getLogger(__name__)
 
@@ -102,10 +102,6 @@ class Pilot:
         """Its last answer has moved the robot: what the wheels were really told, in [-1, 1]."""
         if self._answer is not None:
             self._memory = Memory(self._answer.state, (left, right))
-
-    def resume(self, memory: Memory) -> None:
-        """Go on with a memory that was kept elsewhere, such as in a recording."""
-        self._memory, self._answer = memory, None
 
     def forget(self) -> None:
         """Begin anew: what it remembers has nothing to do with what comes next."""

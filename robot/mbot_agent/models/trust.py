@@ -1,24 +1,26 @@
 """Whose models this robot takes: everything about a push that is decided before its bytes are."""
 
 import logging
+import secrets
+import threading
 import time
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
 from mbot_agent import configuration
+from mbot_agent.faults import Notice
 from mbot_agent.models.model_directory import Label
-from mbot_agent.models.nonces import LIFETIME_S, Nonces
 from mbot_agent.models.sequence_floors import SequenceFloors
 from mbot_protocol.errors import RefusedError
+from mbot_protocol.signing.envelope import MODEL, Envelope, Signature, verify
 from mbot_protocol.signing.model_manifest import (
     ACTION_MAP,
     INPUT,
+    NONCE_BYTES,
     OUTPUT,
     ModelManifest,
-    SignedManifest,
     decode,
-    verify,
 )
 from mbot_protocol.signing.public_key import PublicKey
 from mbot_protocol.v1.messages_pb2 import PushBegin
@@ -28,6 +30,41 @@ log = logging.getLogger(__name__)
 CLOCK_IS_SET = Path("/run/systemd/timesync/synchronized")
 """systemd-timesyncd makes this file once a time server has set the clock (Raspberry Pi OS's
 default). Asking the kernel (adjtimex) would need a system call that the unit forbids."""
+
+
+LIFETIME_S = 60.0
+
+MOST_OUTSTANDING = 64
+"""The oldest is forgotten: asking again and again costs no memory. Who can ask so fast as to make
+another's number useless can also keep the link busy."""
+
+
+class Nonces:
+    """Numbers used once, those handed out and not used yet. Any thread may use it.
+
+    Each lets one signed push in, within a minute, and none after a restart. They make a recorded
+    push worthless without a clock that could be trusted: what a robot without a battery knows of
+    the time comes from the network, and so from an attacker.
+    """
+
+    def __init__(self) -> None:
+        self._issued_s: dict[str, float] = {}  # in the order of issue
+        self._lock = threading.Lock()
+
+    def issue(self) -> str:
+        """A new number, in hexadecimal."""
+        nonce = secrets.token_hex(NONCE_BYTES)
+        with self._lock:
+            while len(self._issued_s) >= MOST_OUTSTANDING:
+                del self._issued_s[next(iter(self._issued_s))]
+            self._issued_s[nonce] = time.monotonic()
+        return nonce
+
+    def use(self, nonce: str) -> bool:
+        """Whether the number was handed out, is young enough and unused; now it is used."""
+        with self._lock:
+            issued_s = self._issued_s.pop(nonce, None)
+        return issued_s is not None and time.monotonic() - issued_s <= LIFETIME_S
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +78,7 @@ class Admission:
 
     """
 
-    signed: SignedManifest | None = None
+    signed: Envelope | None = None
     sequence: int = 0
     signer: str = ""
 
@@ -68,6 +105,20 @@ class Trust:
             # half a second on a Pi Zero 2 (estimated), of the 2 s that the sender waits.
             import_module("nacl.signing")
 
+    @property
+    def notice(self) -> Notice | None:
+        """What a person should know of whose models are taken."""
+        if self.accepts_unsigned:
+            text = (
+                "takes models from anyone who reaches it (trust.allow_unsigned = true): for "
+                "development only"
+            )
+            return Notice("unsigned-models", text)
+        if not self.keys:
+            text = "takes no models: `workstation keys new` makes a key and says how it gets here"
+            return Notice("no-trusted-key", text)
+        return None
+
     def new_nonce(self) -> str:
         """For one push that is about to be signed."""
         return self._nonces.issue()
@@ -84,9 +135,10 @@ class Trust:
             if self.accepts_unsigned:
                 return Admission()
             raise RefusedError(self._why_signed())
-        signed = SignedManifest(request.manifest, request.signature, request.public_key)
+        signature = Signature(request.public_key, request.signature)
+        signed = Envelope(request.manifest, (signature,))
         signer = self._verify(signed)
-        manifest = decode(signed.manifest)
+        manifest = decode(signed.data)
         if not self._nonces.use(manifest.nonce):
             raise RefusedError(
                 "the manifest's nonce is not one this robot has handed out within the last "
@@ -108,7 +160,7 @@ class Trust:
 
         """
         if admission.signed is not None:
-            self._floors.reach(admission.signed.public_key, admission.sequence)
+            self._floors.reach(admission.signed.signatures[0].public_key, admission.sequence)
 
     def signer_of(self, sha256: str, label: Label) -> str:
         """Who has signed a stored model; empty where unsigned ones are taken and this is one.
@@ -124,7 +176,7 @@ class Trust:
             if signed is None:
                 raise RefusedError("the model was pushed without a signature: push it again")
             key = self._verify(signed)
-            manifest = decode(signed.manifest)
+            manifest = decode(signed.data)
             if manifest.sha256 != sha256:
                 raise RefusedError("the manifest kept with the model is another's: push it again")
         except RefusedError:
@@ -134,10 +186,10 @@ class Trust:
         self._check_robot(manifest)  # as in a push, whoever else's models are taken
         return key.name
 
-    def _verify(self, signed: SignedManifest) -> PublicKey:
+    def _verify(self, signed: Envelope) -> PublicKey:
         if not self.keys:
             raise RefusedError(self._why_signed())
-        return verify(signed, self.keys)
+        return verify(MODEL, signed, self.keys)
 
     def _why_signed(self) -> str:
         if self.keys:

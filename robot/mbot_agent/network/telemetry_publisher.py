@@ -6,7 +6,6 @@ What the thread cannot keep up with is dropped, oldest first, and counted.
 import logging
 import queue
 import threading
-import time
 from collections.abc import Callable
 from typing import Protocol, Self
 
@@ -15,8 +14,8 @@ import numpy as np
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 
 from mbot_agent import configuration
-from mbot_agent.network.health import read_health
 from mbot_agent.tick import Tick
+from mbot_protocol.beat.beat import Beat
 from mbot_protocol.drive.picture import Picture
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_protocol.wire.keys import CAMERA, DECISION, OBSERVATION, Topic
@@ -51,14 +50,14 @@ class Telemetry:
     def __init__(
         self,
         publisher: Publisher,
-        to_message: Callable[[Tick], Decision],
+        to_beat: Callable[[Tick], Beat],
         settings: configuration.Telemetry,
         glance: Callable[[], Picture | None],
     ) -> None:
         """Prepare; `glance` gives the camera's newest frame: (height, width, 3), uint8, RGB."""
         self._publisher = publisher
         self._pictures = settings.pictures
-        self._to_message = to_message
+        self._to_beat = to_beat
         self._glance = glance
         self._backlog: queue.Queue[Tick | None] = queue.Queue(BACKLOG)
         self._dropped = 0
@@ -99,16 +98,8 @@ class Telemetry:
                 log.exception("a telemetry record was lost")
 
     def _send(self, tick: Tick) -> None:
-        decision = self._to_message(tick)
-        health = read_health()
-        if health.cpu_temperature_c is not None:
-            decision.cpu_temperature_c = health.cpu_temperature_c
-        if health.load_1min is not None:
-            decision.load_1min = health.load_1min
-        if health.resident_memory_bytes is not None:
-            decision.resident_memory_bytes = health.resident_memory_bytes
+        decision = self._to_beat(tick).decision
         decision.dropped_records = self._dropped
-        decision.unix_time_ns = _unix_time_ns(decision.started_monotonic_ns)
         self._publisher.publish(DECISION, decision.SerializeToString())
         if tick.observation is not None and self._shows_pictures():
             picture = _compressed(tick.observation, decision)
@@ -132,10 +123,6 @@ class Telemetry:
         if isinstance(self._pictures, bool):
             return self._pictures
         return self._publisher.is_watched(OBSERVATION)
-
-
-def _unix_time_ns(monotonic_ns: int) -> int:
-    return time.time_ns() - (time.monotonic_ns() - monotonic_ns)
 
 
 def _compressed(

@@ -1,11 +1,18 @@
 """The daemon's own values as the messages of the contract: the one place where they meet."""
 
+import time
 from collections.abc import Iterable
+from dataclasses import asdict
+
+import numpy as np
+from msgspec import UNSET
 
 from mbot_agent.arming import State, Stop
 from mbot_agent.faults import Fault, Notice
+from mbot_agent.network.health import read_health
 from mbot_agent.tick import Tick
-from mbot_protocol.drive.actions import MotorMap
+from mbot_protocol.beat.beat import Beat, PolicyInput
+from mbot_protocol.drive.actions import MotorMap, WheelMaps
 from mbot_protocol.v1 import messages_pb2 as messages
 from mbot_protocol.wire.schema import SCHEMA_VERSION
 
@@ -30,7 +37,9 @@ def wire_notices(notices: Iterable[Notice]) -> list[messages.Notice]:
 
 def wire_motor(motor: MotorMap) -> messages.MotorMap:
     """One wheel's mapping."""
-    return messages.MotorMap(reversed=motor.reversed, trim=motor.trim, dead_band=motor.dead_band)
+    return messages.MotorMap(
+        reversed=bool(motor.reversed), trim=motor.trim, dead_band=motor.dead_band
+    )
 
 
 def wire_stop(stop: Stop) -> messages.LastStop:
@@ -38,10 +47,12 @@ def wire_stop(stop: Stop) -> messages.LastStop:
     return messages.LastStop(count=stop.count, by=stop.by, why=stop.why, monotonic_ns=stop.at_ns)
 
 
-def wire_decision(
-    tick: Tick, robot_id: str, session_id: int, notices: Iterable[Notice]
-) -> messages.Decision:
-    """One tick, whether or not the policy drove."""
+def beat_of(
+    tick: Tick, robot_id: str, session_id: int, notices: Iterable[Notice], wheels: WheelMaps
+) -> Beat:
+    """One tick, whether or not the policy drove; what it saw is not encoded yet."""
+    duties = tick.at_wheels
+    board_m1, board_m2 = wheels.levels(duties)
     decision = messages.Decision(
         schema_version=SCHEMA_VERSION,
         robot_id=robot_id,
@@ -55,8 +66,9 @@ def wire_decision(
         captured_monotonic_ns=tick.captured_ns,
         observed_monotonic_ns=tick.observed_ns,
         decided_monotonic_ns=tick.decided_ns,
-        board_m1=tick.at_board.m1,
-        board_m2=tick.at_board.m2,
+        board_m1=board_m1,
+        board_m2=board_m2,
+        duty=messages.Wheels(left=duties.left, right=duties.right),
         missed_ticks=tick.missed_ticks,
         model_sha256=tick.model_sha256,
         stop_count=tick.stop_count,
@@ -69,4 +81,24 @@ def wire_decision(
     if tick.delivery is not None:
         decision.written_monotonic_ns = tick.delivery.written_ns
         decision.acknowledged_monotonic_ns = tick.delivery.acknowledged_ns
-    return decision
+    # A field of Health is a field of Decision; None where this machine does not tell.
+    for name, value in asdict(read_health()).items():
+        if value is not None:
+            setattr(decision, name, value)
+    # The wall clock may jump, so the monotonic one says how long ago it was.
+    decision.unix_time_ns = time.time_ns() - (time.monotonic_ns() - tick.started_ns)
+    return Beat(decision, _policy_input(tick), wire_stop(tick.orders.stop))
+
+
+def _policy_input(tick: Tick) -> PolicyInput:
+    memory, view = tick.memory, tick.view
+    told = memory.previous_action if memory is not None else (0.0, 0.0)
+    return PolicyInput(
+        armed=tick.orders.is_armed,
+        began_anew=tick.action is not None and memory is None,
+        told_left=told[0],
+        told_right=told[1],
+        memory=memory.state.astype(np.dtype("<f4")).tobytes() if memory is not None else b"",
+        view_horizontal_deg=view.horizontal_deg if view is not None else UNSET,
+        view_vertical_deg=view.vertical_deg if view is not None else UNSET,
+    )

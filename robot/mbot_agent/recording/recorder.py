@@ -10,18 +10,19 @@ import queue
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
-import msgspec
-import numpy as np
+import cv2
 
 from mbot_agent.faults import Notice
-from mbot_agent.recording.beat_log import BeatLog
 from mbot_agent.recording.recording_directory import RecordingDirectory
-from mbot_agent.recording.segment import Segment
 from mbot_agent.tick import Tick
-from mbot_protocol.beat.drive_record import DriveRecord, RobotFacts, drive_record
+from mbot_protocol.beat.beat import Beat
+from mbot_protocol.beat.channels import RobotFacts
+from mbot_protocol.beat.writer import BeatWriter
+from mbot_protocol.drive.picture import Picture
 from mbot_protocol.v1.messages_pb2 import Decision
 
 log = logging.getLogger(__name__)
@@ -30,8 +31,8 @@ BACKLOG = 128
 """Beats waiting for the card, at 13 kB each: 1.7 MB, and 51 s at 2.5 Hz. Cards pause for
 seconds."""
 
-SYNC_AFTER_S = 0.8
-"""From a chunk's first beat to its sync. With the time that this takes it stays below a second."""
+PNG_EFFORT = 1
+"""Of 0 to 9. Lossless either way; 9 saves a tenth and takes three times as long."""
 
 SEGMENT_S = 300.0
 """A file's length: what a damaged card may take along, and what goes at once to make room."""
@@ -53,23 +54,22 @@ class Recorder:
         self,
         directory: RecordingDirectory,
         facts: RobotFacts,
-        to_message: Callable[[Tick], Decision],
+        to_beat: Callable[[Tick], Beat],
         monotonic_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Prepare; `to_message` is called on this thread, for each beat of a drive."""
+        """Prepare; `to_beat` is called on this thread, for each beat of a drive."""
         self._directory = directory
         self._facts = facts
-        self._to_message = to_message
+        self._to_beat = to_beat
         self._monotonic_s = monotonic_s
         self._backlog: queue.Queue[Tick | None] = queue.Queue(BACKLOG)
         self._refused = 0  # counted by who offers
         self._lost = 0  # counted by this thread
-        self._segment: Segment | None = None
+        self._segment: BeatWriter | None = None
         self._folder: Path | None = None
         self._files = 0
-        self._log = BeatLog()
+        self._before: Decision | None = None
         self._began_s = self._room_s = 0.0
-        self._unsynced_s: float | None = None
         self._armed_ns: int | None = None
         self._wait_until_s = 0.0
         self._problem = ""
@@ -129,19 +129,14 @@ class Recorder:
         if segment is None:
             self._lost += 1
             return
-        if self._unsynced_s is None:
-            self._unsynced_s = self._monotonic_s()
-        decision = self._to_message(tick)
-        decision.unix_time_ns = time.time_ns() - (time.monotonic_ns() - tick.started_ns)
-        decision.dropped_records = self._refused + self._lost
-        for level, words in self._log.changes(tick):
-            segment.write_log(level, words, decision.unix_time_ns)
+        beat = self._to_beat(tick)
+        beat.decision.dropped_records = self._refused + self._lost
         if tick.observation is not None:
-            segment.write_picture(tick.observation, decision.unix_time_ns)
-        record = replayable(drive_record(decision), tick)
-        segment.write_decision(decision, msgspec.json.encode(record))
+            beat = replace(beat, encoded=_lossless(tick.observation), is_exact=True)
+        segment.write(beat)
+        self._before = beat.decision
 
-    def _open_segment(self) -> Segment | None:
+    def _open_segment(self) -> BeatWriter | None:
         """The file to write to; None while there can be none."""
         now_s = self._monotonic_s()
         if self._segment is not None and now_s - self._began_s > SEGMENT_S:
@@ -151,12 +146,20 @@ class Recorder:
         if not self._is_room():
             return None
         if self._folder is None:
-            self._folder, self._files, self._log = self._directory.new_drive(), 0, BeatLog()
+            self._folder, self._files, self._before = self._directory.new_drive(), 0, None
             self._directory.open_drive = self._folder.name
             log.info("recording %s", self._folder.name)
         path = self._folder / f"{self._files:03d}.mcap"
         self._files += 1  # also where this fails: it may have left something of that name
-        self._segment = Segment(path, self._facts)
+        library = f"mbot-agent {self._facts.software_version}"
+        self._segment = BeatWriter(
+            path,
+            self._facts.robot_id,
+            library,
+            self._facts,
+            before=self._before,
+            monotonic_s=self._monotonic_s,
+        )
         self._began_s = now_s
         if self._problem:
             self._problem = ""
@@ -172,20 +175,17 @@ class Recorder:
 
     def _until_sync_s(self) -> float | None:
         """How long to wait for the next beat; None: there is nothing to sync."""
-        if self._unsynced_s is None:
-            return None
-        return max(0.0, self._unsynced_s + SYNC_AFTER_S - self._monotonic_s())
+        return self._segment.due_in_s if self._segment is not None else None
 
     def _sync_if_due(self) -> None:
         if self._segment is None or self._until_sync_s() != 0.0:
             return
         self._segment.sync()
-        self._unsynced_s = None
         if self._monotonic_s() > self._room_s and not self._is_room():
             self._close_segment()
 
     def _close_segment(self) -> None:
-        segment, self._segment, self._unsynced_s = self._segment, None, None
+        segment, self._segment = self._segment, None
         if segment is not None:
             segment.close()
 
@@ -195,7 +195,7 @@ class Recorder:
 
     def _give_up(self, error: Exception) -> None:
         """Leave the file as it is, and begin another one after a while."""
-        segment, self._segment, self._unsynced_s = self._segment, None, None
+        segment, self._segment = self._segment, None
         if segment is not None:
             self._lost += 1
             segment.abandon()
@@ -214,18 +214,8 @@ class Recorder:
             log.warning("drives are not recorded: %s", problem)
 
 
-def replayable(record: DriveRecord, tick: Tick) -> DriveRecord:
-    """A beat's numbers with what a replay needs besides."""
-    memory, view, unset = tick.memory, tick.view, msgspec.UNSET
-    told = memory.previous_action if memory is not None else (0.0, 0.0)
-    state = memory.state.astype(np.dtype("<f4")).tobytes() if memory is not None else b""
-    return msgspec.structs.replace(
-        record,
-        armed=tick.orders.is_armed,
-        began_anew=tick.action is not None and memory is None,
-        told_left=told[0],
-        told_right=told[1],
-        memory=state,
-        view_horizontal_deg=view.horizontal_deg if view is not None else unset,
-        view_vertical_deg=view.vertical_deg if view is not None else unset,
-    )
+def _lossless(observation: Picture) -> bytes:
+    """What the policy saw, shape (64, 64, 3), uint8, RGB, as a PNG."""
+    bgr = cv2.cvtColor(observation, cv2.COLOR_RGB2BGR)
+    _, png = cv2.imencode(".png", bgr, [cv2.IMWRITE_PNG_COMPRESSION, PNG_EFFORT])
+    return png.tobytes()

@@ -109,11 +109,11 @@ class RecordingService:
 
         return _answered(recordings.RecordingList(schema_version=SCHEMA_VERSION), act_and_list)
 
-    def _wire(self, drive: StoredDrive) -> recordings.RecordedDrive:
-        return recordings.RecordedDrive(
+    def _wire(self, drive: StoredDrive) -> recordings.ListedDrive:
+        return recordings.ListedDrive(
             name=drive.name,
             files=[
-                recordings.RecordedFile(name=file.path.name, size_bytes=file.size_bytes)
+                recordings.ListedFile(name=file.path.name, size_bytes=file.size_bytes)
                 for file in drive.files
             ],
             started_unix_time_ns=drive.started_unix_time_ns,

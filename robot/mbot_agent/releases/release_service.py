@@ -16,11 +16,12 @@ from functools import partial
 from pathlib import Path
 from typing import IO
 
-from mbot_agent.intake.pieces import STAGING_EXPIRES_S, Pieces
+from mbot_agent.intake import SENDER, Intake, replied
 from mbot_agent.releases.own_release import ARCHIVE, REQUEST, update_goes_on
 from mbot_protocol.errors import MbotError, RefusedError
 from mbot_protocol.files import atomic_file
 from mbot_protocol.signing import release_archive, release_manifest
+from mbot_protocol.signing.envelope import RELEASE, Envelope, verify
 from mbot_protocol.signing.public_key import PublicKey
 from mbot_protocol.signing.release_ledger import APPLICATION, Computer, check_release, read_ledger
 from mbot_protocol.signing.release_manifest import ReleaseManifest
@@ -33,7 +34,6 @@ log = logging.getLogger(__name__)
 LONGEST_S = 1800.0
 """A release of 100 MB then needs 56 kB/s."""
 
-_SENDER = "the workstation"
 _ARCHITECTURES = {"aarch64": "arm64", "x86_64": "amd64"}
 
 
@@ -43,7 +43,6 @@ class _Push:
 
     manifest: bytes
     file: IO[bytes]
-    pieces: Pieces
 
 
 class ReleaseService:
@@ -79,14 +78,14 @@ class ReleaseService:
         self._is_armed = is_armed
         self._running = running
         self._application = application
-        self._push: _Push | None = None
+        self._intake = Intake[_Push](LONGEST_S, self._drop)
 
     @property
     def answers(self) -> dict[str, Callable[[bytes], bytes]]:
         """What answers which key below `releases/`."""
         return {
             keys.RELEASE_BEGIN.name: lambda payload: self._reply(self._begin, payload),
-            keys.RELEASE_CHUNK.name: lambda payload: self._reply(self._chunk, payload),
+            keys.RELEASE_CHUNK.name: lambda payload: self._reply(self._intake.add, payload),
             keys.RELEASE_COMMIT.name: lambda payload: self._reply(self._commit, payload),
             keys.RELEASES.name: self.releases,
         }
@@ -120,29 +119,25 @@ class ReleaseService:
         return reply.SerializeToString()
 
     def _reply(self, act: Callable[[bytes, messages.PushReply], None], payload: bytes) -> bytes:
-        reply = messages.PushReply(schema_version=SCHEMA_VERSION)
-        try:
+        def try_it(reply: messages.PushReply) -> None:
             self._check_standing()
-            act(payload, reply)
-            reply.accepted = True
-        except MbotError as error:
-            log.warning("release refused: %s", error)
-            reply.reason = str(error)
-        except OSError as error:
-            log.warning("release refused: %s", error)
-            reply.reason = f"cannot keep the release in {self._inbox}: {error.strerror}"
-        return reply.SerializeToString()
+            try:
+                act(payload, reply)
+            except OSError as error:
+                raise RefusedError(
+                    f"cannot keep the release in {self._inbox}: {error.strerror}"
+                ) from None
+
+        return replied("release", try_it)
 
     def _begin(self, payload: bytes, reply: messages.PushReply) -> None:
-        request = decode(messages.ReleaseBegin, payload, _SENDER)
+        request = decode(messages.ReleaseBegin, payload, SENDER)
         if request.robot_id != self._robot_id:
             raise RefusedError(
                 f"the release is for robot {request.robot_id[:80]!r}, this one is "
                 f"{self._robot_id!r}"
             )
-        if self._push is not None and not self._push.pieces.has_expired:
-            raise RefusedError(f"another push is under way; try again in {STAGING_EXPIRES_S:.0f} s")
-        self._give_up()
+        self._intake.check_free()
         manifest = self._judge(request.manifest, request.signatures)
         size_bytes = release_archive.size_bytes(
             manifest, len(request.manifest), len(request.signatures)
@@ -152,41 +147,28 @@ class ReleaseService:
         check_release(manifest, ledger, self._computer(), needed_bytes)
         self._inbox.mkdir(mode=0o700, parents=True, exist_ok=True)
         file = open(self._inbox / ARCHIVE, "wb", opener=_private)  # noqa: SIM115
-        pieces = Pieces(size_bytes, LONGEST_S, file.write)
-        self._push = _Push(request.manifest, file, pieces)
-        reply.push_id = pieces.push_id
-
-    def _chunk(self, payload: bytes, reply: messages.PushReply) -> None:
-        request = decode(messages.PushChunk, payload, _SENDER)
-        pieces = self._under_way(request.push_id).pieces
-        pieces.add(request.offset_bytes, request.data)
-        reply.push_id, reply.received_bytes = pieces.push_id, pieces.received_bytes
+        reply.push_id = self._intake.begin(_Push(request.manifest, file), size_bytes, file.write)
 
     def _commit(self, payload: bytes, reply: messages.PushReply) -> None:
-        request = decode(messages.PushCommit, payload, _SENDER)
-        push = self._under_way(request.push_id)
-        pieces = push.pieces
-        pieces.check_whole()
-        push.file.flush()
-        os.fsync(push.file.fileno())
+        push = self._intake.take(decode(messages.PushCommit, payload, SENDER).push_id, reply)
         try:
+            push.file.flush()
+            os.fsync(push.file.fileno())
             with (self._inbox / ARCHIVE).open("rb") as archive:
                 release_archive.read(archive, partial(self._judge_same, push.manifest))
-        except MbotError:
-            self._give_up()
+        except (MbotError, OSError):
+            self._drop(push)
             raise
         push.file.close()
-        self._push = None
-        atomic_file.replace(self._inbox / REQUEST, pieces.push_id.encode())
+        atomic_file.replace(self._inbox / REQUEST, reply.push_id.encode())
         log.info("a release has been received; the updater takes over")
-        reply.push_id, reply.received_bytes = pieces.push_id, pieces.received_bytes
 
     def _judge(self, manifest: bytes, signatures: bytes) -> ReleaseManifest:
         if not self._running:
             raise RefusedError(
                 "this daemon does not run from an installed release: run deploy/install.sh there"
             )
-        release_manifest.verify(manifest, signatures, self._trusted)
+        verify(RELEASE, Envelope.with_lines(manifest, signatures), self._trusted)
         found = release_manifest.decode(manifest)
         if found.version == self._running:
             raise RefusedError(f"{found.version} runs on this robot already")
@@ -199,23 +181,15 @@ class ReleaseService:
 
     def _check_standing(self) -> None:
         if self._is_armed():
-            self._give_up()
+            self._intake.give_up()
             raise RefusedError("the robot is armed: stop it, then update it")
         if update_goes_on(self._inbox):
             raise RefusedError("an update is under way: wait for its end")
 
-    def _under_way(self, push_id: str) -> _Push:
-        push = self._push
-        if push is None or push.pieces.has_expired or push.pieces.push_id != push_id:
-            raise RefusedError("this push is not under way (any more): push again")
-        return push
-
-    def _give_up(self) -> None:
-        if self._push is not None:
-            with contextlib.suppress(OSError):  # what it could not write it need not
-                self._push.file.close()
-            self._push = None
-            atomic_file.remove(self._inbox / ARCHIVE)
+    def _drop(self, push: _Push) -> None:
+        with contextlib.suppress(OSError):  # what it could not write it need not
+            push.file.close()
+        atomic_file.remove(self._inbox / ARCHIVE)
 
     def _computer(self) -> Computer:
         try:

@@ -1,23 +1,29 @@
-"""`workstation calibrate camera`: focal length, optical axis and distortion from photographs."""
+"""`workstation calibrate camera` and `light`: the lens from a board, the light from a gray card."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mbot_workstation.cli.link_options import json_option
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.cli.common_options import calibration_output_option, json_option
 from mbot_workstation.cli.options import argument, option, with_options
-from mbot_workstation.cli.simulation_options import calibration_output_option
+from mbot_workstation.cli.presenter import Answer, table, working
 from mbot_workstation.measure.targets.specifications import (
+    BOARD_COLUMNS,
     BOARD_DICTIONARY,
     BOARD_MARKER_SHARE,
+    BOARD_ROWS,
     BOARD_SQUARE_MM,
     Board,
 )
 
 if TYPE_CHECKING:
-    from mbot_workstation.measure.calibration.camera.camera_fit import CameraFit
-    from mbot_workstation.measure.calibration.camera.camera_pictures import SeenBoards
-    from mbot_workstation.measure.calibration.camera.camera_quality import CameraQuality
+    from rich.console import RenderableType
+    from rich.table import Table
+
+    from mbot_workstation.measure.calibration.camera.camera_result import CameraResult
+    from mbot_workstation.measure.calibration.light.light_measurement import LightMeasurement
 
 _BOARD, _LIVE = "Board", "Live"
 
@@ -62,7 +68,7 @@ class CameraOptions:
 
 
 @with_options
-def camera(options: CameraOptions) -> None:
+def camera(options: CameraOptions) -> Answer:
     """Calibrate the camera with photographs of a board, and write camera.toml and camera.png.
 
     Print a board by `workstation print board`. Take 20 pictures or more with the robot's own
@@ -79,75 +85,81 @@ def camera(options: CameraOptions) -> None:
       `rpicam-vid -t 0 --mode 2028:1520 --width 1014 --height 760 --codec mjpeg --listen
       -o tcp://0.0.0.0:8888`
     """
-    from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.cli.camera_fit_words import fields, print_table, print_words
-
-    photos = options.photos
-    boards = _boards(
-        options.inner_corners,
-        options.charuco,
-        options.square_mm,
-        options.marker_mm,
-        options.dictionary,
+    from mbot_workstation.measure.calibration.camera.camera_fit import fit_camera
+    from mbot_workstation.measure.calibration.camera.camera_pictures import look_for_boards
+    from mbot_workstation.measure.calibration.camera.camera_quality import judge
+    from mbot_workstation.measure.calibration.camera.camera_result import (
+        camera_lines,
+        camera_result,
+        save_camera,
     )
+    from mbot_workstation.pictures.picture_file import picture_files
+
+    boards = _boards(options)
+    photos = options.photos or []
     if (options.live is None) == (not photos):
         raise ConfigurationError("give either photographs or --live SOURCE")
     if options.live is not None:
-        photos = _collect(
-            options.live, boards, options.calibration / "camera-pictures", options.count
-        )
-    seen, fit, quality = _calibrate(photos or [], boards, keep_outliers=options.keep_outliers)
+        folder = options.calibration / "camera-pictures"
+        photos = _collect(options.live, boards, folder, options.count)
+    files = picture_files(photos)
+    with working("looking for the board", len(files)) as done:
+        seen = look_for_boards(files, boards, done)
+    fit = fit_camera(seen.sightings, keep_outliers=options.keep_outliers)
+    quality = judge(fit)
     refused = bool(quality.objections) and not options.force
-    if not options.as_json:
-        print_table(fit)
-        print_words(seen, fit, quality)
-    written = None if refused else _write(fit, options.calibration)
-    _draw(
-        fit,
-        options.calibration / ("camera-refused.png" if refused else "camera.png"),
-        as_json=options.as_json,
+    written, drawing = save_camera(fit, options.calibration, refused=refused)
+    result = camera_result(seen, fit, quality, written)
+    wrote = [f"wrote {path}" for path in (drawing, written) if path]
+    error = ConfigurationError(
+        f"too poor to be used: {'; '.join(quality.objections)} (--force writes it all the same)",
+        kind="poor-calibration",
+        objections=quality.objections,
     )
-    if options.as_json:
-        import json
+    return Answer(
+        result,
+        [_pictures_table(result), *camera_lines(seen, fit, quality), *wrote],
+        error=error if refused else None,
+    )
 
-        print(json.dumps(fields(seen, fit, quality, written), indent=2))
-    elif written:
-        print(f"wrote {written}")
-    if refused:
-        raise ConfigurationError(
-            f"too poor to be used: {'; '.join(quality.objections)} (--force writes it all the same)"
+
+def _pictures_table(result: "CameraResult") -> "Table":
+    """A line a picture: what was seen in it, and how well it fits."""
+    headings = ("picture", "size", "corners", "distance", "tilt", "error", "")
+    rows = [
+        (
+            one.name,
+            f"{one.width_px} x {one.height_px}",
+            str(one.corners),
+            f"{one.distance_m:.2f} m",
+            f"{one.tilt_deg:.0f}°",
+            f"{one.error_px:.3f} px",
+            "" if one.kept else "left out",
         )
+        for one in result.pictures
+    ]
+    return table(headings, rows, right=headings[1:-1])
 
 
-def _boards(
-    inner_corners: str | None,
-    charuco: bool,
-    square_mm: float,
-    marker_mm: float | None,
-    dictionary: str,
-) -> list[Board]:
+def _boards(options: CameraOptions) -> list[Board]:
     """The boards named by the options; none if they are to be guessed."""
-    from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.measure.targets.specifications import (
-        BOARD_COLUMNS,
-        BOARD_ROWS,
-        charuco_board,
-    )
+    from mbot_workstation.measure.targets.specifications import charuco_board
 
-    charuco = charuco or marker_mm is not None or dictionary != BOARD_DICTIONARY
-    if inner_corners is None and not charuco:
+    marker_mm, named = options.marker_mm, options.inner_corners
+    charuco = options.charuco or marker_mm is not None or options.dictionary != BOARD_DICTIONARY
+    if named is None and not charuco:
         return []
     columns, rows = BOARD_COLUMNS, BOARD_ROWS
-    if inner_corners is not None:
-        across, _, down = inner_corners.lower().partition("x")
+    if named is not None:
+        across, _, down = named.lower().partition("x")
         if not (across.isdecimal() and down.isdecimal()):
             raise ConfigurationError(
-                f"--inner-corners is {inner_corners!r}, expected COLUMNSxROWS such as 9x7"
+                f"--inner-corners is {named!r}, expected COLUMNSxROWS such as 9x7"
             )
         columns, rows = int(across) + 1, int(down) + 1
-    share = BOARD_MARKER_SHARE if marker_mm is None else marker_mm / square_mm
+    share = BOARD_MARKER_SHARE if marker_mm is None else marker_mm / options.square_mm
     try:
-        board = Board(columns, rows, square_mm, charuco, dictionary, share)
+        board = Board(columns, rows, options.square_mm, charuco, options.dictionary, share)
         if charuco:
             charuco_board(board)
         return [board]
@@ -160,7 +172,6 @@ def _boards(
 def _collect(source: str, boards: list[Board], folder: Path, count: int) -> list[Path]:
     from rich.console import Console
 
-    from mbot_protocol.errors import ConfigurationError
     from mbot_workstation.measure.calibration.camera.camera_live import FrameVerdict, collect
 
     console = Console(stderr=True)
@@ -189,60 +200,113 @@ def _collect(source: str, boards: list[Board], folder: Path, count: int) -> list
     return taken
 
 
-def _calibrate(
-    photos: list[Path], boards: list[Board], *, keep_outliers: bool
-) -> "tuple[SeenBoards, CameraFit, CameraQuality]":
-    from rich.console import Console
-    from rich.progress import Progress
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LightOptions:
+    """What `light` takes."""
 
-    from mbot_workstation.measure.calibration.camera.camera_fit import fit_camera
-    from mbot_workstation.measure.calibration.camera.camera_pictures import look_for_boards
-    from mbot_workstation.measure.calibration.camera.camera_quality import judge
+    photos: list[Path] = argument(
+        "Photographs of the card, or a folder of them.", metavar="PHOTO..."
+    )
+    calibration: Path = calibration_output_option()
+    card: str | None = option(
+        None,
+        "Where the card is in the photographs, in pixels; found by itself if not given.",
+        metavar="X,Y,WIDTH,HEIGHT",
+    )
+    card_mm: tuple[float, float] = option(
+        (127.0, 102.0), "Of the card in its printed frame.", metavar="WIDTH HEIGHT"
+    )
+    reflectance: float = option(18.0, "Of the gray card.", metavar="PERCENT", min=3, max=95)
+    three_patches: bool = option(
+        False, "The card is white, gray and black side by side.", "--three-patches"
+    )
+    facing: list[str] | None = option(
+        None,
+        "Without the frame: how far the card is turned to the robot's left from facing "
+        "the robot, and tilted up, in degrees; once a photograph, in their order.",
+        metavar="LEFT:UP",
+    )
+    heading: float = option(
+        0.0,
+        "Where the robot looked, to the left of the middle of its room's panorama.",
+        metavar="DEGREES",
+        min=-360,
+        max=360,
+    )
+    as_json: bool = json_option()
+
+
+@with_options
+def light(options: LightOptions) -> Answer:
+    """Match the simulation's light to photographs of a gray card, and write light.toml.
+
+    Put the card into the frame of `workstation print gray-card`. Let the robot stand at its start
+    and photograph the card half a metre ahead with its own camera, exposure and white balance as
+    when it drives: at least four times, the card turned left, right, up and towards the window or
+    lamp. In one facing only exposure and white balance can be told.
+
+    Examples:
+
+    - `workstation calibrate light gray/*.jpg`
+    - `workstation calibrate light a.png b.png c.png d.png --card 140,90,40,40
+      --facing 0:0 --facing 45:0 --facing -45:0 --facing 0:50`
+    """
+    from mbot_workstation.measure.calibration.light.light_measurement import (
+        CardSettings,
+        measure_light,
+    )
+    from mbot_workstation.measure.calibration.light.light_result import save_light
     from mbot_workstation.pictures.picture_file import picture_files
+    from mbot_workstation.sim.body.robot_parameters import RobotParameters
+    from mbot_workstation.sim.calibrated.calibration_folder import read_calibration
 
-    files = picture_files(photos)
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("looking for the board", total=len(files))
-        seen = look_for_boards(files, boards, lambda done: progress.update(task, completed=done))
-    fit = fit_camera(seen.sightings, keep_outliers=keep_outliers)
-    return seen, fit, judge(fit)
+    settings = CardSettings(
+        options.card_mm,
+        options.reflectance / 100,
+        options.three_patches,
+        _rectangle(options.card),
+        tuple(_facing(text) for text in options.facing or ()),
+    )
+    files, known = picture_files(options.photos), options.calibration.is_dir()
+    robot = read_calibration(options.calibration).robot if known else RobotParameters()
+    with working("looking for the gray card", len(files)) as done:
+        measured = measure_light(files, robot, settings, done)
+    result = save_light(measured, options.calibration, options.heading)
+    return Answer(result, _light_words(measured, result.path))
 
 
-def _write(fit: "CameraFit", folder: Path) -> Path:
-    from datetime import datetime
+def _rectangle(text: str | None) -> tuple[int, int, int, int] | None:
 
-    from mbot_protocol.drive.calibration import CameraCalibration
-    from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.sim.calibrated.calibration_folder import write_camera
-
-    model = fit.camera
-    try:
-        calibration = CameraCalibration(
-            width_px=model.width_px,
-            height_px=model.height_px,
-            focal_x_px=model.focal_x_px,
-            focal_y_px=model.focal_y_px,
-            principal_x_px=model.principal_x_px,
-            principal_y_px=model.principal_y_px,
-            distortion=model.distortion,
-            reprojection_error_px=fit.error_px,
-            pictures=len(fit.kept),
-            made_on=datetime.now().astimezone().date().isoformat(),
+    if text is None:
+        return None
+    parts = text.split(",")
+    if len(parts) != 4 or not all(part.strip().isdecimal() for part in parts):
+        raise ConfigurationError(
+            f"--card is {text!r}, expected X,Y,WIDTH,HEIGHT such as 140,90,40,40"
         )
-    except ValueError as error:
-        raise ConfigurationError(f"these pictures fit no usable camera: {error}") from None
-    return write_camera(folder, calibration)
+    left, top, width, height = (int(part) for part in parts)
+    return left, top, width, height
 
 
-def _draw(fit: "CameraFit", path: Path, *, as_json: bool) -> None:
-    from mbot_protocol.errors import ConfigurationError
-    from mbot_workstation.measure.calibration.camera.camera_drawing import draw_calibration
+def _facing(text: str) -> tuple[float, float]:
 
+    left, separator, up = text.partition(":")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigurationError(f"can't write {path}: {error.strerror}") from None
-    draw_calibration(fit, path)
-    if not as_json:
-        print(f"wrote {path}")
+        turned = float(left), float(up) if separator else 0.0
+    except ValueError:
+        turned = (float("nan"), 0.0)
+    if not (abs(turned[0]) <= 89 and abs(turned[1]) <= 90):  # also false for NaN
+        raise ConfigurationError(
+            f"--facing is {text!r}, expected LEFT:UP in degrees such as 45:0 or 0:-30, up to 89 "
+            "and 90: beyond, the camera can't see the card"
+        )
+    return turned
+
+
+def _light_words(measured: "LightMeasurement", path: Path) -> "Iterator[RenderableType]":
+    from mbot_workstation.measure.calibration.light.light_result import light_lines, photograph_rows
+
+    headings = ("photograph", "levels", "turned", "simulated", "off by", "calibrated", "off by")
+    yield table(headings, photograph_rows(measured), right=headings[1:])
+    yield from light_lines(measured)
+    yield f"wrote {path} and {path.with_name('light.png').name}"

@@ -1,17 +1,23 @@
-"""`workstation demo`: everything at once, without hardware."""
+"""Try it without hardware: everything at once, and a policy that needs no training."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mbot_workstation.cli.link_options import json_option
-from mbot_workstation.cli.options import option, output_folder, with_options
-from mbot_workstation.cli.simulation_options import calibration_option, object_option
+from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.policy.policy_contract import FULL_VIEW
+from mbot_workstation.cli.common_options import calibration_option, json_option, object_option
+from mbot_workstation.cli.options import argument, option, output_folder, with_options
+from mbot_workstation.cli.presenter import Answer, table
+from mbot_workstation.wording import typed
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import RenderableType
 
     from mbot_workstation.look.demo.demo_result import DemoResult
+
+POLICY_NAME = "servo"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +58,7 @@ class DemoOptions:
 
 
 @with_options
-def demo(options: DemoOptions) -> None:
+def demo(options: DemoOptions) -> Answer:
     """Drive a virtual robot with the real daemon: push a policy, watch it, draw what happened.
 
     Exit code 0 means that at least three objects were touched; 1 otherwise.
@@ -66,39 +72,28 @@ def demo(options: DemoOptions) -> None:
     - `workstation demo --object models/objects/green-ball.toml --model green-ball.onnx`
     - `workstation demo --firmware deadman` has the real firmware in the loop
     """
-    import json
-    import sys
     import tempfile
-    from dataclasses import asdict
-
-    from rich.console import Console
 
     from mbot_protocol.policy.policy_contract import PolicyMetadata
     from mbot_workstation.fleet.models.servo_policy import ServoGains, servo_model
-    from mbot_workstation.fleet.telemetry.output import JsonLines, LiveView, PlainLines
+    from mbot_workstation.fleet.models.written_policy import write_policy
+    from mbot_workstation.fleet.telemetry.output import output_for
     from mbot_workstation.look.demo.demo_run import ROBOT_ID, DemoSettings, run_demo
 
     model = options.model
     robot = _robot_options(options)
-    console = Console()
-    view = LiveView(ROBOT_ID, console) if console.is_terminal else PlainLines(ROBOT_ID, sys.stdout)
     with tempfile.TemporaryDirectory() as made:
         if model is None:
             model = Path(made) / "servo.onnx"
-            policy = servo_model(ServoGains(), PolicyMetadata("servo"))
-            model.write_bytes(policy.SerializeToString(deterministic=True))
+            policy = servo_model(ServoGains(), PolicyMetadata(POLICY_NAME))
+            write_policy(model, POLICY_NAME, policy)
         # The modelled board harms nobody.
         accepted = options.firmware is None or options.accept_no_deadman
         settings = DemoSettings(
             model, options.output, options.seconds, tuple(robot), options.calibration, accepted
         )
-        result = run_demo(settings, JsonLines(sys.stdout, sys.stderr) if options.as_json else view)
-    if options.as_json:
-        print(json.dumps(asdict(result)))
-    else:
-        _print(result, options.output, console)
-    if not result.success:
-        sys.exit(1)
+        result = run_demo(settings, output_for(ROBOT_ID, as_json=options.as_json))
+    return Answer(result, _demo_words(result, options.output), exit_code=0 if result.success else 1)
 
 
 def _robot_options(options: DemoOptions) -> list[str]:
@@ -144,17 +139,56 @@ WORDS = {
 }
 
 
-def _print(result: "DemoResult", output: Path, console: "Console") -> None:
-    from rich.table import Table
-
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
-    for name, words in WORDS.items():
-        table.add_row(words, f"{getattr(result, name):g}")
+def _demo_words(result: "DemoResult", output: Path) -> "Iterator[RenderableType]":
+    rows = [(words, f"{getattr(result, name):g}") for name, words in WORDS.items()]
     deadman = "with" if result.board_has_deadman else "without"
-    table.add_row("board's firmware", f"{result.board_version}, {deadman} a dead man's switch")
-    console.print(table)
-    for file, words in (
-        ("contact-sheet.png", "what it saw, and its path from above"),
-        ("recording.mcap", "telemetry; opens in Foxglove and Rerun"),
-    ):
-        console.print(f"{output / file}  {words}", highlight=False)
+    board = f"{result.board_version}, {deadman} a dead man's switch"
+    yield table(("", ""), [*rows, ("board's firmware", board)])
+    yield f"{output / 'contact-sheet.png'}  what it saw, and its path from above"
+    yield f"{output / 'recording.mcap'}  telemetry; opens in Foxglove and Rerun"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MakeServoPolicyOptions:
+    """What `make_servo_policy` takes."""
+
+    output: Path = argument("The ONNX file to write.", default=Path("servo.onnx"))
+    search_speed: float | None = option(
+        None,
+        "Wheel speed of the search turn, share of full speed; 0.25 if not given. Less if "
+        "the robot spins past the cube, more if it hardly turns.",
+        min=0.05,
+        max=1.0,
+    )
+    view: tuple[float, float] = option(
+        (FULL_VIEW.horizontal_deg, FULL_VIEW.vertical_deg),
+        "Field of view of the observation, degrees.",
+        metavar="WIDTH HEIGHT",
+    )
+    as_json: bool = json_option()
+
+
+@with_options
+def make_servo_policy(options: MakeServoPolicyOptions) -> Answer:
+    """Write a policy that needs no training: it drives at the red cube, or turns to find it.
+
+    Robots take it as they take a trained model, and a trained model has to beat it. The same
+    options give the same file.
+
+    Example: `workstation make-servo-policy servo.onnx`, then `workstation push-model servo.onnx`
+    """
+    from dataclasses import replace
+
+    from mbot_protocol.policy.policy_contract import FieldOfView, PolicyMetadata
+    from mbot_workstation.fleet.models.servo_policy import ServoGains, servo_model
+    from mbot_workstation.fleet.models.written_policy import write_policy
+
+    try:
+        metadata = PolicyMetadata(POLICY_NAME, FieldOfView(*options.view))
+    except ValueError as error:
+        raise ConfigurationError(f"--view: {error}") from None
+    gains = ServoGains()
+    if options.search_speed is not None:
+        gains = replace(gains, search_speed=options.search_speed)
+    made = write_policy(options.output, POLICY_NAME, servo_model(gains, metadata))
+    return Answer(made, [made.sentence(f"workstation push-model {typed(made.path)}")])

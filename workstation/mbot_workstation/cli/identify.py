@@ -1,24 +1,28 @@
-"""`workstation identify`: from recorded maneuvers to the simulated robot's motion."""
+"""`workstation identify` and `gap-report`: the simulated robot's motion, and how far it is off."""
 
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError, MbotError
-from mbot_workstation.cli.link_options import json_option
-from mbot_workstation.cli.options import argument, option, with_options
+from mbot_protocol.files import atomic_file
+from mbot_workstation.cli.common_options import json_option
+from mbot_workstation.cli.options import argument, option, output_file, with_options
+from mbot_workstation.cli.presenter import Answer, working
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
-    from mbot_protocol.drive.actions import WheelMaps
+    from rich.console import RenderableType
+
     from mbot_workstation.learn.evaluation.trim_trial import TrimTrial
     from mbot_workstation.measure.identification.motor_trim import TrimChoice
     from mbot_workstation.measure.identification.result import Identification
-    from mbot_workstation.measure.tracks.run import ManeuverRecording
-    from mbot_workstation.sim.body.robot_parameters import RobotParameters
     from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
     from mbot_workstation.sim.calibrated.motion_calibration import MotionCalibration
+
+SHIPPED_MAP = Path(__file__).parents[3] / "models" / "tolerance.json"
+"""In the checkout, wherever the command is called, beside the policy it is of."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +65,7 @@ class IdentifyOptions:
 
 
 @with_options
-def identify(options: IdentifyOptions) -> None:
+def identify(options: IdentifyOptions) -> Answer:
     """Fit the simulated robot to half of the repetitions, try it on the other half, then fit all.
 
     What the recordings can't tell is taken as usual and listed with the reason. The tracker's
@@ -73,16 +77,17 @@ def identify(options: IdentifyOptions) -> None:
     - `workstation identify monday tuesday --calibration calibration/mbot-1 --json`
     - `workstation identify recordings/weak --policy policy.onnx`
     """
-    import json
     import os
 
     # Before numpy is loaded: on matrices as small as these, threads of its own cost more than they
     # bring, and the simulations want the cores.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    from mbot_workstation.measure.identification.fit import identify as fit
     from mbot_workstation.measure.identification.motion_file import motion_calibration
     from mbot_workstation.measure.identification.motor_trim import trim_choice
     from mbot_workstation.measure.identification.result_words import as_fields
     from mbot_workstation.measure.tracks.recording_folder import read_maneuvers
+    from mbot_workstation.measure.tracks.run import common_robot, common_wheel_maps
     from mbot_workstation.sim.calibrated.calibration_folder import write_motion
 
     if options.no_trim and options.policy is not None:
@@ -92,12 +97,15 @@ def identify(options: IdentifyOptions) -> None:
 
         read_policy(options.policy)  # now, not after the fit
     read = [read_maneuvers(folder) for folder in options.recordings]
-    robot_id = options.robot or _robot_id(read)
+    robot_id = options.robot or common_robot(read)
     folder = options.calibration or Path("calibration") / robot_id
-    maps = _maps(read)
     files = _known(folder)
-    found = _identified(read, files.robot, robot_id, same_clock=options.same_clock)
-    uneven = trim_choice(found, maps)
+    runs = sum(len(recording.runs) for recording in read)
+    with working(f"{runs} runs", 1.0) as advance:
+        found = fit(
+            read, files.robot, robot_id=robot_id, same_clock=options.same_clock, advance=advance
+        )
+    uneven = trim_choice(found, common_wheel_maps(read))
     tried: TrimTrial | None = None
     written: list[str] = []
     if not found.is_worse:
@@ -106,40 +114,14 @@ def identify(options: IdentifyOptions) -> None:
             tried = _tried(options.policy, files, *ways)
         trims = tried.is_better_trimmed if tried else not options.no_trim
         written = [str(write_motion(folder, ways[0] if trims else ways[1]))]
-    if options.as_json:
-        told = as_fields(found, uneven, written)
-        print(json.dumps(told | ({"trim_trial": tried.fields()} if tried else {})))
-    else:
-        _show(found, uneven, tried, written)
-    if found.is_worse:
-        raise MbotError(
-            "on the held-out runs the identified robot is further off than before, so nothing was "
-            "written: look at the tables; are all runs of one robot, on one floor?"
-        )
-
-
-def _robot_id(recordings: "Sequence[ManeuverRecording]") -> str:
-    names = list(dict.fromkeys(recording.robot_id for recording in recordings))
-    if len(names) > 1:
-        raise ConfigurationError(
-            f"the recordings are of {' and '.join(names)}; identify one robot at a time, or say "
-            "with --robot whose they are"
-        )
-    return names[0]
-
-
-def _maps(recordings: "Sequence[ManeuverRecording]") -> "WheelMaps":
-    maps = [recording.wheel_maps for recording in recordings]
-    for one in maps[1:]:
-        if (one.left.reversed, one.right.reversed) != (
-            maps[0].left.reversed,
-            maps[0].right.reversed,
-        ):
-            raise ConfigurationError(
-                "the recordings differ in which motor is reversed (recording.toml); identify them "
-                "one by one"
-            )
-    return maps[-1]
+    value = as_fields(found, uneven, written) | ({"trim_trial": tried.fields()} if tried else {})
+    error = MbotError(
+        "on the held-out runs the identified robot is further off than before, so nothing was "
+        "written: look at the tables; are all runs of one robot, on one floor?",
+        kind="worse-than-before",
+    )
+    said = _identified_words(found, uneven, tried, written)
+    return Answer(value, said, error=error if found.is_worse else None)
 
 
 def _known(folder: Path) -> "CalibrationFiles":
@@ -163,71 +145,96 @@ def _tried(
         return try_trim(policy, files, trimmed, alone)
 
 
-def _identified(
-    recordings: "Sequence[ManeuverRecording]",
-    nominal: "RobotParameters",
-    robot_id: str,
-    *,
-    same_clock: bool,
-) -> "Identification":
-    from rich.console import Console
-    from rich.progress import Progress
-
-    from mbot_workstation.measure.identification.fit import identify as run
-
-    console = Console(stderr=True)
-    runs = sum(len(recording.runs) for recording in recordings)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task(f"{runs} runs", total=1.0)
-        return run(
-            recordings,
-            nominal,
-            robot_id=robot_id,
-            same_clock=same_clock,
-            advance=lambda done: progress.update(task, completed=done),
-        )
-
-
-def _show(
+def _identified_words(
     found: "Identification",
     uneven: "TrimChoice",
     tried: "TrimTrial | None",
     written: "Sequence[str]",
-) -> None:
+) -> "Iterator[RenderableType]":
+    from mbot_workstation.measure.identification import result_words
+    from mbot_workstation.measure.identification.exclusion import grouped
+
+    for line in grouped(found.excluded):
+        yield f"left out: {line}"
+    yield f"{found.robot_id}: fitted {found.fitted} runs, {len(found.errors)} held out\n"
+    yield result_words.parameter_table(found)
+    yield "\nnot to be told from these recordings:"
+    for line in result_words.undetermined_lines(found):
+        yield f"  {line}"
+    yield ""
+    yield result_words.steady_table(found)
+    yield from result_words.misfit_lines(found)
+    yield ""
+    yield result_words.error_table(found)
+    yield from result_words.error_lines(found)
+    yield ""
+    yield from result_words.trim_lines(uneven)
+    yield from result_words.backward_lines(found)
+    if tried is not None:
+        yield tried.line()
+    for path in written:
+        yield f"wrote {path}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GapReportOptions:
+    """What `gap_report` takes."""
+
+    recordings: list[Path] = argument(
+        "Folders of `workstation maneuvers run` with their tracks.", metavar="RECORDING..."
+    )
+    calibration: Path | None = option(
+        None,
+        "The robot's calibration; calibration/ROBOT if not given.",
+        "--calibration",
+        metavar="FOLDER",
+    )
+    tolerance: Path | None = option(
+        None,
+        "What a policy bears: tolerance.json of `workstation study tolerance`; the one that ships "
+        "with the policy, models/tolerance.json, if not given. Without, there are no verdicts.",
+        metavar="FILE.json",
+    )
+    frames: Path | None = option(
+        None,
+        "Pictures of the robot's camera, with frames.csv: file,x_m,y_m,yaw_deg and, where "
+        "the cube is in view, cube_x_m,cube_y_m,cube_yaw_deg.",
+        metavar="FOLDER",
+    )
+    output: Path = output_file(Path("gap.html"), "The page.", "--output", "-o", metavar="FILE.html")
+    as_json: bool = json_option()
+
+
+@with_options
+def gap_report(options: GapReportOptions) -> Answer:
+    """Compare the calibrated simulation with the real robot, and write one page about it.
+
+    Paths, errors over time and steady rates of runs that `identify` has not fitted; the lens, the
+    light, the same frame real and simulated; and for each quantity a verdict: does a policy bear
+    what is left? What is missing is said with the command that makes it. The page needs no other
+    file and prints well.
+
+    Examples:
+
+    - `workstation gap-report recordings/mbot-1-2026-11-21`
+    - `workstation gap-report recordings/mbot-1-* --calibration calibration/mbot-1
+      --tolerance results/tolerance.json --frames frames -o gap.html`
+    """
     from rich.console import Console
 
-    from mbot_workstation.measure.identification.exclusion import grouped
-    from mbot_workstation.measure.identification.result_words import (
-        backward_lines,
-        error_lines,
-        error_table,
-        misfit_lines,
-        parameter_table,
-        steady_table,
-        trim_lines,
-        undetermined_lines,
-    )
+    from mbot_workstation.measure.gap_report.page import page, printed
+    from mbot_workstation.measure.gap_report.report import as_fields, build
 
-    console = Console()
-    for line in grouped(found.excluded):
-        print(f"left out: {line}")
-    print(f"{found.robot_id}: fitted {found.fitted} runs, {len(found.errors)} held out\n")
-    console.print(parameter_table(found))
-    print("\nnot to be told from these recordings:")
-    for line in undetermined_lines(found):
-        console.print(f"  {line}", highlight=False, markup=False, soft_wrap=True)
-    print()
-    console.print(steady_table(found))
-    for line in misfit_lines(found):
-        print(line)
-    print()
-    console.print(error_table(found))
-    for line in error_lines(found):
-        print(line)
-    print()
-    for line in (*trim_lines(uneven), *backward_lines(found)):
-        print(line)
-    if tried is not None:
-        print(tried.line())
-    for path in written:
-        print(f"wrote {path}")
+    with Console(stderr=True).status("reading") as status:
+        report = build(
+            options.recordings,
+            options.calibration,
+            options.tolerance or (SHIPPED_MAP if SHIPPED_MAP.is_file() else None),
+            options.frames,
+            status.update,
+        )
+        status.update("drawing the page")
+        text = page(report)
+    atomic_file.save(options.output, text.encode())
+    value = as_fields(report) | {"path": str(options.output)}
+    return Answer(value, [*printed(report), f"wrote {options.output}"])

@@ -1,5 +1,6 @@
 """`workstation maneuvers`: drive the paper's eight maneuvers and record what was told."""
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -7,14 +8,14 @@ from typing import TYPE_CHECKING
 import typer
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.cli.link_options import LinkOptions, json_option
+from mbot_workstation.cli.common_options import LinkOptions, json_option
 from mbot_workstation.cli.options import option, output_folder, with_options
+from mbot_workstation.cli.presenter import Answer, table
 from mbot_workstation.measure.maneuvers.plan import (
     Order,
     Planned,
-    duration_words,
+    announcement,
     plan,
-    reach,
     room_needed_m,
 )
 from mbot_workstation.measure.tracks.maneuver import (
@@ -24,6 +25,7 @@ from mbot_workstation.measure.tracks.maneuver import (
     SLOW,
     maneuver_named,
 )
+from mbot_workstation.wording import typed
 
 if TYPE_CHECKING:
     from mbot_workstation.fleet.link.robot_link import RobotLink
@@ -43,37 +45,42 @@ class ListManeuversOptions:
     as_json: bool = json_option()
 
 
+@dataclass(frozen=True, slots=True)
+class ListedManeuver:
+    """A maneuver, its wheel commands in [-1, 1], and the free floor it needs."""
+
+    name: str
+    left: float
+    right: float
+    length_m: float
+    width_m: float
+
+
 @app.command("list")
 @with_options
-def list_maneuvers(options: ListManeuversOptions) -> None:
+def list_maneuvers(options: ListManeuversOptions) -> Answer:
     """Show the maneuvers and the free floor each needs.
 
     Example: `workstation maneuvers list --seconds 5`
     """
-    import json
-
-    from rich.console import Console
-    from rich.table import Table
-
-    if options.as_json:
-        rows = []
-        for maneuver in (*MANEUVERS, SLOW):
-            length_m, width_m = room_needed_m(maneuver, options.seconds)
-            room = {"length_m": round(length_m, 2), "width_m": round(width_m, 2)}
-            told = {"name": maneuver.name, "left": maneuver.left, "right": maneuver.right}
-            rows.append(told | room)
-        print(json.dumps(rows))
-        return
-    table = Table("maneuver", "left", "right", "free floor, m", box=None, padding=(0, 2, 0, 0))
-    for maneuver in (*MANEUVERS, SLOW):
-        length_m, width_m = room_needed_m(maneuver, options.seconds)
-        left, right = f"{maneuver.left:+g}", f"{maneuver.right:+g}"
-        table.add_row(maneuver.name, left, right, f"{length_m:.1f} x {width_m:.1f}")
-    Console().print(table)
+    found = [
+        ListedManeuver(
+            one.name,
+            one.left,
+            one.right,
+            *(round(side_m, 2) for side_m in room_needed_m(one, options.seconds)),
+        )
+        for one in (*MANEUVERS, SLOW)
+    ]
+    rows = [
+        (m.name, f"{m.left:+g}", f"{m.right:+g}", f"{m.length_m:.1f} x {m.width_m:.1f}")
+        for m in found
+    ]
+    return Answer(found, [table(("maneuver", "left", "right", "free floor, m"), rows)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunOptions(LinkOptions):
+class RunManeuversOptions(LinkOptions):
     """What `run` takes."""
 
     output: Path | None = output_folder(
@@ -106,7 +113,7 @@ class RunOptions(LinkOptions):
 
 @app.command("run")
 @with_options
-def run(options: RunOptions) -> None:
+def run(options: RunManeuversOptions) -> None:
     """Drive every maneuver, and record commands and telemetry on the robot's clock.
 
     Start the tracker first (`workstation track`, or any other), and keep it running to the end.
@@ -122,7 +129,6 @@ def run(options: RunOptions) -> None:
     - `workstation maneuvers run --maneuver slow --repetitions 3`: tells the motors' dead bands
     - `workstation maneuvers run --resume recordings/mbot-1-2026-11-21`
     """
-    import sys
     import time
 
     from mbot_protocol.drive.actions import WheelMaps
@@ -163,23 +169,9 @@ def run(options: RunOptions) -> None:
             )
         settings = SessionSettings(options.seconds, options.pause, attended)
         left = [p for p in planned if (p.maneuver.name, p.repetition) not in journal.recorded]
-        _announce(left, settings)
+        print(announcement(left, options.seconds, options.pause))
         if left and (options.yes or _may_drive()):
             _drive(link, journal, planned, settings, telemetry=options.telemetry)
-
-
-def _announce(left: list[Planned], settings: "SessionSettings") -> None:
-    if not left:
-        print("everything is recorded already")
-        return
-    each_s = [one.maneuver.duration_s(settings.seconds) for one in left]
-    in_all_s = sum(each_s) + len(left) * (settings.pause_s + 0.5)
-    floor = reach([one.maneuver for one in left], settings.seconds)
-    print(
-        f"{len(left)} runs of {max(each_s):g} s, about {duration_words(in_all_s)}; free floor from "
-        f"where the robot starts: {floor.ahead_m:g} m ahead, {floor.behind_m:g} m behind, "
-        f"{floor.left_m:g} m to its left, {floor.right_m:g} m to its right"
-    )
 
 
 def _may_drive() -> bool:
@@ -194,7 +186,6 @@ def _drive(
     *,
     telemetry: bool,
 ) -> None:
-    import sys
     from contextlib import ExitStack
 
     from rich.console import Console
@@ -207,7 +198,6 @@ def _drive(
         PlainDisplay,
         TerminalDisplay,
     )
-    from mbot_workstation.wording import typed
 
     before = len(journal.runs)
     recorder = TelemetryRecorder(link, journal.telemetry_path()) if telemetry else None

@@ -4,6 +4,7 @@ import contextlib
 import dataclasses
 import functools
 import inspect
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_type_hints
@@ -11,13 +12,16 @@ from typing import Annotated, Any, TypeVar, get_type_hints
 import typer
 
 from mbot_protocol.early_interrupt import ctrl_c_as_usual
-from mbot_protocol.errors import InterruptedByUserError
+from mbot_protocol.errors import ConfigurationError, InterruptedByUserError
 from mbot_protocol.files.git_lfs import POINTER, refuse_pointer
-from mbot_workstation.cli.output_paths import check_output_file, check_output_folder
+from mbot_workstation.cli.presenter import Answer, present
 
 Options = TypeVar("Options")
 
 _TYPER, _CHECK = "typer", "check"
+
+PICTURES = (".png", ".svg", ".pdf")
+"""What figures can be written as."""
 
 
 def option(default: Any, help_text: str, *names: str, panel: str = "", **settings: Any) -> Any:
@@ -67,6 +71,50 @@ def argument(help_text: str, default: Any = dataclasses.MISSING, **settings: Any
     return dataclasses.field(default=default, metadata={_TYPER: made})
 
 
+def check_output_file(path: Path, name: str, endings: tuple[str, ...] = ()) -> None:
+    """Check that a file can be written.
+
+    Args:
+        path: of the file.
+        name: of the option that named it, such as --result.
+        endings: one of which it must have; any if empty.
+
+    Raises:
+        ConfigurationError: it is a folder, its folder is missing or closed, or its ending unknown.
+
+    """
+    folder = path.absolute().parent
+    if path.is_dir():
+        raise ConfigurationError(f"{name} is {path}, which is a folder; expected a file's name")
+    if endings and path.suffix.lower() not in endings:
+        raise ConfigurationError(
+            f"{name} is {path}, expected a name that ends in {' or '.join(endings)}"
+        )
+    if not folder.is_dir():
+        raise ConfigurationError(
+            f"{name} is {path}, but there is no folder {folder}: make it first"
+        )
+    if not os.access(path if path.exists() else folder, os.W_OK):
+        raise ConfigurationError(f"{name} is {path}, which you may not write")
+
+
+def check_new_file(path: Path) -> None:
+    """Check that nothing is overwritten; raises ConfigurationError."""
+    if path.exists():
+        raise ConfigurationError(f"{path} exists already; choose another name")
+
+
+def check_output_folder(path: Path, name: str) -> None:
+    """Check that a folder can be made or written into; raises as `check_output_file`."""
+    there = path.absolute()
+    while not there.exists():
+        there = there.parent
+    if not there.is_dir():
+        raise ConfigurationError(f"{name} is {path}, but {there} is a file; expected a folder")
+    if not os.access(there, os.W_OK):
+        raise ConfigurationError(f"{name} is {path}, but you may not write into {there}")
+
+
 def _refuse_pointer(given: object) -> None:
     """Whatever a command reads, of whatever kind, is looked at before anybody tries to read it."""
     if isinstance(given, str | Path):
@@ -77,8 +125,11 @@ def _refuse_pointer(given: object) -> None:
                     refuse_pointer(path, file.read(len(POINTER)))
 
 
-def with_options(command: Callable[[Options], None]) -> Callable[..., None]:
-    """A command for typer, from a function that takes a dataclass of options."""
+def with_options(command: Callable[[Options], Answer | None]) -> Callable[..., None]:
+    """A command for typer, from a function that takes a dataclass of options.
+
+    What the function answers is presented; one that has said all itself answers nothing.
+    """
     (name,) = inspect.signature(command).parameters
     kind: type[Any] = get_type_hints(command)[name]
     hints = get_type_hints(kind)
@@ -87,14 +138,11 @@ def with_options(command: Callable[[Options], None]) -> Callable[..., None]:
     def run(**values: Any) -> None:
         ctrl_c_as_usual()
         for field in dataclasses.fields(kind):
-            check, value = field.metadata.get(_CHECK), values.get(field.name)
-            if check is not None and value is not None:
-                check(value, "--" + field.name.replace("_", "-"))
-            elif check is None:
-                for given in value if isinstance(value, list | tuple) else (value,):
-                    _refuse_pointer(given)
+            _check(field, values.get(field.name))
         try:
-            command(kind(**values))
+            answer = command(kind(**values))
+            if answer is not None:
+                present(answer, as_json=values.get("as_json", False))
         except KeyboardInterrupt:
             raise InterruptedByUserError("interrupted") from None
 
@@ -113,3 +161,13 @@ def with_options(command: Callable[[Options], None]) -> Callable[..., None]:
     run.__annotations__ = {p.name: p.annotation for p in parameters}
     del run.__wrapped__  # or typer would look at the function behind
     return run
+
+
+def _check(field: dataclasses.Field[Any], value: Any) -> None:
+    """What is to be written can be, and what is to be read is no pointer to the file."""
+    check = field.metadata.get(_CHECK)
+    if check is None:
+        for given in value if isinstance(value, list | tuple) else (value,):
+            _refuse_pointer(given)
+    elif value is not None:
+        check(value, "--" + field.name.replace("_", "-"))

@@ -1,16 +1,22 @@
 """`workstation recordings`: the drives that a robot has recorded."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
-from mbot_workstation.cli.link_options import LinkOptions, json_option
-from mbot_workstation.cli.options import argument, option, with_options
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.cli.common_options import LinkOptions, json_option
+from mbot_workstation.cli.options import argument, option, output_file, with_options
+from mbot_workstation.cli.presenter import Answer, table
+from mbot_workstation.wording import one_line, size_words
 
 if TYPE_CHECKING:
-    from mbot_protocol.v1.recordings_pb2 import RecordedDrive, RecordingList
+    from mbot_protocol.beat.recorded_drive import RecordedDrive
+    from mbot_protocol.v1.recordings_pb2 import RecordingList
+    from mbot_workstation.look.drives.gap_filling import Gap
 
 app = typer.Typer(help="The drives that a robot has recorded.", no_args_is_help=True)
 
@@ -23,7 +29,7 @@ def _drives_argument(default: Any = None) -> Any:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ListOptions(LinkOptions):
+class ListDrivesOptions(LinkOptions):
     """What `recordings list` takes."""
 
     as_json: bool = json_option()
@@ -31,15 +37,15 @@ class ListOptions(LinkOptions):
 
 @app.command("list")
 @with_options
-def list_command(options: ListOptions) -> None:
+def list_command(options: ListDrivesOptions) -> Answer:
     """List the drives that a robot has recorded, newest first.
 
     Example: `workstation recordings list --robot mbot-1.local`
     """
-    from mbot_workstation.fleet.recorded.recording_fetch import list_recordings
+    from mbot_workstation.fleet.link.recording_fetch import list_recordings
 
     with options.link() as link:
-        _show(list_recordings(link), options.as_json)
+        return _listed(list_recordings(link))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +62,7 @@ class FetchOptions(LinkOptions):
 
 @app.command("fetch")
 @with_options
-def fetch_command(options: FetchOptions) -> None:
+def fetch_command(options: FetchOptions) -> Answer:
     """Bring recorded drives here; an interrupted fetch goes on where it was.
 
     The robot may be driving meanwhile. What comes is compared with what the robot has by its
@@ -64,20 +70,14 @@ def fetch_command(options: FetchOptions) -> None:
 
     Example: `workstation recordings fetch 12 --robot mbot-1.local`
     """
-    import json
-
-    from mbot_workstation.fleet.recorded.recording_fetch import choose, fetch, list_recordings
-    from mbot_workstation.wording import size_words
+    from mbot_workstation.fleet.link.recording_fetch import choose, fetch, list_recordings
 
     with options.link() as link:
         there = list(list_recordings(link).drives)
         wanted = there if options.everything else [choose(there, one) for one in options.drives]
         folders = [fetch(link, drive, options.into, _progress(drive.name)) for drive in wanted]
-    if options.as_json:
-        print(json.dumps([str(folder) for folder in folders]))
-        return
-    for folder, drive in zip(folders, wanted, strict=True):
-        print(f"{folder}  {size_words(sum(file.size_bytes for file in drive.files))}")
+    sizes = [size_words(sum(file.size_bytes for file in drive.files)) for drive in wanted]
+    return Answer(folders, [f"{one}  {size}" for one, size in zip(folders, sizes, strict=True)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,18 +91,18 @@ class KeepOptions(LinkOptions):
 
 @app.command("keep")
 @with_options
-def keep_command(options: KeepOptions) -> None:
+def keep_command(options: KeepOptions) -> Answer:
     """Mark drives so that the robot keeps them, whatever their age and however little room.
 
     Example: `workstation recordings keep last --robot mbot-1.local`
     """
-    from mbot_workstation.fleet.recorded.recording_fetch import choose, keep, list_recordings
+    from mbot_workstation.fleet.link.recording_fetch import choose, keep, list_recordings
 
     with options.link() as link:
         found = list_recordings(link)
         for name in [choose(list(found.drives), one).name for one in options.drives]:
             found = keep(link, name, kept=options.kept)
-    _show(found, options.as_json)
+    return _listed(found)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,21 +115,21 @@ class RemoveOptions(LinkOptions):
 
 @app.command("remove")
 @with_options
-def remove_command(options: RemoveOptions) -> None:
+def remove_command(options: RemoveOptions) -> Answer:
     """Remove drives from the robot for good.
 
     Example: `workstation recordings remove 12 --robot mbot-1.local`
     """
-    from mbot_workstation.fleet.recorded.recording_fetch import choose, list_recordings, remove
+    from mbot_workstation.fleet.link.recording_fetch import choose, list_recordings, remove
 
     with options.link() as link:
         found = list_recordings(link)
         for name in [choose(list(found.drives), one).name for one in options.drives]:
             found = remove(link, name)
-    _show(found, options.as_json)
+    return _listed(found)
 
 
-def _progress(name: str) -> Any:
+def _progress(name: str) -> Callable[[int, int], None]:
     """Bytes on stderr, where a person looks at it."""
     import sys
 
@@ -141,49 +141,147 @@ def _progress(name: str) -> Any:
     return tell
 
 
-def _fields(drive: "RecordedDrive") -> dict[str, Any]:
-    return {
-        "name": drive.name,
-        "started_unix_time_ns": drive.started_unix_time_ns,
-        "ended_unix_time_ns": drive.ended_unix_time_ns,
-        "size_bytes": sum(file.size_bytes for file in drive.files),
-        "files": [file.name for file in drive.files],
-        "kept": drive.kept,
-        "open": drive.open,
-    }
+@dataclass(frozen=True, slots=True)
+class DriveThere:
+    """A drive that a robot has recorded."""
 
+    name: str
+    started_unix_time_ns: int
+    ended_unix_time_ns: int
+    size_bytes: int
+    files: list[str]
+    kept: bool
+    open: bool
 
-def _show(found: "RecordingList", as_json: bool) -> None:
-    import json
-    from datetime import datetime
+    def cells(self) -> tuple[str, ...]:
+        """For a table: mark, name, beginning, how long it lasted, size."""
+        from datetime import datetime
 
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
-    from mbot_workstation.wording import one_line, size_words
-
-    fields = [_fields(drive) for drive in found.drives]
-    if as_json:
-        print(json.dumps(fields, indent=2))
-        return
-    if not fields:
-        why = "" if found.enabled else " and records none: [recording] enabled in its configuration"
-        print(f"the robot keeps no recordings{why}")
-        return
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for heading in ("", "drive", "began", "lasted", "size"):
-        table.add_column(heading)
-    for drive in fields:
-        began_s, ended_s = drive["started_unix_time_ns"] / 1e9, drive["ended_unix_time_ns"] / 1e9
-        lasted_s = max(0, round(ended_s - began_s))
-        table.add_row(
-            "recording" if drive["open"] else "kept" if drive["kept"] else "",
-            escape(one_line(drive["name"])),
-            f"{datetime.fromtimestamp(began_s):%Y-%m-%d %H:%M}",
+        began = datetime.fromtimestamp(self.started_unix_time_ns / 1e9)
+        lasted_s = max(0, round((self.ended_unix_time_ns - self.started_unix_time_ns) / 1e9))
+        return (
+            "recording" if self.open else "kept" if self.kept else "",
+            one_line(self.name),
+            f"{began:%Y-%m-%d %H:%M}",
             f"{lasted_s // 60}:{lasted_s % 60:02d}",
-            size_words(drive["size_bytes"]),
+            size_words(self.size_bytes),
         )
-    console = Console()
-    console.print(table, width=None if console.is_terminal else 200)
-    print(f"{found.free_bytes / 1e9:.1f} GB free on the robot's card")
+
+
+def _listed(found: "RecordingList") -> Answer:
+    drives = [
+        DriveThere(
+            one.name,
+            one.started_unix_time_ns,
+            one.ended_unix_time_ns,
+            sum(file.size_bytes for file in one.files),
+            [file.name for file in one.files],
+            one.kept,
+            one.open,
+        )
+        for one in found.drives
+    ]
+    if not drives:
+        why = "" if found.enabled else " and records none: [recording] enabled in its configuration"
+        return Answer(drives, [f"the robot keeps no recordings{why}"])
+    shown = table(("", "drive", "began", "lasted", "size"), (drive.cells() for drive in drives))
+    return Answer(drives, [shown, f"{found.free_bytes / 1e9:.1f} GB free on the robot's card"])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FillOptions(LinkOptions):
+    """What `recordings fill` takes."""
+
+    recording: Path = argument("What `telemetry --record` has written.", metavar="FILE.mcap")
+    output: Path | None = output_file(
+        None,
+        "The filled recording, a new file; FILE-filled.mcap beside FILE if not given.",
+        "--output",
+        "-o",
+        metavar="FILE.mcap",
+    )
+    drives: list[Path] | None = option(
+        None,
+        "Recordings of the robot that are here already; repeatable. If not given, the robot is "
+        "asked for those that may have what is missing.",
+        "--from",
+        metavar="RECORDING",
+    )
+    into: Path = option(
+        Path("drives"), "Folder for what is fetched, as of `fetch`.", "--into", metavar="FOLDER"
+    )
+    as_json: bool = json_option()
+
+
+@dataclass(frozen=True, slots=True)
+class FilledRecording:
+    """How much of what a link has lost could be filled; no output if nothing was missing."""
+
+    output: Path | None
+    beats: int
+    filled_beats: int
+    filled_pictures: int
+    still_missing: int
+
+
+@app.command("fill")
+@with_options
+def fill_command(options: FillOptions) -> Answer:
+    """Fill what a slow or broken link has lost from a recording, from the robot's own.
+
+    Both number the beats alike, so exactly what is missing is taken, and nothing is guessed. The
+    robot's own begins when it is armed: what was lost while it stood stays lost. The file itself
+    stays as it is.
+
+    Example: `workstation recordings fill drive.mcap --robot mbot-1.local`
+    """
+    from mbot_protocol.beat.recorded_drive import read_drive
+    from mbot_workstation.look.drives.gap_filling import fill, gaps, write
+
+    live = read_drive(options.recording)
+    lacking = gaps(live.beats)
+    missing, blind = sum(gap.count for gap in lacking), sum(not b.encoded for b in live.beats)
+    found, output = fill(live.beats, ()), None
+    if missing or blind:
+        drives = options.drives or _fetched(options, live, lacking)
+        found = fill(live.beats, map(read_drive, drives))
+        beside = options.recording.with_name(f"{options.recording.stem}-filled.mcap")
+        output = options.output or beside
+        write(output, found)
+    filled = FilledRecording(
+        output, len(found.beats), found.decisions, found.pictures, found.still_missing
+    )
+    if output is None:
+        words = f"{options.recording}: nothing is missing, so nothing was written"
+    else:
+        words = (
+            f"{output}: {found.decisions} of {missing} missing beats filled, "
+            f"{found.pictures} pictures added, {found.still_missing} beats still missing"
+        )
+    return Answer(filled, [words])
+
+
+def _fetched(options: FillOptions, live: "RecordedDrive", lacking: "list[Gap]") -> list[Path]:
+    """The robot's recordings that may have what is missing, brought here.
+
+    Where pictures alone are missing the times of the whole recording count.
+    """
+    from mbot_workstation.fleet.link.recording_fetch import fetch, list_recordings
+    from mbot_workstation.look.drives.gap_filling import Gap
+
+    first, last = live.beats[0].decision, live.beats[-1].decision
+    whole = Gap(0, 0, 0, first.unix_time_ns, last.unix_time_ns)
+    with options.link() as link:
+        if link.robot_id != live.robot_id:
+            raise ConfigurationError(
+                f"{options.recording} is of robot {one_line(live.robot_id)}, and this one is "
+                f"{link.robot_id}: name the other by --robot"
+            )
+        return [
+            fetch(link, drive, options.into)
+            for drive in reversed(list_recordings(link).drives)
+            if any(
+                gap.may_be_in(drive.started_unix_time_ns, drive.ended_unix_time_ns)
+                for gap in lacking or [whole]
+            )
+        ]

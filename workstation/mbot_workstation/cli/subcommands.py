@@ -7,37 +7,21 @@ import typer
 from typer.core import TyperGroup
 
 from mbot_workstation.cli.calibrate import app as calibrate
-from mbot_workstation.cli.check_model import check_model_file
-from mbot_workstation.cli.console import console
-from mbot_workstation.cli.demo import demo
-from mbot_workstation.cli.drive import drive, run, stop
-from mbot_workstation.cli.drive_report import film, report
+from mbot_workstation.cli.calibrate import panorama
+from mbot_workstation.cli.demo import demo, make_servo_policy
+from mbot_workstation.cli.drives import film, replay, report, view
+from mbot_workstation.cli.driving import console, drive, robots, run, stop, telemetry
 from mbot_workstation.cli.enroll import enroll
-from mbot_workstation.cli.evaluate import evaluate
-from mbot_workstation.cli.explain import explain
-from mbot_workstation.cli.export import export
-from mbot_workstation.cli.fill_recording import fill_command
-from mbot_workstation.cli.flash import flash
-from mbot_workstation.cli.gap_report import gap_report
-from mbot_workstation.cli.identify import identify
-from mbot_workstation.cli.make_servo_policy import make_servo_policy
+from mbot_workstation.cli.evaluate import evaluate, explain, study
+from mbot_workstation.cli.identify import gap_report, identify
+from mbot_workstation.cli.keys import app as keys
 from mbot_workstation.cli.maneuvers import app as maneuvers
-from mbot_workstation.cli.model_keys import app as keys
-from mbot_workstation.cli.models import models, rollback
-from mbot_workstation.cli.panorama import panorama
+from mbot_workstation.cli.models import check_model_file, models, push_model, rollback
 from mbot_workstation.cli.print_targets import app as print_targets
-from mbot_workstation.cli.push_model import push_model
 from mbot_workstation.cli.recordings import app as recordings
-from mbot_workstation.cli.replay import replay
-from mbot_workstation.cli.robots import robots
-from mbot_workstation.cli.setup_card import setup_card
-from mbot_workstation.cli.study import study
-from mbot_workstation.cli.telemetry import telemetry
-from mbot_workstation.cli.track_robot import track
-from mbot_workstation.cli.train import train
-from mbot_workstation.cli.training_curve import training_curve
-from mbot_workstation.cli.update import update
-from mbot_workstation.cli.view_drives import view
+from mbot_workstation.cli.set_up import flash, setup_card, update
+from mbot_workstation.cli.track import track
+from mbot_workstation.cli.train import export, train, training_curve
 from mbot_workstation.cli.virtual_robot import virtual_robot
 
 PANELS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
@@ -132,7 +116,6 @@ def workstation(
     """Simulate, train for, measure, command and watch mbot-agent robots."""
 
 
-recordings.command("fill")(fill_command)
 for panel, commands in PANELS.items():
     for name, command in commands.items():
         if isinstance(command, typer.Typer):

@@ -1,35 +1,37 @@
-"""`workstation train`: a policy from simulation, or more of one."""
+"""Train policies: a run, its curve, and the file that robots take."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError, InterruptedByUserError
-from mbot_workstation.cli.link_options import json_option
-from mbot_workstation.cli.options import option, with_options
-from mbot_workstation.cli.simulation_options import calibration_option, object_option
+from mbot_workstation.cli.common_options import (
+    calibration_option,
+    json_option,
+    object_option,
+    photographs,
+    task_option,
+)
+from mbot_workstation.cli.options import (
+    PICTURES,
+    argument,
+    check_new_file,
+    option,
+    output_file,
+    with_options,
+)
+from mbot_workstation.cli.presenter import Answer, note
+from mbot_workstation.wording import typed
 
 if TYPE_CHECKING:
+    from mbot_workstation.learn.learning.progress_log import ProgressRow
     from mbot_workstation.learn.learning.run_directory import RunDirectory
     from mbot_workstation.learn.learning.training_config import TrainingConfig
     from mbot_workstation.learn.learning.training_run import TrainingResult
 
 MEMORY_UNITS = 128
 """`learning/memory_policy.py` says the same; importing it takes seconds."""
-
-MADE_UP_ROOMS = 8
-"""Beside the photographs that ship with the project."""
-
-GUIDED_DECISIONS, STEPS = 1_500_000, 1_600_000
-"""What ships was trained so. Less may do: a run guided for 940,000 of 1,000,000 had 18.94 of 21 on
-rough robots (18.62 to 19.24, 288 episodes, one seed), after 540,000 more, 500,000 of them guided,
-19.12 (18.80 to 19.40) as the mean of checkpoints, 19.28 (19.05 to 19.48) as the last one."""
-
-NEW_OBJECT_GUIDED, NEW_OBJECT_STEPS = 240_000, 300_000
-"""One training for the blue bottle was at 19.86 after this; no other split was tried."""
-
-ROUND_STEPS = 200_000
-"""What a run may be told to make besides, in an example."""
 
 _WHAT, _ROOMS, _HOW = "What to learn", "Rooms", "How"
 
@@ -43,9 +45,10 @@ class TrainOptions:
     resume: Path | None = option(
         None,
         "Go on with this run from its last checkpoint, as it was configured; only "
-        "--steps, --target-reward, --workers and --device can be given anew.",
+        "--steps, --target-reward, --workers and --device can be changed.",
         metavar="RUN",
     )
+    task: str = task_option(_WHAT)
     lesson: list[str] | None = option(
         None,
         "One, a range such as 1-10, or several. If not given, 10 and then rough (any robot, also "
@@ -131,7 +134,7 @@ class TrainOptions:
 
 
 @with_options
-def train(options: TrainOptions) -> None:
+def train(options: TrainOptions) -> Answer:
     """Train a policy in simulation: PPO, 16 robots at once, a guide for the beginning.
 
     Everything of a run is in its folder: configuration, state of the code, progress.csv, the last
@@ -146,43 +149,47 @@ def train(options: TrainOptions) -> None:
     - `workstation train --panorama kitchen.jpg --panorama hall.jpg --seed 3`
     - `workstation train --calibration calibration/mbot-1`
     - `workstation train --object models/objects/green-ball.toml --from models/red-cube-run`
+    - `workstation train --task my_task.py`
     - `workstation train --resume runs/first --steps 2000000`
     - `workstation train --name paper --guide 0 --memory 0`
     - `workstation train --lesson blur --from runs/first --steps 300000`
     """
-    import json
-    from dataclasses import asdict
-
-    from mbot_workstation.wording import typed
+    from mbot_workstation.learn.learning.run_plan import rounded_steps
 
     run, config = _resumed(options) if options.resume is not None else _begun(options)
-    _say_rounding(run, config)
+    end, rollout = rounded_steps(run, config)
+    if end != config.steps:
+        note(
+            f"--steps {config.steps:,} becomes {end:,}: {rollout:,} decisions are learned from at "
+            "a time"
+        )
     try:
         result = _train_until_stopped(run, config)
     except BaseException:
         if options.resume is None:
             run.forget_unless_begun()
         raise
-    if options.as_json:
-        print(json.dumps(asdict(result)))
-    else:
-        reward = "unknown" if result.mean_reward is None else f"{result.mean_reward:.2f}"
-        print(
-            f"{result.run}: {result.step:,} decisions in {result.wall_s / 60:.1f} minutes, lesson "
-            f"{result.lesson}, mean reward {reward} of the latest episodes"
-        )
-    if result.reason == "interrupted":
-        raise InterruptedByUserError(
-            f"interrupted and saved; go on with --resume {typed(result.run)}"
-        )
-    if not options.as_json:
-        print(f"next: workstation export {typed(result.run)}")
+    interrupted = InterruptedByUserError(
+        f"interrupted and saved; go on with --resume {typed(result.run)}"
+    )
+    stopped = result.reason == "interrupted"
+    return Answer(result, _trained(result), error=interrupted if stopped else None)
+
+
+def _trained(result: "TrainingResult") -> Iterator[str]:
+    reward = "unknown" if result.mean_reward is None else f"{result.mean_reward:.2f}"
+    yield (
+        f"{result.run}: {result.step:,} decisions in {result.wall_s / 60:.1f} minutes, lesson "
+        f"{result.lesson}, mean reward {reward} of the latest episodes"
+    )
+    if result.reason != "interrupted":
+        yield f"next: workstation export {typed(result.run)}"
 
 
 def _resumed(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
     from mbot_workstation.learn.evaluation.checkpoint_choice import is_undecided
     from mbot_workstation.learn.learning.run_directory import RunDirectory
-    from mbot_workstation.learn.learning.training_config import read_config
+    from mbot_workstation.learn.learning.run_plan import resumed
 
     given = (options.name, options.lesson, options.parent, options.panorama)
     if any(given) or options.calibration or options.object:
@@ -192,39 +199,15 @@ def _resumed(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
         )
     assert options.resume is not None
     run = RunDirectory.open(options.resume)
-    config = read_config(run.config_file)
-    checkpoints, steps = run.checkpoints(), options.steps or config.steps
-    done = int(checkpoints[-1].name) if checkpoints else 0
-    if done >= steps and not (options.steps is None and is_undecided(run)):
-        raise ConfigurationError(
-            f"{options.resume} has made {done:,} decisions already, {steps:,} are asked for; give "
-            f"--steps more than that, such as --steps {done + ROUND_STEPS}"
-        )
-    return run, replace(
-        config,
-        steps=steps,
-        target_reward=config.target_reward
-        if options.target_reward is None
-        else options.target_reward,
-        workers=config.workers if options.workers is None else options.workers,
-        device=_device(options.device),  # not the run's: it may have begun on another machine
+    config = resumed(
+        run,
+        steps=options.steps,
+        target_reward=options.target_reward,
+        workers=options.workers,
+        device=options.device,
+        is_undecided=is_undecided,
     )
-
-
-def _say_rounding(run: "RunDirectory", config: "TrainingConfig") -> None:
-    """Decisions are made in whole rollouts, one of every robot, whatever --steps says."""
-    import sys
-
-    checkpoints = run.checkpoints()
-    done = int(checkpoints[-1].name) if checkpoints else 0
-    rollout = config.learner.steps_per_robot * config.robots
-    end = done - (done - config.steps) // rollout * rollout
-    if end != config.steps:
-        print(
-            f"workstation: note: --steps {config.steps:,} becomes {end:,}: {rollout:,} decisions "
-            "are learned from at a time",
-            file=sys.stderr,
-        )
+    return run, config
 
 
 def _begun(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
@@ -237,105 +220,35 @@ def _begun(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
         raise ConfigurationError(
             f"--name is {name!r}, expected a folder's name without a path; --runs says where"
         )
-    folder = options.runs / name
     config = _configured(options)
-    return begin_run(folder, config), config
+    return begin_run(options.runs / name, config), config
 
 
 def _configured(options: TrainOptions) -> "TrainingConfig":
     """A new run's configuration."""
-    from mbot_workstation.cli.simulation_options import photographs
-    from mbot_workstation.learn.learning.learner import FINE_TUNING, GUIDED
-    from mbot_workstation.learn.learning.training_config import TrainingConfig
-    from mbot_workstation.learn.worlds.lessons import GUIDED_MARK
+    from mbot_workstation.learn.learning.run_plan import RunPlan, device_named
     from mbot_workstation.sim.calibrated.calibration_folder import files_to_simulate
+    from mbot_workstation.tasks.find import full_reference
 
-    rooms = photographs(options.panorama, options.calibration)
-    default = TrainingConfig()
-    further = options.parent is not None
-    new_object = further and options.object is not None
-    guided = options.guide
-    if guided is None:
-        guided = NEW_OBJECT_GUIDED if new_object else 0 if further else GUIDED_DECISIONS
-    learner, steps = default.learner, default.steps
-    if options.parent:
-        learner, steps = FINE_TUNING, STEPS
-    if guided:
-        learner = replace(GUIDED, guided_decisions=guided)
-        steps = STEPS
-    if not options.memory:
-        learner = replace(learner, first_filter_px=default.learner.first_filter_px)
-    if new_object:
-        steps = NEW_OBJECT_STEPS
-    config = TrainingConfig(
-        steps=options.steps or steps,
+    return RunPlan(
+        parent=options.parent,
+        guide=options.guide,
+        steps=options.steps,
+        lessons=tuple(options.lesson or ()),
+        memory_units=options.memory,
+        panoramas=tuple(photographs(options.panorama, options.calibration)),
+        made_up_rooms=options.made_up_rooms,
+        object_file=options.object,
+        task=full_reference(options.task),
+    ).config(
         robots=options.robots,
         workers=options.workers,
         seed=options.seed,
         preset=options.preset,
         calibration=files_to_simulate(options.calibration) if options.calibration else None,
-        object_file=str(options.object.resolve()) if options.object else "",
-        lessons=_lessons(options.lesson)
-        if options.lesson
-        else (("rough",) if further else ("10", "rough") if guided else default.lessons),
-        pass_mark=GUIDED_MARK if guided else default.pass_mark,
-        panoramas=tuple(str(path.resolve()) for path in rooms),
-        shipped_photographs=not rooms,
-        made_up_rooms=(0 if rooms else MADE_UP_ROOMS)
-        if options.made_up_rooms is None
-        else options.made_up_rooms,
         target_reward=options.target_reward,
-        device=_device(options.device),
-        learner=replace(learner, memory_units=options.memory),
+        device=device_named(options.device),
     )
-    if options.parent is not None:
-        return _from_parent(config, options.parent)
-    if config.lessons[0] in ("blur", "rough") and not guided:
-        raise ConfigurationError(
-            f"--lesson {config.lessons[0]} without a guide trains a trained model on: add --from "
-            "RUN, such as runs/first, or --guide 400000"
-        )
-    return config
-
-
-def _from_parent(config: "TrainingConfig", parent: Path) -> "TrainingConfig":
-    """With the weights of another run, so with the pictures' filters that it has."""
-    from mbot_workstation.learn.learning.colour_turn import hue_turn_deg
-    from mbot_workstation.learn.learning.policy_source import find_source
-    from mbot_workstation.learn.learning.training_config import read_config
-
-    source = find_source(parent)
-    before = read_config(source.run.config_file)
-    return replace(
-        config,
-        parent=str(source.checkpoint.resolve()),
-        hue_turn_deg=hue_turn_deg(before.scene.objects[0], config.scene.objects[0]),
-        learner=replace(config.learner, first_filter_px=before.learner.first_filter_px),
-    )
-
-
-def _lessons(selection: list[str]) -> tuple[str, ...]:
-    from mbot_workstation.learn.worlds.lessons import lesson, named
-
-    try:
-        names = named(selection)
-        for name in names:
-            lesson(name)
-    except ValueError as error:
-        raise ConfigurationError(f"--lesson: {error}") from None
-    return names
-
-
-def _device(name: str) -> str:
-    import torch
-
-    if name == "auto":
-        return "cuda" if torch.cuda.is_available() else "cpu"
-    if name.startswith("cuda") and not torch.cuda.is_available():
-        raise ConfigurationError("--device cuda: torch finds no CUDA GPU here; use cpu")
-    if name.partition(":")[0] not in ("cpu", "cuda"):
-        raise ConfigurationError(f"--device is {name!r}, expected auto, cpu or cuda")
-    return name
 
 
 def _train_until_stopped(run: "RunDirectory", config: "TrainingConfig") -> "TrainingResult":
@@ -346,6 +259,7 @@ def _train_until_stopped(run: "RunDirectory", config: "TrainingConfig") -> "Trai
     from mbot_workstation.learn.learning.progress_display import display
     from mbot_workstation.learn.learning.progress_log import read_progress
     from mbot_workstation.learn.learning.training_run import train
+    from mbot_workstation.tasks.find import find_task
 
     with stop_signals() as stop, display() as shown:
         result = train(run, config, shown, stop)
@@ -353,5 +267,116 @@ def _train_until_stopped(run: "RunDirectory", config: "TrainingConfig") -> "Trai
             choose_checkpoint(run, config, shown, stop)
     rows = read_progress(run.progress_file)
     if rows:
-        draw_curves({run.path.resolve().name: rows}, run.curve_file)
+        draw_curves({run.path.resolve().name: rows}, find_task(config.task), run.curve_file)
     return result
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainingCurveOptions:
+    """What `training_curve` takes."""
+
+    runs: list[Path] = argument("Folders of runs, all drawn into one picture.", metavar="RUN...")
+    output: Path | None = output_file(
+        None,
+        "curve.png in the first run's folder if not given.",
+        "--output",
+        "-o",
+        endings=PICTURES,
+        metavar="FILE.png",
+    )
+
+
+@with_options
+def training_curve(options: TrainingCurveOptions) -> Answer:
+    """Draw reward, episode length and lesson over the decisions of runs, as the paper's Fig. 4.
+
+    Examples:
+
+    - `workstation training-curve runs/first -o curve.png`
+    - `workstation training-curve runs/seed-1 runs/seed-2 runs/seed-3 -o seeds.png`
+    """
+    from mbot_workstation.learn.learning.learning_curve import draw_curves
+    from mbot_workstation.learn.learning.run_directory import RunDirectory
+    from mbot_workstation.learn.learning.training_config import read_config
+    from mbot_workstation.tasks.find import find_task
+
+    runs = {str(path): RunDirectory.open(path) for path in options.runs}
+    if len(runs) == 1:
+        runs = {run.path.resolve().name: run for run in runs.values()}
+    drawn: dict[str, list[ProgressRow]] = {}
+    said: list[str] = []
+    for name, run in runs.items():
+        drawn[name], words = _progress(run)
+        said.append(f"{name}: {words}" if len(runs) > 1 else words)
+    path = options.output or next(iter(runs.values())).curve_file
+    first = read_config(next(iter(runs.values())).config_file)
+    draw_curves(drawn, find_task(first.task), path)
+    return Answer(str(path), [f"wrote {path}: {'; '.join(said)}"])
+
+
+def _progress(run: "RunDirectory") -> tuple[list["ProgressRow"], str]:
+    """A run's rows, and how far it is, in words."""
+    from mbot_workstation.learn.learning.progress_display import clock
+    from mbot_workstation.learn.learning.progress_log import ROW_EVERY, read_progress
+    from mbot_workstation.learn.learning.training_config import read_config
+
+    steps = read_config(run.config_file).steps
+    rows = read_progress(run.progress_file) if run.progress_file.is_file() else []
+    if not rows:
+        raise ConfigurationError(
+            f"{run.path} has no row in progress.csv yet: one comes every {ROW_EVERY:,} of its "
+            f"{steps:,} decisions"
+        )
+    step, wall_s = rows[-1].step, rows[-1].wall_s
+    if step < steps and wall_s > 0:
+        left = clock((steps - step) * wall_s / step)
+        return rows, f"{step:,} of {steps:,} decisions made, {left} of training to go"
+    return rows, f"all {step:,} decisions made"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportOptions:
+    """What `export` takes."""
+
+    source: Path = argument(
+        "A run's folder, that of one checkpoint, or a policy that was exported before.",
+        metavar="RUN",
+    )
+    output: Path | None = output_file(
+        None, "A new file; RUN's name if not given.", "--output", "-o", metavar="FILE.onnx"
+    )
+    name: str | None = option(None, "What robots call it; the file's name if not given.")
+    for_armv6: bool = option(
+        False,
+        "For a first Pi Zero, where OpenCV runs it: the same policy in an older dialect of ONNX.",
+        "--for-armv6",
+    )
+    as_json: bool = json_option()
+
+
+@with_options
+def export(options: ExportOptions) -> Answer:
+    """Write a trained policy as one ONNX file, ready for `workstation push-model`.
+
+    The file says which run, code, lessons and rooms it comes from, and brings the frames of
+    two drives with the actions they should give, so that anyone can check it.
+
+    Examples:
+
+    - `workstation export runs/first -o policy.onnx`
+    - `workstation export runs/first/checkpoints/000400000 -o earlier.onnx`
+    - `workstation export models/red-cube.onnx --for-armv6 -o red-cube-armv6.onnx`
+    """
+    from mbot_workstation.fleet.models.written_policy import write_policy
+    from mbot_workstation.learn.learning.policy_export import export_policy
+    from mbot_workstation.learn.learning.trained_policy import trained_policy
+
+    if options.output is not None:
+        check_new_file(options.output)  # before the work
+    policy = trained_policy(options.source)
+    path = options.output or Path(f"{policy.name}.onnx")
+    check_new_file(path)
+    name = options.name or path.stem
+    model = export_policy(policy, name, for_armv6=options.for_armv6)
+    made = write_policy(path, name, model, checkpoint=policy.checkpoint)
+    return Answer(made, [made.sentence(f"workstation evaluate {typed(path)}")])

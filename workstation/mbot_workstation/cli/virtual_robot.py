@@ -1,14 +1,42 @@
 """`workstation virtual-robot`: a robot without hardware, for the same daemon as on the Pi."""
 
-from dataclasses import dataclass
+import math
+import os
+from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.cli.common_options import (
+    calibration_option,
+    object_option,
+    task_option,
+)
 from mbot_workstation.cli.options import option, output_file, with_options
-from mbot_workstation.cli.simulation_options import calibration_option, object_option
+
+if TYPE_CHECKING:
+    from mbot_protocol.drive.camera_model import CameraModel
+    from mbot_workstation.sim.body.robot_parameters import RobotParameters
+    from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
+    from mbot_workstation.sim.effects.effects import RealWorldEffects
+    from mbot_workstation.sim.scene.scene_parameters import SceneParameters
+    from mbot_workstation.tasks.lesson import Lesson
+    from mbot_workstation.virtual.camera_stream import CameraSettings
+    from mbot_workstation.virtual.replay_session import ReplaySettings
+    from mbot_workstation.virtual.stand_in import VirtualRobotSettings
+    from mbot_workstation.virtual.virtual_session import Outputs
 
 _TASK, _ROBOT, _CAMERA = "Task", "Robot", "Camera"
 _OUTPUT = "What is left of it"
+
+FREE_FLOOR_M = 100.0
+"""Where walls and border stand with --free-floor: four minutes straight ahead."""
+
+_WITH_REPLAY = {
+    "replay", "board", "camera_port", "boot_seconds", "seconds", "calibration", "size",
+    "frame_rate", "as_json", "write_config", "ready_file",
+}  # fmt: skip
 
 
 class CameraKind(StrEnum):
@@ -39,13 +67,17 @@ class VirtualRobotOptions:
     )
     seconds: float = option(0.0, "End after so long; 0: run until Ctrl-C.", min=0)
     seed: int = option(0, "Of the room, the objects and the noise.")
-    radius: float = option(
-        1.2,
-        "How far from the middle objects appear, 0.45 to 2.8; the paper's last lesson is 2.5.",
+    task: str = task_option(_TASK)
+    radius: float | None = option(
+        None,
+        "How far from the middle objects appear, 0.45 to 2.8; 1.2 if not given. The paper's last "
+        "lesson is 2.5.",
         panel=_TASK,
         metavar="METRES",
     )
-    objects: int = option(0, "End after so many objects; 0: no end.", panel=_TASK, min=0)
+    objects: int | None = option(
+        None, "End after so many objects; no end if not given, or 0.", panel=_TASK, min=0
+    )
     end_on_failure: bool = option(
         False,
         "End at the border or when an object's 66.8 s are up, as training does, instead "
@@ -83,7 +115,7 @@ class VirtualRobotOptions:
     )
     dead_band: float | None = option(
         None,
-        "Speed of 255 up to which wheels stand; 50 without a calibration.",
+        "Speed of 255 up to which the wheels do not turn; 50 without a calibration.",
         panel=_ROBOT,
         min=0,
         max=250,
@@ -213,11 +245,6 @@ def virtual_robot(options: VirtualRobotOptions) -> None:
     - `workstation virtual-robot --replay drives/mbot-1/drive-0012-20261122-171501`
     """
     from mbot_workstation.cli.stop_signals import stop_signals
-    from mbot_workstation.cli.virtual_robot_settings import (
-        outputs,
-        replay_settings,
-        robot_settings,
-    )
     from mbot_workstation.sim.calibrated.calibration_folder import files_to_simulate
     from mbot_workstation.virtual.live_report import LiveReport
     from mbot_workstation.virtual.replay_session import play
@@ -233,3 +260,188 @@ def virtual_robot(options: VirtualRobotOptions) -> None:
     settings, left = robot_settings(options, files), outputs(options)
     with stop_signals() as stop:
         run_session(settings, left, report, stop, options.seconds)
+
+
+def replay_settings(
+    options: VirtualRobotOptions, recording: Path, camera: "CameraModel"
+) -> "ReplaySettings":
+    """What a recording is played back with.
+
+    Raises:
+        MbotError: the recording cannot be read, or an option means nothing with it.
+
+    """
+    from mbot_protocol.beat.recorded_drive import read_drive
+    from mbot_workstation.virtual.replay_session import ReplaySettings
+
+    usual = VirtualRobotOptions()
+    for one in fields(options):
+        if one.name not in _WITH_REPLAY and getattr(options, one.name) != getattr(usual, one.name):
+            name = one.name.replace("_", "-")
+            raise ConfigurationError(
+                f"--{name} does nothing with --replay, which simulates nothing: leave it out"
+            )
+    width_px, height_px = _size(options.size, camera, 640)
+    return ReplaySettings(
+        drive=read_drive(recording),
+        camera=camera.scaled_to(width_px, height_px),
+        frame_rate_hz=options.frame_rate,
+        camera_port=options.camera_port,
+        board_link=options.board or _default_board(),
+        boot_s=options.boot_seconds,
+        ready_file=options.ready_file,
+        daemon_config=options.write_config,
+    )
+
+
+def robot_settings(
+    options: VirtualRobotOptions, files: "CalibrationFiles"
+) -> "VirtualRobotSettings":
+    """What a simulated robot is.
+
+    Raises:
+        MbotError: an option is out of range, or a file it names cannot be read.
+
+    """
+    from mbot_workstation.fleet.firmware.firmware_file import find_firmware
+    from mbot_workstation.sim.calibrated.calibration_folder import room_pictures
+    from mbot_workstation.sim.scene.object_file import read_objects
+    from mbot_workstation.sim.scene.room import load_room
+    from mbot_workstation.sim.scene.room_generator import generate_room
+    from mbot_workstation.tasks.find import full_reference
+    from mbot_workstation.virtual.stand_in import VirtualRobotSettings
+
+    robot = _robot(files.robot, options)
+    scene = replace(files.scene, objects=read_objects(options.object))
+    if options.free_floor:  # its walls beyond any maneuver's reach
+        arena = replace(scene.arena, wall_m=FREE_FLOOR_M, border_m=FREE_FLOOR_M)
+        scene = replace(scene, arena=arena)
+    rooms = room_pictures(options.calibration) if options.calibration else ()
+    panorama = options.panorama or (rooms[0] if rooms else None)
+    return VirtualRobotSettings(
+        robot=robot,
+        scene=scene,
+        room_picture=load_room(panorama) if panorama else generate_room(options.seed),
+        task=full_reference(options.task),
+        lesson=_lesson(options, scene, robot),
+        camera=_camera(options, robot.camera, files.effects),
+        camera_port=options.camera_port,
+        board_link=options.board or _default_board(),
+        boot_s=options.boot_seconds,
+        firmware=find_firmware(options.firmware) if options.firmware else None,
+        latency_s=files.motion.latency_ms / 1000 if files.motion else 0.0,
+        seed=options.seed,
+        free_floor=options.free_floor,
+    )
+
+
+def _lesson(
+    options: VirtualRobotOptions, scene: "SceneParameters", robot: "RobotParameters"
+) -> "Lesson":
+    """The task as the options have it; refused if nothing can be placed so."""
+    import numpy as np
+
+    from mbot_workstation.tasks.episode import Setting
+    from mbot_workstation.tasks.find import find_task
+
+    task = find_task(options.task)
+    scene = task.scene(scene)
+    footprints = tuple(thing.footprint for thing in scene.objects)
+    setting = Setting(robot.touch_radius_m, scene.arena.border_m, footprints)
+    try:
+        lesson = task.play(options.radius, options.objects, ends_on_failure=options.end_on_failure)
+        task.begin(lesson, setting, np.random.default_rng(options.seed))
+    except ValueError as error:
+        raise ConfigurationError(f"--radius: {error}") from None
+    return lesson
+
+
+def _robot(nominal: "RobotParameters", options: VirtualRobotOptions) -> "RobotParameters":
+    """The robot, with what the options change about it."""
+    from msgspec import structs
+
+    motors = [nominal.left_motor, nominal.right_motor]
+    for side, gain in enumerate((options.left_gain, options.right_gain)):
+        if gain is not None:
+            motors[side] = replace(motors[side], gain=gain)
+        if options.dead_band is not None:
+            motors[side] = replace(motors[side], dead_band=options.dead_band / 255)
+        if options.time_constant_ms is not None:
+            motors[side] = replace(motors[side], time_constant_s=options.time_constant_ms / 1000)
+    camera = nominal.camera
+    if options.distortion is not None:
+        camera = structs.replace(camera, distortion=(*options.distortion, 0.0, 0.0, 0.0))
+    return replace(nominal, left_motor=motors[0], right_motor=motors[1], camera=camera)
+
+
+def _camera(
+    options: VirtualRobotOptions, camera: "CameraModel", effects: "RealWorldEffects"
+) -> "CameraSettings":
+    from mbot_workstation.sim.camera.camera_renderer import Shutter
+    from mbot_workstation.sim.camera.scene_renderer import SHOW, TRAINING
+    from mbot_workstation.sim.effects.isp_settings import isp_settings
+    from mbot_workstation.sim.effects.presets import PI_CAMERA
+    from mbot_workstation.virtual.camera_stream import CameraSettings
+
+    automatic = options.camera is CameraKind.PI
+    isp = isp_settings(PI_CAMERA.low if automatic else effects)
+    width_px, height_px = _size(options.size, camera, 320)
+    return CameraSettings(
+        width_px=width_px,
+        height_px=height_px,
+        frame_rate_hz=options.frame_rate,
+        latency_s=options.camera_latency_ms / 1000,
+        shutter=Shutter(options.exposure_ms / 1000, options.readout_ms / 1000),
+        isp=replace(isp, jpeg_quality=100),  # the stream is JPEG by itself
+        jpeg_quality=round(isp.jpeg_quality),
+        quality=TRAINING if options.plain else SHOW,
+        noise_seed=options.seed,
+    )
+
+
+def _size(text: str | None, camera: "CameraModel", usual_width_px: int) -> tuple[int, int]:
+    """Width and height as given, or the camera's shape at the usual width."""
+    if text is None:
+        height_px = round(usual_width_px * camera.height_px / camera.width_px)
+        return usual_width_px, max(16, height_px)
+    width, separator, height = text.lower().partition("x")
+    if separator and width.isdecimal() and height.isdecimal():
+        size = int(width), int(height)
+        if min(size) >= 16 and max(size) <= 4056:
+            return size
+    raise ConfigurationError(
+        f"--size is {text!r}, expected WIDTHxHEIGHT in pixels, 16 to 4056, such as 320x240"
+    )
+
+
+def _default_board() -> Path:
+    return Path(os.environ.get("XDG_RUNTIME_DIR") or "/tmp") / "mbot-virtual-board"
+
+
+def outputs(options: VirtualRobotOptions) -> "Outputs":
+    """What a session leaves behind; raises ConfigurationError for noise out of range."""
+    from mbot_workstation.virtual.truth_track import TrackerSettings
+    from mbot_workstation.virtual.virtual_session import Outputs
+
+    noise_mm, noise_deg = options.truth_noise
+    if not 0 <= noise_mm <= 100 or not 0 <= noise_deg <= 30:
+        raise ConfigurationError(
+            f"--truth-noise is {noise_mm:g} mm, {noise_deg:g} degrees, expected 0 to 100, 0 to 30"
+        )
+    tracker = TrackerSettings(
+        position_noise_m=noise_mm / 1000,
+        angle_noise_rad=math.radians(noise_deg),
+        ahead_m=options.truth_offset[0] / 1000,
+        left_m=options.truth_offset[1] / 1000,
+        seed=options.seed,
+    )
+    return Outputs(
+        result=options.result,
+        trajectory=options.trajectory,
+        film=options.record,
+        truth_track=options.truth_track,
+        tracker=tracker,
+        ready_file=options.ready_file,
+        daemon_config=options.write_config,
+        view=options.view,
+    )

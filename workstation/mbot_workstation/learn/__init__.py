@@ -1,1 +1,1 @@
-"""Learning the fetch task in simulation, and finding out what was learned."""
+"""Learning a task in simulation, and finding out what was learned."""

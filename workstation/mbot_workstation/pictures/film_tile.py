@@ -6,11 +6,14 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from mbot_protocol.drive.actions import STEP_LIMIT
 from mbot_protocol.drive.picture import Picture
+from mbot_protocol.v1.messages_pb2 import Decision
 
 TILE_PX = 128
 LINE_PX = 12
 GAP_PX = 8
+TITLE_PX = 40
 INK, FAINT, PAPER = (40, 40, 40), (150, 150, 150), (250, 250, 248)
 FORWARD, BACKWARD = (20, 130, 60), (200, 90, 20)
 
@@ -21,6 +24,12 @@ class Bar:
 
     name: str
     share: float
+
+
+def wheel_bars(decision: Decision) -> tuple[Bar, Bar]:
+    """Both wheels as the policy told them."""
+    steps = decision.steps
+    return Bar("L", steps.left / STEP_LIMIT), Bar("R", steps.right / STEP_LIMIT)
 
 
 def caption_px(bars: int) -> int:
@@ -60,7 +69,7 @@ class Tile:
 
 def strip_of(tiles: Sequence[Tile], columns: int, title: str = "") -> Picture:
     """Tiles side by side, row after row; shape (height, width, 3), RGB."""
-    title_px = 40 if title else GAP_PX
+    title_px = TITLE_PX if title else GAP_PX
     tile_px = TILE_PX + caption_px(max((len(tile.bars) for tile in tiles), default=0))
     rows = -(-len(tiles) // columns)
     sheet = blank(title_px + rows * (tile_px + GAP_PX), GAP_PX + columns * (TILE_PX + GAP_PX))

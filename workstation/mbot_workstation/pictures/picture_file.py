@@ -15,6 +15,7 @@ import numpy as np
 from PIL import Image, ImageOps
 from PIL.TiffImagePlugin import TILELENGTH, TILEWIDTH, TiffImageFile
 
+from mbot_protocol.beat.beat import Beat
 from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.files import atomic_file
@@ -68,6 +69,20 @@ def decode_picture(encoded: bytes, *, turn: bool = False) -> Picture | None:
         return None
 
 
+def observation(beat: Beat) -> Picture | None:
+    """What the policy saw in a recorded beat, shape (64, 64, 3), RGB.
+
+    Raises:
+        ConfigurationError: it is too large to be anything that a policy sees.
+
+    """
+    try:
+        return decode_picture(beat.encoded)
+    except ConfigurationError as error:
+        number = beat.decision.sequence
+        raise ConfigurationError(f"beat {number} of the recording: {error}") from None
+
+
 @contextmanager
 def _mute() -> Iterator[None]:
     """Nothing reaches the screen: libtiff writes there itself."""
@@ -108,7 +123,7 @@ def _opened(encoded: bytes) -> Image.Image | None:
         return image
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
         raise ConfigurationError(
-            f"the picture has more than {MOST_PIXELS:,} pixels, or hundreds of scans; save it anew"
+            f"the picture has more than {MOST_PIXELS:,} pixels, or hundreds of scans; save it again"
         ) from None
     except Exception:  # Pillow's readers raise whatever a broken header leads to
         return None

@@ -15,6 +15,11 @@ from typing import Any, TypeAlias
 
 from mbot_protocol.errors import ConfigurationError
 
+TIMESTEP_S = 0.005
+"""Against 1 ms, 6.5 s of maneuvers with full reversals end within 6 mm and 0.05 of 40 rad
+(measured); a fifth of the work."""
+
+
 MjSpec: TypeAlias = Any
 """mujoco.MjSpec, a model being written."""
 MjModel: TypeAlias = Any

@@ -1,7 +1,7 @@
 """One simulated robot in its room: drive it, step it, move things, ask where it is."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +34,12 @@ class SceneState:
     joints: NDArray[np.float64]
     moved_pos: NDArray[np.float64]
     moved_quat: NDArray[np.float64]
+
+    @property
+    def robot(self) -> Pose:
+        """Where the robot was, on a level floor."""
+        x_m, y_m, _, w, _, _, z = self.joints[:7].tolist()
+        return Pose(x_m, y_m, 2 * math.atan2(z, w))
 
 
 class Simulation:
@@ -119,25 +125,21 @@ class Simulation:
         self._owed_s = 0.0
         mujoco.mj_forward(self.model, self._data)
 
-    def place_object(self, pose: Pose, kind: int = 0) -> None:
-        """Put an object of this kind somewhere, and take the last one away."""
+    def place_objects(self, places: Mapping[int, Pose]) -> None:
+        """Put objects, by their index in the scene, onto the floor, and take the others away."""
         for number, (thing, shadow) in enumerate(zip(self._objects, self._shadows, strict=True)):
-            height_m = 0.0 if number == kind else BELOW_M
-            self._data.mocap_pos[thing] = (pose.x_m, pose.y_m, height_m)
-            self._data.mocap_pos[shadow] = (pose.x_m, pose.y_m, height_m)
-            self._data.mocap_quat[thing] = _yaw_quaternion(pose.yaw_rad)
+            pose = places.get(number)
+            where = (0.0, 0.0, BELOW_M) if pose is None else (pose.x_m, pose.y_m, 0.0)
+            self._data.mocap_pos[thing] = self._data.mocap_pos[shadow] = where
+            self._data.mocap_quat[thing] = _yaw_quaternion(0.0 if pose is None else pose.yaw_rad)
+
+    def place_object(self, pose: Pose, number: int = 0) -> None:
+        """Put this object there, and take all others away."""
+        self.place_objects({number: pose})
 
     def turn_room(self, yaw_rad: float) -> None:
         """Turn the panorama so that its middle column lies in this direction."""
         self._data.mocap_quat[self._room] = _yaw_quaternion(yaw_rad)
-
-    def object_from_robot(self, state: SceneState) -> tuple[float, float]:
-        """How far ahead of the axle and to its left the object was at a moment, in metres."""
-        # All kinds are at the same x and y.
-        x, y = state.moved_pos[self._objects[0]][:2] - state.joints[:2]
-        turn = 2 * math.atan2(state.joints[6], state.joints[3])  # the floor is level
-        cos, sin = math.cos(turn), math.sin(turn)
-        return float(cos * x + sin * y), float(cos * y - sin * x)
 
     def snapshot(self) -> SceneState:
         """A copy of what there is to see, for a renderer in this or another thread."""

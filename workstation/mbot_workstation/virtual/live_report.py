@@ -2,11 +2,11 @@
 
 import json
 import sys
-from dataclasses import asdict
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
-from mbot_workstation.tasks.fetch.run import FetchResult
+from mbot_workstation.tasks.task import Task
 from mbot_workstation.virtual.live_world import TaskEvent, WorldStatus
 from mbot_workstation.wording import typed
 
@@ -35,23 +35,24 @@ class LiveReport:
                     f"trust {name}`, `mbot-agent run --config {name}`"
                 )
 
-    def event(self, event: TaskEvent) -> None:
+    def event(self, event: TaskEvent, task: Task) -> None:
         """The task has counted something."""
         if self._as_json:
             self._json(
                 "event",
                 {
                     "time_s": round(event.time_s, 3),
-                    "happening": event.happening.value,
+                    "happening": event.happening,
                     "score": round(event.score, 4),
-                    "total_score": event.result.score,
-                    "touches": event.result.touches,
+                    "total_score": event.result["score"],
+                    task.counted: event.result[task.counted],
                 },
             )
         else:
             self._text(
-                f"{event.time_s:7.1f} s  {event.happening.value:8}  {event.score:+.2f}  "
-                f"(touched {event.result.touches}, score {event.result.score:.2f})"
+                f"{event.time_s:7.1f} s  {event.happening:8}  {event.score:+.2f}  "
+                f"({task.counted_done} {event.result[task.counted]}, "
+                f"score {event.result['score']:.2f})"
             )
 
     def board_stopped(self, silent_ms: float) -> None:
@@ -64,7 +65,7 @@ class LiveReport:
                 "command; is mbot-agent still alive?"
             )
 
-    def status(self, status: WorldStatus, frames: int, commands: int) -> None:
+    def status(self, status: WorldStatus, task: Task, frames: int, commands: int) -> None:
         """Where things are; a person sees only events."""
         if self._as_json:
             left, right = status.wheel_speeds_rad_s
@@ -79,8 +80,8 @@ class LiveReport:
                     "motors": [status.motors.m1, status.motors.m2],
                     "commands": commands,
                     "frames": frames,
-                    "touches": status.result.touches,
-                    "score": status.result.score,
+                    task.counted: status.result[task.counted],
+                    "score": status.result["score"],
                 },
             )
 
@@ -95,20 +96,17 @@ class LiveReport:
                 f"played {times}, {pictures} pictures; the board obeyed {commands} commands so far"
             )
 
-    def result(self, result: FetchResult) -> None:
+    def result(self, result: Mapping[str, Any], task: Task) -> None:
         """The run is over."""
         if self._as_json:
-            self._json("result", asdict(result))
+            self._json("result", result)
             return
-        seconds = result.seconds_per_touch
-        mean = f", {sum(seconds) / len(seconds):.1f} s each" if seconds else ""
         self._text(
-            f"touched {result.touches}{mean}; border {result.border_contacts}, time-outs "
-            f"{result.time_outs}; score {result.score:.2f}; drove {result.distance_driven_m:.1f} m "
-            f"in {result.duration_s:.1f} s"
+            f"{task.summary(result)}; drove {result['distance_driven_m']:.1f} m in "
+            f"{result['duration_s']:.1f} s"
         )
 
-    def _json(self, kind: str, fields: dict[str, object]) -> None:
+    def _json(self, kind: str, fields: Mapping[str, object]) -> None:
         self._text(json.dumps({"type": kind, **fields}))
 
     def _text(self, line: str) -> None:

@@ -1,24 +1,55 @@
 """The simulation in real time: the board's motors drive it, the task watches it."""
 
+import math
 import queue
 import threading
 import time
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from mbot_protocol.drive.mcore import Joystick
 from mbot_workstation.pacer import Pacer
-from mbot_workstation.sim.body.motor import duties
+from mbot_workstation.sim.body.motor import pwm_duties
 from mbot_workstation.sim.pose import ORIGIN, Pose
 from mbot_workstation.sim.simulation import Simulation
-from mbot_workstation.tasks.fetch.rules import FetchRules
-from mbot_workstation.tasks.fetch.run import FetchResult, FetchTask, Happening
-from mbot_workstation.virtual.carry_back import CarryBack
+from mbot_workstation.tasks.episode import NOTHING, Setting
+from mbot_workstation.tasks.lesson import Lesson
+from mbot_workstation.tasks.task import Task
 from mbot_workstation.virtual.mcore_board import BoardState
 from mbot_workstation.virtual.scene_history import SceneHistory
+
+STANDING_S = 1.5
+"""So long must it have stood: longer than the second of standing that belongs to a run's end."""
+
+NEAR_M = 0.3
+"""Not worth carrying."""
+
+
+class CarryBack:
+    """Decides when the robot is carried."""
+
+    def __init__(self) -> None:
+        self._stood_s = 0.0
+
+    def is_due(self, *, driven: bool, pose: Pose, elapsed_s: float) -> bool:
+        """Whether it is carried now.
+
+        Args:
+            driven: whether its motors turn.
+            pose: where it is.
+            elapsed_s: since the last call.
+
+        """
+        self._stood_s = 0.0 if driven else self._stood_s + elapsed_s
+        if self._stood_s < STANDING_S or max(abs(pose.x_m), abs(pose.y_m)) < NEAR_M:
+            return False
+        self._stood_s = 0.0
+        return True
+
 
 SLICE_S = 0.005
 """One physics step: a command waits no longer for its effect."""
@@ -37,20 +68,21 @@ class WorldStatus:
 
     Attributes:
         time_s: simulated time.
-        robot, target: poses.
+        robot: its pose.
+        objects: where those stand that are there.
         motors: the board's speeds.
         wheel_speeds_rad_s: left and right.
-        result: the run so far.
+        result: the run so far, in JSON's types.
         ended: whether the run is over.
 
     """
 
     time_s: float
     robot: Pose
-    target: Pose
+    objects: tuple[Pose, ...]
     motors: Joystick
     wheel_speeds_rad_s: tuple[float, float]
-    result: FetchResult
+    result: Mapping[str, Any]
     ended: bool
 
 
@@ -67,9 +99,34 @@ class TaskEvent:
     """
 
     time_s: float
-    happening: Happening
+    happening: str
     score: float
-    result: FetchResult
+    result: Mapping[str, Any]
+
+
+class Odometer:
+    """How far the robot has driven, and for how long."""
+
+    def __init__(self) -> None:
+        self._robot = ORIGIN
+        self._driven_m = self._duration_s = 0.0
+
+    def advance(self, robot: Pose, elapsed_s: float) -> None:
+        """Count the way to here."""
+        self._driven_m += math.hypot(robot.x_m - self._robot.x_m, robot.y_m - self._robot.y_m)
+        self._duration_s += elapsed_s
+        self._robot = robot
+
+    def carried(self, robot: Pose) -> None:
+        """Somebody has put the robot here, which is no way it drove."""
+        self._robot = robot
+
+    def figures(self) -> dict[str, float]:
+        """In JSON's types."""
+        return {
+            "distance_driven_m": round(self._driven_m, 3),
+            "duration_s": round(self._duration_s, 3),
+        }
 
 
 class MotorSource(Protocol):
@@ -88,6 +145,7 @@ class LiveWorld:
     not failed.
 
     Attributes:
+        task: what the robot is to do.
         history: the last moments, for the camera.
         events: what the task has counted, until somebody takes it out.
 
@@ -97,7 +155,8 @@ class LiveWorld:
         self,
         simulation: Simulation,
         board: MotorSource,
-        rules: FetchRules,
+        task: Task,
+        lesson: Lesson,
         seed: int,
         latency_s: float = 0.0,
         *,
@@ -107,15 +166,17 @@ class LiveWorld:
 
         Args:
             simulation, board: the robot.
-            rules: of the task.
+            task, lesson: what it is to do.
             seed: of the objects' places.
             latency_s: from the board's motors to the wheels' voltage, rounded to slices.
-            free_floor: no task; a robot that stands is carried back to the middle.
+            free_floor: nothing is counted; a robot that stands is carried back to the middle.
 
         """
         self._simulation = simulation
         self._board = board
-        self._task = FetchTask(rules, np.random.default_rng(seed))
+        self.task = task
+        self._episode = task.begin(lesson, setting_of(simulation), np.random.default_rng(seed))
+        self._odometer = Odometer()
         self.history = SceneHistory(SLICE_S)
         self.events: queue.SimpleQueue[TaskEvent] = queue.SimpleQueue()
         self._lock = threading.Lock()
@@ -125,7 +186,7 @@ class LiveWorld:
         self._newest, self._newest_since_s = self._told, 0.0
         # What the board said in the last slices; the oldest reaches the wheels.
         self._underway = deque([Joystick(0, 0)] * round(latency_s / SLICE_S))
-        simulation.place_object(self._task.target, self._task.kind)
+        simulation.place_objects(self._episode.places())
         self.history.add(time.monotonic(), simulation.snapshot())
 
     def status(self) -> WorldStatus:
@@ -134,11 +195,11 @@ class LiveWorld:
             return WorldStatus(
                 time_s=self._simulation.time_s,
                 robot=self._simulation.pose,
-                target=self._task.target,
+                objects=tuple(self._episode.places().values()),
                 motors=self._board.state.motors,
                 wheel_speeds_rad_s=self._simulation.wheel_speeds_rad_s,
-                result=self._task.result(),
-                ended=self._task.ended,
+                result=self._result(),
+                ended=self._episode.ended,
             )
 
     def run(self, stop: threading.Event) -> None:
@@ -155,7 +216,7 @@ class LiveWorld:
                 for late in reversed(range(slices)):
                     moment_s = pacer.tick_s - late * SLICE_S
                     self.advance(moment_s)
-                    if self._task.ended:
+                    if self._episode.ended:
                         return
                     self.history.add(moment_s, self._simulation.snapshot())
 
@@ -164,30 +225,34 @@ class LiveWorld:
         simulation = self._simulation
         motors = self._motors_at(moment_s)
         self._underway.append(motors)
-        simulation.set_duty(*duties(self._underway.popleft()))
+        simulation.set_duty(*pwm_duties(self._underway.popleft().duties))
         simulation.step(SLICE_S)
         self._driven = self._driven or not motors.is_stop
+        if self._driven:
+            self._odometer.advance(simulation.pose, SLICE_S)
         if self._carry_back is not None:
-            if self._driven:
-                self._task.travel(simulation.pose, SLICE_S)
             if self._carry_back.is_due(
                 driven=not motors.is_stop, pose=simulation.pose, elapsed_s=SLICE_S
             ):
-                simulation.place_robot(ORIGIN)
-                self._task.carried(ORIGIN)
+                self._to_origin()
             return
         if not self._driven:
             return
-        step = self._task.advance(simulation.pose, SLICE_S)
-        if step.happening is Happening.NOTHING:
+        step = self._episode.advance(simulation.pose, SLICE_S)
+        if step.happening == NOTHING:
             return
         if step.robot_to_origin:
-            simulation.place_robot(ORIGIN)
-        if step.object_moved:
-            simulation.place_object(self._task.target, self._task.kind)
-        self.events.put(
-            TaskEvent(simulation.time_s, step.happening, step.score, self._task.result())
-        )
+            self._to_origin()
+        if not step.ended:
+            simulation.place_objects(self._episode.places())
+        self.events.put(TaskEvent(simulation.time_s, step.happening, step.score, self._result()))
+
+    def _to_origin(self) -> None:
+        self._simulation.place_robot(ORIGIN)
+        self._odometer.carried(ORIGIN)
+
+    def _result(self) -> Mapping[str, Any]:
+        return {**self._episode.result(), **self._odometer.figures()}
 
     def _motors_at(self, moment_s: float) -> Joystick:
         """What the board told its motors at a moment, which may be past."""
@@ -197,3 +262,13 @@ class LiveWorld:
         if self._newest_since_s <= moment_s:
             self._told = self._newest
         return self._told
+
+
+def setting_of(simulation: Simulation) -> Setting:
+    """What an episode in this simulation is played with."""
+    scene = simulation.scene
+    return Setting(
+        contact_radius_m=simulation.robot.touch_radius_m,
+        border_m=scene.arena.border_m,
+        footprints=tuple(thing.footprint for thing in scene.objects),
+    )

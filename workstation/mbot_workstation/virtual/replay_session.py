@@ -6,8 +6,8 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+from mbot_protocol.beat.recorded_drive import RecordedDrive
 from mbot_protocol.drive.camera_model import CameraModel
-from mbot_workstation.fleet.recorded.recorded_drive import RecordedDrive
 from mbot_workstation.virtual.daemon_config import write_daemon_config
 from mbot_workstation.virtual.live_report import LiveReport
 from mbot_workstation.virtual.mcore_board import McoreBoard

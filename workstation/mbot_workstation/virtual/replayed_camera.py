@@ -14,11 +14,12 @@ from typing import cast
 import cv2
 import numpy as np
 
+from mbot_protocol.beat.recorded_drive import RecordedDrive
 from mbot_protocol.drive.camera_model import CameraModel
 from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.policy.policy_contract import FULL_VIEW, OBSERVATION_SIDE_PX, FieldOfView
-from mbot_workstation.fleet.recorded.recorded_drive import RecordedDrive
+from mbot_workstation.pictures.picture_file import observation
 
 LONGEST_PAUSE_S = 1.0
 """Between two beats, such as of two lives of a daemon; a still picture for longer is a fault."""
@@ -75,8 +76,8 @@ def frames(drive: RecordedDrive, camera: CameraModel) -> tuple[Frame, ...]:
     found: list[Frame] = []
     at_s, before_s = 0.0, 0.0
     for beat in drive.beats:
-        observation = beat.observation
-        if observation is None:
+        seen = observation(beat)
+        if seen is None:
             continue
         since_s = drive.since_s(beat)
         if found:
@@ -85,7 +86,7 @@ def frames(drive: RecordedDrive, camera: CameraModel) -> tuple[Frame, ...]:
         view = beat.view or FULL_VIEW
         if view not in ways:
             ways[view] = BackProjection(camera, view)
-        found.append(Frame(at_s, _jpeg(ways[view].frame(observation))))
+        found.append(Frame(at_s, _jpeg(ways[view].frame(seen))))
     if not found:
         raise ConfigurationError(f"{drive.name} has no pictures: nothing can be played")
     return tuple(found)

@@ -16,7 +16,8 @@ from mbot_protocol.drive.picture import Picture
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.scene.scene_parameters import SceneParameters
 from mbot_workstation.sim.simulation import SceneState, Simulation
-from mbot_workstation.tasks.fetch.rules import FetchRules
+from mbot_workstation.tasks.find import DEFAULT_TASK, find_task
+from mbot_workstation.tasks.lesson import Lesson
 from mbot_workstation.virtual.camera_stream import CameraSettings, CameraStream
 from mbot_workstation.virtual.emulated.emulated_board import EmulatedBoard
 from mbot_workstation.virtual.live_world import LiveWorld
@@ -31,7 +32,8 @@ class VirtualRobotSettings:
     Attributes:
         robot, scene: what is simulated.
         room_picture: panorama, shape (h, 2 h, 3), RGB; None generates one.
-        rules: of the task.
+        task: what it is to do, by its name or file.
+        lesson: of it, as it is played; None is the usual one.
         camera: of the camera.
         camera_port: TCP port of the stream on loopback; 0 is any free one.
         board_link: where to put a symbolic link to the board's port.
@@ -46,7 +48,8 @@ class VirtualRobotSettings:
     robot: RobotParameters = field(default_factory=RobotParameters)
     scene: SceneParameters = field(default_factory=SceneParameters)
     room_picture: Picture | None = None
-    rules: FetchRules = field(default_factory=FetchRules)
+    task: str = DEFAULT_TASK
+    lesson: Lesson | None = None
     camera: CameraSettings = field(default_factory=CameraSettings)
     camera_port: int = 0
     board_link: Path | None = None
@@ -68,13 +71,16 @@ class VirtualRobot:
     """
 
     def __init__(self, settings: VirtualRobotSettings) -> None:
-        self.simulation = Simulation(settings.robot, settings.scene, settings.room_picture)
+        task = find_task(settings.task)
+        scene = task.scene(settings.scene)
+        self.simulation = Simulation(settings.robot, scene, settings.room_picture)
         self.server = MjpegServer(settings.camera_port)
         self.board = _board(settings)
         self.world = LiveWorld(
             self.simulation,
             self.board,
-            settings.rules,
+            task,
+            settings.lesson or task.play(None, None, ends_on_failure=True),
             settings.seed,
             settings.latency_s,
             free_floor=settings.free_floor,

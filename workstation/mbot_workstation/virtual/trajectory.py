@@ -10,7 +10,7 @@ from mbot_workstation.virtual.live_world import TaskEvent, WorldStatus
 
 
 class TrajectoryWriter:
-    """Writes a line a moment: `t`, `unix_s`, `x`, `y`, `yaw`, `object` [x, y, yaw].
+    """Writes a line a moment: `t`, `unix_s`, `x`, `y`, `yaw`; `object` [x, y, yaw] if there is one.
 
     In s, m and rad; `t` is the simulation's time, `unix_s` the wall clock's, as in recordings.
     Lines are there for others to read as soon as they are written.
@@ -34,24 +34,25 @@ class TrajectoryWriter:
 
     def add(self, status: WorldStatus) -> None:
         """Append where everything is."""
-        robot, target = status.robot, status.target
-        self._write(
-            {
-                "t": round(status.time_s, 3),
-                "unix_s": round(time.time(), 3),
-                "x": round(robot.x_m, 4),
-                "y": round(robot.y_m, 4),
-                "yaw": round(robot.yaw_rad, 4),
-                "object": [round(v, 4) for v in (target.x_m, target.y_m, target.yaw_rad)],
-            }
-        )
+        robot = status.robot
+        line: dict[str, object] = {
+            "t": round(status.time_s, 3),
+            "unix_s": round(time.time(), 3),
+            "x": round(robot.x_m, 4),
+            "y": round(robot.y_m, 4),
+            "yaw": round(robot.yaw_rad, 4),
+        }
+        if status.objects:
+            one = status.objects[0]
+            line["object"] = [round(v, 4) for v in (one.x_m, one.y_m, one.yaw_rad)]
+        self._write(line)
 
     def add_event(self, event: TaskEvent) -> None:
         """Append what has happened."""
         self._write(
             {
                 "t": round(event.time_s, 3),
-                "event": event.happening.value,
+                "event": event.happening,
                 "score": round(event.score, 4),
             }
         )

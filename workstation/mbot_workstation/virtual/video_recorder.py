@@ -56,7 +56,8 @@ def _picture(
     """What the camera sees beside the robot from above, shape (height, width + height, 3), BGR."""
     status = robot.world.status()
     above = overhead.draw(robot.scene_state(), status.robot)
-    text = f"{status.time_s:6.1f} s   {status.result.touches} touched"
+    task = robot.world.task
+    text = f"{status.time_s:6.1f} s   {status.result[task.counted]} {task.counted_done}"
     cv2.putText(above, text, (10, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, TEXT_RGB, 1, cv2.LINE_AA)
     beside = np.hstack([cv2.resize(seen, (width, HEIGHT_PX)), above])
     return np.asarray(cv2.cvtColor(beside, cv2.COLOR_RGB2BGR), np.uint8)

@@ -4,14 +4,14 @@ import json
 import queue
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from mbot_protocol.errors import MbotError
 from mbot_protocol.files import atomic_file
-from mbot_workstation.tasks.fetch.run import FetchResult
 from mbot_workstation.virtual.daemon_config import write_daemon_config
 from mbot_workstation.virtual.live_report import LiveReport
 from mbot_workstation.virtual.stand_in import VirtualRobot, VirtualRobotSettings
@@ -32,7 +32,7 @@ class Outputs:
     """Where a run leaves its traces; None is nowhere.
 
     Attributes:
-        result: JSON file with a FetchResult.
+        result: JSON file with the run in figures.
         trajectory: JSON lines, see TrajectoryWriter.
         film: MP4 file.
         truth_track: what a tracker on the robot would see, see TruthTrack.
@@ -59,8 +59,11 @@ def run_session(
     report: LiveReport,
     stop: threading.Event,
     seconds: float = 0.0,
-) -> FetchResult:
+) -> Mapping[str, Any]:
     """Run the virtual robot until `stop`, the end of the task, or so many seconds; 0 is no limit.
+
+    Returns:
+        The run in figures, in JSON's types.
 
     Raises:
         MbotError: something a person can mend.
@@ -98,9 +101,9 @@ def run_session(
         _follow(robot, report, trajectory, stop, seconds)
         result = robot.world.status().result
     robot.raise_failure()
-    report.result(result)
+    report.result(result, robot.world.task)
     if outputs.result is not None:
-        _write_json(outputs.result, asdict(result))
+        _write_json(outputs.result, result)
     return result
 
 
@@ -122,7 +125,7 @@ def _follow(
                 event = robot.world.events.get_nowait()
             except queue.Empty:
                 break
-            report.event(event)
+            report.event(event, robot.world.task)
             if trajectory is not None:
                 trajectory.add_event(event)
         board = robot.board.state
@@ -132,7 +135,7 @@ def _follow(
         if trajectory is not None:
             trajectory.add(status)
         if polls % STATUS_EVERY == 0:
-            report.status(status, robot.camera.frames, robot.board.state.commands)
+            report.status(status, robot.world.task, robot.camera.frames, board.commands)
         if over or stop.wait(POLL_S) or 0 < seconds <= time.monotonic() - began_s:
             return
         polls += 1
@@ -148,6 +151,6 @@ def ready_file(path: Path, where: dict[str, str]) -> Iterator[None]:
         path.unlink(missing_ok=True)
 
 
-def _write_json(path: Path, fields: dict[str, object] | dict[str, str]) -> None:
+def _write_json(path: Path, fields: Mapping[str, object]) -> None:
     # Whoever waits for the file never reads half of it.
     atomic_file.save(path, (json.dumps(fields, indent=2) + "\n").encode())

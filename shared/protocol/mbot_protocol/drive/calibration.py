@@ -12,10 +12,9 @@ from typing import TypeVar
 
 from msgspec import Struct
 
-from mbot_protocol.drive.actions import MotorMap, WheelMaps
+from mbot_protocol.drive.actions import LEVELS, MotorMap, WheelMaps
 from mbot_protocol.drive.camera_model import CameraModel
 from mbot_protocol.drive.lens import folds_in_view
-from mbot_protocol.drive.mcore import SPEED_LIMIT
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.files.toml_file import read_toml
 from mbot_protocol.policy.policy_contract import FULL_VIEW
@@ -118,14 +117,14 @@ class MotorMapping(Struct, frozen=True):
     def __post_init__(self) -> None:
         check_range("trim", self.trim, 0.05, 1)
         check_range("dead_band_compensation", self.dead_band_compensation, 0, 200)
-        if self.dead_band_compensation >= SPEED_LIMIT * self.trim:
+        if self.dead_band_compensation >= LEVELS * self.trim:
             raise ValueError(
                 f"dead_band_compensation is {self.dead_band_compensation}, expected below "
-                f"{SPEED_LIMIT} x trim = {SPEED_LIMIT * self.trim:g}"
+                f"{LEVELS} x trim = {LEVELS * self.trim:g}"
             )
 
-    def motor_map(self, *, is_reversed: bool) -> MotorMap:
-        """The daemon's mapping for this motor."""
+    def motor_map(self, is_reversed: bool | None = None) -> MotorMap:
+        """The daemon's mapping for this motor; `is_reversed` as `MotorMap` has it."""
         return MotorMap(is_reversed, self.trim, self.dead_band_compensation)
 
 
@@ -136,11 +135,8 @@ class MotorMappings(Struct, frozen=True):
     right_motor: MotorMapping
 
     def wheel_maps(self) -> WheelMaps:
-        """What the daemon does with a policy's steps. M1 is on the left and runs backwards."""
-        return WheelMaps(
-            left=self.left_motor.motor_map(is_reversed=True),
-            right=self.right_motor.motor_map(is_reversed=False),
-        )
+        """What the daemon does with a policy's steps, on an mBot as it is built."""
+        return WheelMaps(self.left_motor.motor_map(), self.right_motor.motor_map())
 
 
 def read_camera(folder: Path) -> CameraCalibration | None:

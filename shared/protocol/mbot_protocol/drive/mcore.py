@@ -12,6 +12,9 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from mbot_protocol.drive.actions import AS_BUILT
+from mbot_protocol.drive.wheel_command import Duties
+
 BAUD_RATE = 115_200
 CH340 = (0x1A86, 0x7523)
 """USB vendor and product of the mCore's serial chip (public)."""
@@ -51,10 +54,20 @@ class Joystick:
                     f"{name} is {speed!r}, expected a whole number in -{SPEED_LIMIT}..{SPEED_LIMIT}"
                 )
 
+    @classmethod
+    def of(cls, motors: Duties) -> "Joystick":
+        """Of the motors' duties, left and right, positive as the motor runs."""
+        return cls(round(motors.left * SPEED_LIMIT), round(motors.right * SPEED_LIMIT))
+
     @property
     def is_stop(self) -> bool:
         """Whether both motors are off."""
         return self.m1 == 0 and self.m2 == 0
+
+    @property
+    def duties(self) -> Duties:
+        """Of the wheels of an mBot, positive is forward."""
+        return AS_BUILT.of_levels(self.m1, self.m2)
 
     def to_bytes(self) -> bytes:
         """The ten bytes for the wire; the speeds are int16, little-endian."""

@@ -2,16 +2,20 @@
 
 Every field of the ONNX format that a plain network needs is allowed by name; everything else,
 known or not, is refused. So there are no loops and branches, no graphs inside nodes, no functions,
-no operators of other domains, no weights in other files. With `static_shapes.py` the operators
-allowed compute a result of a size that does not depend on the picture, so that a trial run shows
-what they cost.
+no operators of other domains, no weights in other files.
+
+Nor may the size of any tensor depend on the picture, so that a trial run shows what a decision
+costs. The inputs' shapes are fixed. Of the operators allowed, all but a few make a tensor whose
+shape follows from those of their inputs. The few take a shape, axes or positions as an input of
+their own: where that is a constant, or made of constants and shapes alone, the result's shape is
+fixed too, and so, by induction over the nodes in their order, are all.
 """
 
 from collections.abc import Callable
 
 from mbot_protocol.errors import ContractError
-from mbot_protocol.policy.policy_contract import LARGEST_MODEL_BYTES
-from mbot_protocol.wire.wire_fields import LENGTH, VARINT, fields, varints
+from mbot_protocol.policy.onnx_file import LENGTH, VARINT, OnnxFile, fields, read_onnx, varints
+from mbot_protocol.policy.policy_contract import INPUT_NAMES, LARGEST_MODEL_BYTES
 
 OPERATORS = frozenset(
     """
@@ -29,8 +33,23 @@ OPERATORS = frozenset(
 """Of ONNX's own domain. Not among them: If, Loop and Scan; what draws random numbers; what makes a
 tensor as large as its input says (Expand, Tile, Range, ConstantOfShape, Pad, Resize)."""
 
+SHAPING = {
+    "Reshape": (1,),
+    "Slice": (1, 2, 3, 4),
+    "Split": (1,),
+    "Squeeze": (1,),
+    "Unsqueeze": (1,),
+} | {
+    f"Reduce{kind}": (1,)
+    for kind in "L1 L2 LogSum LogSumExp Max Mean Min Prod Sum SumSquare".split()  # noqa: SIM905
+}
+"""Inputs, by operator, whose values decide the shape of the result (ONNX operator schemas)."""
+
 MOST_FIELDS = 100_000
 """Visited one by one in Python, 0.2 s; the paper's network has about 100."""
+
+_FIRST_BYTE = b"\x08"
+"""Field 1, ir_version, as a varint: whatever writes ONNX begins with it."""
 
 _STANDARD_DOMAINS = (b"", b"ai.onnx")
 _DEFAULT_LOCATION = 0
@@ -40,14 +59,18 @@ Allowed = dict[int, Check | None]
 """By field number; None: allowed, and nothing in it could do harm."""
 
 
-def check_structure(data: bytes) -> None:
-    """Check a whole ONNX file.
+def check_structure(data: bytes) -> OnnxFile:
+    """Check a whole ONNX file; what it is made of.
 
     Raises:
-        ContractError: it is not an ONNX model, or made of something that is not allowed.
+        ContractError: it is not an ONNX model, made of something that is not allowed, or the size
+            of some tensor may depend on the picture.
 
     """
     _walk(data, _raise)
+    model = read_onnx(data)
+    _check_static_shapes(model)
+    return model
 
 
 def structure_faults(data: bytes) -> list[str]:
@@ -55,14 +78,39 @@ def structure_faults(data: bytes) -> list[str]:
     found: list[str] = []
     try:
         _walk(data, found.append)
+        if not found:  # what follows would stumble over the same parts
+            _check_static_shapes(read_onnx(data))
     except ContractError as error:  # damage: nothing can be read behind it
         found.append(str(error))
     return list(dict.fromkeys(found))
 
 
+def _check_static_shapes(model: OnnxFile) -> None:
+    """Raises ContractError where the size of a tensor may depend on the picture."""
+    known, made = set(model.weights), set(INPUT_NAMES)
+    if known & made:
+        raise ContractError(f"the model has weights of the name {min(known & made)!r}")
+    made |= known
+    for node in model.nodes:
+        outputs = set(node.outputs) - {""}
+        if twice := outputs & made:
+            raise ContractError(f"the model makes {min(twice)[:80]!r} twice")
+        made |= outputs
+        for index in SHAPING.get(node.operator, ()):
+            if index < len(node.inputs) and node.inputs[index] not in known | {""}:
+                raise ContractError(
+                    f"the size of what {node.operator} makes ({', '.join(sorted(outputs))[:80]}) "
+                    "may depend on the picture: export a network in which none does"
+                )
+        if node.operator == "Shape" or known.issuperset(filter(None, node.inputs)):
+            known |= outputs
+
+
 def _walk(data: bytes, refuse: Callable[[str], None]) -> None:
     if not data:
         raise ContractError("the file is empty; was the export interrupted?")
+    if not data.startswith(_FIRST_BYTE):
+        raise ContractError("this is not an ONNX model; export the policy to ONNX first")
     _Walk(refuse).message(memoryview(data), _MODEL, "the model")
 
 
@@ -115,7 +163,7 @@ def _domain(walk: _Walk, _: int, __: int, content: memoryview) -> None:
 
 def _location(walk: _Walk, _: int, value: int, __: memoryview) -> None:
     if value != _DEFAULT_LOCATION:
-        walk.refuse("the model's weights are in another file: export it as one")
+        walk.refuse("the model's weights are in another file: export with external_data=False")
 
 
 def _node(walk: _Walk, wire_type: int, value: int, content: memoryview) -> None:
@@ -165,5 +213,5 @@ _FORBIDDEN = {
     ("an attribute", 11): "graphs inside",
     ("an attribute", 22): "sparse weights",
     ("a tensor", 6): "texts as weights",
-    ("a tensor", 13): "its data in another file",
+    ("a tensor", 13): "its data in another file (export with external_data=False)",
 }

@@ -18,8 +18,13 @@ Its metadata says how it wants to be used; `PolicyMetadata` is that, typed.
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ContractError, NewerSchemaError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 CONTRACT_VERSION = 2
 OBSERVATION_SIDE_PX = 64
@@ -58,6 +63,10 @@ class FieldOfView:
 FULL_VIEW = FieldOfView(55.3, 42.9)
 """All the Pi camera sees, pixels not square: 29 % wider than a square crop, which is what finds
 objects in a search turn."""
+
+
+MISSING_PROPERTY = "missing-property"
+"""The kind of a ContractError about metadata that a model does not have at all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +124,8 @@ def _number(properties: Mapping[str, str], key: str) -> float:
     text = properties.get(key)
     if text is None:
         raise ContractError(
-            f"the model's metadata has no {key}: export it with `workstation`, or add the property"
+            f"the model's metadata has no {key}: export it with `workstation`, or add the property",
+            kind=MISSING_PROPERTY,
         )
     try:
         return float(text)
@@ -148,6 +158,20 @@ class MemoryShape:
 
     layers: int = 0
     units: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Memory:
+    """What a model goes on with from one decision to the next.
+
+    Attributes:
+        state: shape (layers, 1, units), float32; without layers for a model without memory.
+        previous_action: what the wheels were really told, left and right in [-1, 1].
+
+    """
+
+    state: "NDArray[np.float32]"
+    previous_action: tuple[float, float] = (0.0, 0.0)
 
 
 def check_signature(

@@ -13,10 +13,9 @@ from pathlib import Path
 from typing import IO, Protocol
 
 from mbot_protocol.errors import RefusedError
+from mbot_protocol.signing.envelope import LARGEST_SIGNATURES_BYTES, RELEASE
 from mbot_protocol.signing.release_manifest import (
-    LARGEST_MANIFEST_BYTES,
     LARGEST_RELEASE_BYTES,
-    LARGEST_SIGNATURES_BYTES,
     ReleaseFile,
     ReleaseManifest,
 )
@@ -64,7 +63,7 @@ def read(archive: IO[bytes], judge: Judge, place: Place = nowhere) -> ReleaseMan
         OSError: the archive can't be read, or a sink can't take it.
 
     """
-    data = _leading(archive, MANIFEST, LARGEST_MANIFEST_BYTES)
+    data = _leading(archive, MANIFEST, RELEASE.largest_bytes)
     signatures = _leading(archive, SIGNATURES, LARGEST_SIGNATURES_BYTES)
     manifest = judge(data, signatures)
     if size_bytes(manifest, len(data), len(signatures)) > LARGEST_RELEASE_BYTES:
@@ -78,17 +77,6 @@ def read(archive: IO[bytes], judge: Judge, place: Place = nowhere) -> ReleaseMan
     if archive.read(1):
         raise RefusedError(_DAMAGED)
     return manifest
-
-
-def read_manifest(archive: IO[bytes]) -> tuple[bytes, bytes]:
-    """The manifest and the signatures as they stand there, unverified.
-
-    Raises:
-        RefusedError: it is not a release.
-
-    """
-    data = _leading(archive, MANIFEST, LARGEST_MANIFEST_BYTES)
-    return data, _leading(archive, SIGNATURES, LARGEST_SIGNATURES_BYTES)
 
 
 def write(

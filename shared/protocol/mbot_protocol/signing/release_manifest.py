@@ -1,40 +1,25 @@
 """The signed manifest of a release of the daemon: what is in it, for which system, and how old.
 
-What is signed are the very bytes that travel: JSON that has one form only, as a model's manifest.
+JSON that has one form only, as a model's manifest; `envelope.py` has the signatures.
 Standard library only: the robot's updater reads it without anything of the daemon's.
 """
 
-import base64
-import binascii
 import json
 import re
-from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from mbot_protocol.errors import NewerSchemaError, RefusedError
-from mbot_protocol.signing.public_key import PUBLIC_KEY_BYTES, SIGNATURE_BYTES, PublicKey
 
 FORMAT = 1
-LARGEST_MANIFEST_BYTES = 48 * 1024
-"""Ours have about 8,000; it travels in one message."""
-
-LARGEST_SIGNATURES_BYTES = 1024
 LARGEST_RELEASE_BYTES = 400 << 20
 
 SYSTEMS = ("bookworm", "trixie")
 ARCHITECTURES = ("arm64", "amd64")
 
-_DOMAIN = b"mbot-agent release manifest\0"
-"""Signed in front of the manifest: a key's signature under a model is none under a release."""
-
 _VERSION = re.compile(r"[0-9][A-Za-z0-9.+_-]{0,63}")
 _PATH = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]*(/[A-Za-z0-9_][A-Za-z0-9_.+-]*){0,4}")
 _SHA256 = re.compile(r"[0-9a-f]{64}")
-_KIND = "ed25519:"
-
-HasSigned = Callable[[PublicKey, bytes, bytes], bool]
-"""Whether a key's signature is good: key, message, signature."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,69 +106,6 @@ def decode(data: bytes) -> ReleaseManifest:
     if encode(manifest) != data:
         raise RefusedError("the release's manifest is unusable: not in its one canonical form")
     return manifest
-
-
-def sign(data: bytes, sign_bytes: Callable[[bytes], bytes], public_key: bytes) -> str:
-    """One line of the signatures: the key and its signature under a manifest's bytes."""
-    parts = (public_key, sign_bytes(_DOMAIN + data))
-    key, signature = (base64.b64encode(part).decode() for part in parts)
-    return f"{_KIND}{key} {signature}\n"
-
-
-def verify(
-    data: bytes,
-    signatures: bytes,
-    trusted: Sequence[PublicKey],
-    has_signed: HasSigned = PublicKey.has_signed,
-) -> PublicKey:
-    """Which of the trusted keys has signed; one of them is enough. Nothing of the manifest is read.
-
-    Raises:
-        RefusedError: a part has the wrong size or form, or no trusted key's signature is good.
-
-    """
-    if not 0 < len(data) <= LARGEST_MANIFEST_BYTES:
-        raise RefusedError(
-            f"the manifest has {len(data)} bytes, expected 1 to {LARGEST_MANIFEST_BYTES}"
-        )
-    if not trusted:
-        raise RefusedError(
-            "this robot trusts no key for releases: put the line that `workstation keys show` "
-            "prints, in quotes, into the list release_keys in [trust] of "
-            "/etc/mbot-agent/config.toml and restart mbot-agent"
-        )
-    lines = _read_signatures(signatures)
-    for raw, signature in lines:
-        key = next((key for key in trusted if key.raw == raw), None)
-        if key is None:
-            continue
-        if not has_signed(key, _DOMAIN + data, signature):
-            raise RefusedError(
-                f"the signature is not {key.name}'s: the manifest was changed, or the key is "
-                "another"
-            )
-        return key
-    shown = ", ".join(f"{_KIND}{base64.b64encode(raw).decode()}" for raw, _ in lines)
-    raise RefusedError(
-        f"the release is signed by {shown or 'nobody'}, which is not among this robot's "
-        "[trust] release_keys"
-    )
-
-
-def _read_signatures(text: bytes) -> list[tuple[bytes, bytes]]:
-    try:
-        if len(text) > LARGEST_SIGNATURES_BYTES:
-            raise ValueError
-        found: list[tuple[bytes, bytes]] = []
-        for line in text.decode("ascii").splitlines():
-            key, signature = line.removeprefix(_KIND).split(" ")
-            pair = base64.b64decode(key, validate=True), base64.b64decode(signature, validate=True)
-            if (len(pair[0]), len(pair[1])) != (PUBLIC_KEY_BYTES, SIGNATURE_BYTES):
-                raise ValueError
-            found.append(pair)
-    except (ValueError, binascii.Error):
-        raise RefusedError("the release's signatures are damaged") from None
-    return found
 
 
 def _built(found: dict[str, Any]) -> ReleaseManifest:

@@ -55,7 +55,7 @@ class Steps(_message.Message):
     def __init__(self, left: _Optional[int] = ..., right: _Optional[int] = ...) -> None: ...
 
 class Decision(_message.Message):
-    __slots__ = ("schema_version", "robot_id", "session_id", "sequence", "state", "faults", "unix_time_ns", "captured_monotonic_ns", "due_monotonic_ns", "started_monotonic_ns", "observed_monotonic_ns", "decided_monotonic_ns", "written_monotonic_ns", "acknowledged_monotonic_ns", "action", "steps", "board_m1", "board_m2", "model_sha256", "missed_ticks", "cpu_temperature_c", "load_1min", "resident_memory_bytes", "dropped_records", "notices", "stop_count", "hand_let_go")
+    __slots__ = ("schema_version", "robot_id", "session_id", "sequence", "state", "faults", "unix_time_ns", "captured_monotonic_ns", "due_monotonic_ns", "started_monotonic_ns", "observed_monotonic_ns", "decided_monotonic_ns", "written_monotonic_ns", "acknowledged_monotonic_ns", "action", "steps", "board_m1", "board_m2", "model_sha256", "missed_ticks", "cpu_temperature_c", "load_1min", "resident_memory_bytes", "dropped_records", "notices", "stop_count", "hand_let_go", "duty", "under_voltage")
     SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
     ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
     SESSION_ID_FIELD_NUMBER: _ClassVar[int]
@@ -83,6 +83,8 @@ class Decision(_message.Message):
     NOTICES_FIELD_NUMBER: _ClassVar[int]
     STOP_COUNT_FIELD_NUMBER: _ClassVar[int]
     HAND_LET_GO_FIELD_NUMBER: _ClassVar[int]
+    DUTY_FIELD_NUMBER: _ClassVar[int]
+    UNDER_VOLTAGE_FIELD_NUMBER: _ClassVar[int]
     schema_version: int
     robot_id: str
     session_id: int
@@ -110,7 +112,9 @@ class Decision(_message.Message):
     notices: _containers.RepeatedCompositeFieldContainer[Notice]
     stop_count: int
     hand_let_go: bool
-    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., sequence: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., faults: _Optional[_Iterable[_Union[Fault, _Mapping[str, object]]]] = ..., unix_time_ns: _Optional[int] = ..., captured_monotonic_ns: _Optional[int] = ..., due_monotonic_ns: _Optional[int] = ..., started_monotonic_ns: _Optional[int] = ..., observed_monotonic_ns: _Optional[int] = ..., decided_monotonic_ns: _Optional[int] = ..., written_monotonic_ns: _Optional[int] = ..., acknowledged_monotonic_ns: _Optional[int] = ..., action: _Optional[_Union[Wheels, _Mapping[str, object]]] = ..., steps: _Optional[_Union[Steps, _Mapping[str, object]]] = ..., board_m1: _Optional[int] = ..., board_m2: _Optional[int] = ..., model_sha256: _Optional[str] = ..., missed_ticks: _Optional[int] = ..., cpu_temperature_c: _Optional[float] = ..., load_1min: _Optional[float] = ..., resident_memory_bytes: _Optional[int] = ..., dropped_records: _Optional[int] = ..., notices: _Optional[_Iterable[_Union[Notice, _Mapping[str, object]]]] = ..., stop_count: _Optional[int] = ..., hand_let_go: bool = ...) -> None: ...
+    duty: Wheels
+    under_voltage: bool
+    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., sequence: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., faults: _Optional[_Iterable[_Union[Fault, _Mapping[str, object]]]] = ..., unix_time_ns: _Optional[int] = ..., captured_monotonic_ns: _Optional[int] = ..., due_monotonic_ns: _Optional[int] = ..., started_monotonic_ns: _Optional[int] = ..., observed_monotonic_ns: _Optional[int] = ..., decided_monotonic_ns: _Optional[int] = ..., written_monotonic_ns: _Optional[int] = ..., acknowledged_monotonic_ns: _Optional[int] = ..., action: _Optional[_Union[Wheels, _Mapping[str, object]]] = ..., steps: _Optional[_Union[Steps, _Mapping[str, object]]] = ..., board_m1: _Optional[int] = ..., board_m2: _Optional[int] = ..., model_sha256: _Optional[str] = ..., missed_ticks: _Optional[int] = ..., cpu_temperature_c: _Optional[float] = ..., load_1min: _Optional[float] = ..., resident_memory_bytes: _Optional[int] = ..., dropped_records: _Optional[int] = ..., notices: _Optional[_Iterable[_Union[Notice, _Mapping[str, object]]]] = ..., stop_count: _Optional[int] = ..., hand_let_go: bool = ..., duty: _Optional[_Union[Wheels, _Mapping[str, object]]] = ..., under_voltage: bool = ...) -> None: ...
 
 class Status(_message.Message):
     __slots__ = ("schema_version", "robot_id", "session_id", "now_monotonic_ns", "state", "faults", "software_version", "board_version", "board_has_deadman", "decision_rate_hz", "active_model", "missed_ticks", "decisions", "camera", "notices", "trusted_keys", "accepts_unsigned_models", "left_motor", "right_motor", "last_stop", "release", "let_go_monotonic_ns")

@@ -24,29 +24,29 @@ _sym_db = _symbol_database.Default()
 
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n!mbot_protocol/v1/recordings.proto\x12\x07mbot.v1\"0\n\x0cRecordedFile\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x12\n\nsize_bytes\x18\x02 \x01(\x04\"\x99\x01\n\rRecordedDrive\x12\x0c\n\x04name\x18\x01 \x01(\t\x12$\n\x05\x66iles\x18\x02 \x03(\x0b\x32\x15.mbot.v1.RecordedFile\x12\x1c\n\x14started_unix_time_ns\x18\x03 \x01(\x03\x12\x1a\n\x12\x65nded_unix_time_ns\x18\x04 \x01(\x03\x12\x0c\n\x04kept\x18\x05 \x01(\x08\x12\x0c\n\x04open\x18\x06 \x01(\x08\"\x96\x01\n\rRecordingList\x12\x16\n\x0eschema_version\x18\x01 \x01(\r\x12\x10\n\x08\x61\x63\x63\x65pted\x18\x02 \x01(\x08\x12\x0e\n\x06reason\x18\x03 \x01(\t\x12&\n\x06\x64rives\x18\x04 \x03(\x0b\x32\x16.mbot.v1.RecordedDrive\x12\x12\n\nfree_bytes\x18\x05 \x01(\x04\x12\x0f\n\x07\x65nabled\x18\x06 \x01(\x08\"\x81\x01\n\rRecordingRead\x12\x16\n\x0eschema_version\x18\x01 \x01(\r\x12\x10\n\x08robot_id\x18\x02 \x01(\t\x12\r\n\x05\x64rive\x18\x03 \x01(\t\x12\x0c\n\x04\x66ile\x18\x04 \x01(\t\x12\x14\n\x0coffset_bytes\x18\x05 \x01(\x04\x12\x13\n\x0b\x63ount_bytes\x18\x06 \x01(\r\"W\n\rRecordingPart\x12\x16\n\x0eschema_version\x18\x01 \x01(\r\x12\x10\n\x08\x61\x63\x63\x65pted\x18\x02 \x01(\x08\x12\x0e\n\x06reason\x18\x03 \x01(\t\x12\x0c\n\x04\x64\x61ta\x18\x04 \x01(\x0c\"l\n\x0fRecordingDigest\x12\x16\n\x0eschema_version\x18\x01 \x01(\r\x12\x10\n\x08robot_id\x18\x02 \x01(\t\x12\r\n\x05\x64rive\x18\x03 \x01(\t\x12\x0c\n\x04\x66ile\x18\x04 \x01(\t\x12\x12\n\nsize_bytes\x18\x05 \x01(\x04\"`\n\x14RecordingDigestReply\x12\x16\n\x0eschema_version\x18\x01 \x01(\r\x12\x10\n\x08\x61\x63\x63\x65pted\x18\x02 \x01(\x08\x12\x0e\n\x06reason\x18\x03 \x01(\t\x12\x0e\n\x06sha256\x18\x04 \x01(\t\"V\n\rRecordingKeep\x12\x16\n\x0eschema_version\x18\x01 \x01(\r\x12\x10\n\x08robot_id\x18\x02 \x01(\t\x12\r\n\x05\x64rive\x18\x03 \x01(\t\x12\x0c\n\x04kept\x18\x04 \x01(\x08\"J\n\x0fRecordingRemove\x12\x16\n\x0eschema_version\x18\x01 \x01(\r\x12\x10\n\x08robot_id\x18\x02 \x01(\t\x12\r\n\x05\x64rive\x18\x03 \x01(\tb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n!mbot_protocol/v1/recordings.proto\x12\x07mbot.v1\".\n\nListedFile\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x12\n\nsize_bytes\x18\x02 \x01(\x04\"\x95\x01\n\x0bListedDrive\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\"\n\x05\x66iles\x18\x02 \x03(\x0b\x32\x13.mbot.v1.ListedFile\x12\x1c\n\x14started_unix_time_ns\x18\x03 \x01(\x03\x12\x1a\n\x12\x65nded_unix_time_ns\x18\x04 \x01(\x03\x12\x0c\n\x04kept\x18\x05 \x01(\x08\x12\x0c\n\x04open\x18\x06 \x01(\x08\"\x94\x01\n\rRecordingList\x12\x16\n\x0eschema_version\x18\x01 \x01(\r\x12\x10\n\x08\x61\x63\x63\x65pted\x18\x02 \x01(\x08\x12\x0e\n\x06reason\x18\x03 \x01(\t\x12$\n\x06\x64rives\x18\x04 \x03(\x0b\x32\x14.mbot.v1.ListedDrive\x12\x12\n\nfree_bytes\x18\x05 \x01(\x04\x12\x0f\n\x07\x65nabled\x18\x06 \x01(\x08\"\x81\x01\n\rRecordingRead\x12\x16\n\x0eschema_version\x18\x01 \x01(\r\x12\x10\n\x08robot_id\x18\x02 \x01(\t\x12\r\n\x05\x64rive\x18\x03 \x01(\t\x12\x0c\n\x04\x66ile\x18\x04 \x01(\t\x12\x14\n\x0coffset_bytes\x18\x05 \x01(\x04\x12\x13\n\x0b\x63ount_bytes\x18\x06 \x01(\r\"W\n\rRecordingPart\x12\x16\n\x0eschema_version\x18\x01 \x01(\r\x12\x10\n\x08\x61\x63\x63\x65pted\x18\x02 \x01(\x08\x12\x0e\n\x06reason\x18\x03 \x01(\t\x12\x0c\n\x04\x64\x61ta\x18\x04 \x01(\x0c\"l\n\x0fRecordingDigest\x12\x16\n\x0eschema_version\x18\x01 \x01(\r\x12\x10\n\x08robot_id\x18\x02 \x01(\t\x12\r\n\x05\x64rive\x18\x03 \x01(\t\x12\x0c\n\x04\x66ile\x18\x04 \x01(\t\x12\x12\n\nsize_bytes\x18\x05 \x01(\x04\"`\n\x14RecordingDigestReply\x12\x16\n\x0eschema_version\x18\x01 \x01(\r\x12\x10\n\x08\x61\x63\x63\x65pted\x18\x02 \x01(\x08\x12\x0e\n\x06reason\x18\x03 \x01(\t\x12\x0e\n\x06sha256\x18\x04 \x01(\t\"V\n\rRecordingKeep\x12\x16\n\x0eschema_version\x18\x01 \x01(\r\x12\x10\n\x08robot_id\x18\x02 \x01(\t\x12\r\n\x05\x64rive\x18\x03 \x01(\t\x12\x0c\n\x04kept\x18\x04 \x01(\x08\"J\n\x0fRecordingRemove\x12\x16\n\x0eschema_version\x18\x01 \x01(\r\x12\x10\n\x08robot_id\x18\x02 \x01(\t\x12\r\n\x05\x64rive\x18\x03 \x01(\tb\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'mbot_protocol.v1.recordings_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
-  _globals['_RECORDEDFILE']._serialized_start=46
-  _globals['_RECORDEDFILE']._serialized_end=94
-  _globals['_RECORDEDDRIVE']._serialized_start=97
-  _globals['_RECORDEDDRIVE']._serialized_end=250
-  _globals['_RECORDINGLIST']._serialized_start=253
-  _globals['_RECORDINGLIST']._serialized_end=403
-  _globals['_RECORDINGREAD']._serialized_start=406
-  _globals['_RECORDINGREAD']._serialized_end=535
-  _globals['_RECORDINGPART']._serialized_start=537
-  _globals['_RECORDINGPART']._serialized_end=624
-  _globals['_RECORDINGDIGEST']._serialized_start=626
-  _globals['_RECORDINGDIGEST']._serialized_end=734
-  _globals['_RECORDINGDIGESTREPLY']._serialized_start=736
-  _globals['_RECORDINGDIGESTREPLY']._serialized_end=832
-  _globals['_RECORDINGKEEP']._serialized_start=834
-  _globals['_RECORDINGKEEP']._serialized_end=920
-  _globals['_RECORDINGREMOVE']._serialized_start=922
-  _globals['_RECORDINGREMOVE']._serialized_end=996
+  _globals['_LISTEDFILE']._serialized_start=46
+  _globals['_LISTEDFILE']._serialized_end=92
+  _globals['_LISTEDDRIVE']._serialized_start=95
+  _globals['_LISTEDDRIVE']._serialized_end=244
+  _globals['_RECORDINGLIST']._serialized_start=247
+  _globals['_RECORDINGLIST']._serialized_end=395
+  _globals['_RECORDINGREAD']._serialized_start=398
+  _globals['_RECORDINGREAD']._serialized_end=527
+  _globals['_RECORDINGPART']._serialized_start=529
+  _globals['_RECORDINGPART']._serialized_end=616
+  _globals['_RECORDINGDIGEST']._serialized_start=618
+  _globals['_RECORDINGDIGEST']._serialized_end=726
+  _globals['_RECORDINGDIGESTREPLY']._serialized_start=728
+  _globals['_RECORDINGDIGESTREPLY']._serialized_end=824
+  _globals['_RECORDINGKEEP']._serialized_start=826
+  _globals['_RECORDINGKEEP']._serialized_end=912
+  _globals['_RECORDINGREMOVE']._serialized_start=914
+  _globals['_RECORDINGREMOVE']._serialized_end=988
 # @@protoc_insertion_point(module_scope)

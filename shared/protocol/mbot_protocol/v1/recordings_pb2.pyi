@@ -6,7 +6,7 @@ from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
 
 DESCRIPTOR: _descriptor.FileDescriptor
 
-class RecordedFile(_message.Message):
+class ListedFile(_message.Message):
     __slots__ = ("name", "size_bytes")
     NAME_FIELD_NUMBER: _ClassVar[int]
     SIZE_BYTES_FIELD_NUMBER: _ClassVar[int]
@@ -14,7 +14,7 @@ class RecordedFile(_message.Message):
     size_bytes: int
     def __init__(self, name: _Optional[str] = ..., size_bytes: _Optional[int] = ...) -> None: ...
 
-class RecordedDrive(_message.Message):
+class ListedDrive(_message.Message):
     __slots__ = ("name", "files", "started_unix_time_ns", "ended_unix_time_ns", "kept", "open")
     NAME_FIELD_NUMBER: _ClassVar[int]
     FILES_FIELD_NUMBER: _ClassVar[int]
@@ -23,12 +23,12 @@ class RecordedDrive(_message.Message):
     KEPT_FIELD_NUMBER: _ClassVar[int]
     OPEN_FIELD_NUMBER: _ClassVar[int]
     name: str
-    files: _containers.RepeatedCompositeFieldContainer[RecordedFile]
+    files: _containers.RepeatedCompositeFieldContainer[ListedFile]
     started_unix_time_ns: int
     ended_unix_time_ns: int
     kept: bool
     open: bool
-    def __init__(self, name: _Optional[str] = ..., files: _Optional[_Iterable[_Union[RecordedFile, _Mapping[str, object]]]] = ..., started_unix_time_ns: _Optional[int] = ..., ended_unix_time_ns: _Optional[int] = ..., kept: bool = ..., open: bool = ...) -> None: ...
+    def __init__(self, name: _Optional[str] = ..., files: _Optional[_Iterable[_Union[ListedFile, _Mapping[str, object]]]] = ..., started_unix_time_ns: _Optional[int] = ..., ended_unix_time_ns: _Optional[int] = ..., kept: bool = ..., open: bool = ...) -> None: ...
 
 class RecordingList(_message.Message):
     __slots__ = ("schema_version", "accepted", "reason", "drives", "free_bytes", "enabled")
@@ -41,10 +41,10 @@ class RecordingList(_message.Message):
     schema_version: int
     accepted: bool
     reason: str
-    drives: _containers.RepeatedCompositeFieldContainer[RecordedDrive]
+    drives: _containers.RepeatedCompositeFieldContainer[ListedDrive]
     free_bytes: int
     enabled: bool
-    def __init__(self, schema_version: _Optional[int] = ..., accepted: bool = ..., reason: _Optional[str] = ..., drives: _Optional[_Iterable[_Union[RecordedDrive, _Mapping[str, object]]]] = ..., free_bytes: _Optional[int] = ..., enabled: bool = ...) -> None: ...
+    def __init__(self, schema_version: _Optional[int] = ..., accepted: bool = ..., reason: _Optional[str] = ..., drives: _Optional[_Iterable[_Union[ListedDrive, _Mapping[str, object]]]] = ..., free_bytes: _Optional[int] = ..., enabled: bool = ...) -> None: ...
 
 class RecordingRead(_message.Message):
     __slots__ = ("schema_version", "robot_id", "drive", "file", "offset_bytes", "count_bytes")

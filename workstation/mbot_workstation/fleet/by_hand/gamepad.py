@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from typing import Any, Protocol
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.fleet.by_hand.wish import Wish, mixed
+from mbot_workstation.fleet.by_hand.hand import Wish, mixed
 
 # Kernel's input-event-codes.h.
 EV_SYN, EV_KEY, EV_ABS = 0, 1, 3

@@ -4,9 +4,8 @@ import time
 from collections.abc import Callable
 
 from mbot_protocol.errors import MbotError
-from mbot_workstation.fleet.by_hand.hand import HandRepeat
+from mbot_workstation.fleet.by_hand.hand import HandInput, HandRepeat, Wish
 from mbot_workstation.fleet.by_hand.hand_drive import HandDrive
-from mbot_workstation.fleet.by_hand.wish import HandInput, Wish
 from mbot_workstation.fleet.link.remote_control import RemoteControl
 from mbot_workstation.fleet.link.robot_link import RobotLink
 

@@ -15,7 +15,7 @@ from contextlib import suppress
 from typing import Any, Self
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.fleet.by_hand.wish import Wish
+from mbot_workstation.fleet.by_hand.hand import Wish
 
 FIRST_REPEAT_WITHIN_S = 0.8
 """Keyboards begin to repeat after 0.25 to 0.66 s."""

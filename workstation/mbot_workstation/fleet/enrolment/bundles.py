@@ -39,13 +39,13 @@ LARGEST_JOIN_FILE_BYTES = 1 << 20
 
 _ENROLMENT_HEAD = """\
 # Written by `workstation enroll`; takes the place of [network] and [access] in config.toml.
-# Do not edit it: enrol again and copy it anew.
+# Do not edit it: enrol again and copy it again.
 
 """
 
 _TRUSTED_KEYS_HEAD = """\
 # Written by `workstation enroll`: whose models this robot takes, besides those in config.toml.
-# Do not edit it: enrol again and copy it anew.
+# Do not edit it: enrol again and copy it again.
 
 """
 

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.fleet.link.address import parse_address
-from mbot_workstation.fleet.link.destination import Destination
+from mbot_workstation.fleet.link.address import Destination, parse_address
 from mbot_workstation.fleet.link.security import LinkSecurity
 
 WARN_BEFORE = timedelta(days=30)

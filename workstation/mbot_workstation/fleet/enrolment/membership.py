@@ -7,12 +7,11 @@ take effect: a robot or router knows only what was copied to it.
 import getpass
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TypeVar
 
-from msgspec import structs
+from msgspec import Struct, field, structs
 
 from mbot_protocol.errors import ConfigurationError, RefusedError
 from mbot_protocol.wire.access_rules import Kind, check_name
@@ -43,14 +42,17 @@ MY_RIGHTS = (Right.PUSH, Right.DRIVE)
 """On a new robot, of whoever enrols it and could give them to himself anyway."""
 
 
-@dataclass(frozen=True, slots=True)
-class HandOver:
+class HandOver(Struct, frozen=True):
     """A file that has to get to a robot, router or person before anything changes there."""
 
     kind: Kind
     name: str
-    path: Path
-    host: str = ""
+    path: Path = field(name="file")
+    host: str | None = None
+
+    def is_for_robot(self, robot_id: str) -> bool:
+        """Whether it is that robot's."""
+        return (self.kind, self.name) == (Kind.ROBOT, robot_id)
 
 
 class Enrolment:
@@ -257,7 +259,9 @@ class Enrolment:
                 data = bundle(roll, name, folder.identity(kind, name), authority_pem)
                 if folder.save_bundle(kind, name, data) or name in asked_for:
                     host = "" if kind is Kind.PERSON else _host(roll, kind, name)
-                    hand_overs.append(HandOver(kind, name, folder.bundle_path(kind, name), host))
+                    hand_overs.append(
+                        HandOver(kind, name, folder.bundle_path(kind, name), host or None)
+                    )
         return hand_overs
 
 

@@ -153,7 +153,7 @@ def _explain(port: str, error: Exception) -> str:
     return f"cannot use {port}: {error}"
 
 
-def is_mcore(version: str) -> bool:
+def is_known_board(version: str) -> bool:
     """Whether an mCore's firmware, stock or our own, names itself like this."""
     return version.startswith(STOCK_VERSIONS) or has_deadman(version)
 

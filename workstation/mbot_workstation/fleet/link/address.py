@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.wire.keys import DEFAULT_ENDPOINT, DEFAULT_PORT
+from mbot_workstation.fleet.link.security import LinkSecurity
 
 ADDRESS_VARIABLE = "MBOT_ROBOT"
 """Environment variable with the address to use when none is given."""
@@ -73,3 +74,19 @@ def _bad_address(text: str, what: str) -> ConfigurationError:
         f"robot address {text!r}: {what}; expected HOST, HOST:PORT, tcp/HOST:PORT or "
         "tls/HOST:PORT, such as mbot-1.local:7447"
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Destination:
+    """A robot, or an address that may have some.
+
+    Attributes:
+        endpoint: where to connect to.
+        robot_id: which robot; None: whoever is there.
+        security: certificates for a `tls/` endpoint.
+
+    """
+
+    endpoint: Endpoint
+    robot_id: str | None = None
+    security: LinkSecurity | None = None

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from mbot_protocol.beat.fields import state_word
 from mbot_protocol.errors import MbotError, RefusedError, UnreachableError
 from mbot_protocol.v1.messages_pb2 import (
     Command,
@@ -26,7 +27,7 @@ from mbot_protocol.v1.messages_pb2 import (
 from mbot_protocol.wire.keys import COMMAND, STOP, Topic
 from mbot_protocol.wire.schema import SCHEMA_VERSION
 from mbot_workstation.fleet.link.robot_link import RobotLink
-from mbot_workstation.wording import one_line, state_word, stop_words
+from mbot_workstation.wording import one_line, stop_words
 
 TIME_TO_LIVE_S = 1.0
 """A command that takes longer than this to arrive is not obeyed any more."""
@@ -210,7 +211,7 @@ class RemoteControl:
             unconfirmed += 1
             if unconfirmed == CONFIRM_ATTEMPTS:
                 raise NotStandingError(
-                    f"robot {self._link.robot_id} has not confirmed that it stands: "
+                    f"robot {self._link.robot_id} has not confirmed that it has stopped: "
                     f"{one_line(reply.reason) or 'it does not say why, upgrade its mbot-agent'}; "
                     "switch it off by hand"
                 )

@@ -3,23 +3,15 @@
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mbot_protocol.errors import ConfigurationError, ContractError
 from mbot_protocol.policy.model_structure import check_structure
 from mbot_protocol.policy.policy_contract import (
     LARGEST_MODEL_BYTES,
     PolicyMetadata,
-    Tensor,
     check_signature,
 )
 from mbot_workstation.wording import one_line
-
-if TYPE_CHECKING:
-    import onnx
-
-# An ONNX file begins with its field 1, ir_version, as a varint.
-_ONNX_FIRST_BYTE = b"\x08"
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,67 +83,20 @@ def read_bytes(path: Path) -> bytes:
 
 
 def _check_contents(data: bytes) -> PolicyMetadata:
-    model = _parse(data)
-    metadata = PolicyMetadata.from_properties({p.key: p.value for p in model.metadata_props})
-    check_signature(*declared_tensors(model), metadata.contract_version)
+    model = check_structure(data)
+    if fault := graph_fault(data):
+        raise ContractError(fault)
+    metadata = PolicyMetadata.from_properties(model.properties)
+    check_signature(model.inputs, model.outputs, metadata.contract_version)
     return metadata
 
 
-def declared_tensors(model: "onnx.ModelProto") -> tuple[list[Tensor], list[Tensor]]:
-    """A model's inputs and outputs as it declares them."""
-    # Old exporters list the weights among the inputs.
-    weights = {tensor.name for tensor in model.graph.initializer}
-    inputs = [_tensor(value) for value in model.graph.input if value.name not in weights]
-    return inputs, [_tensor(value) for value in model.graph.output]
-
-
-def parse_model(data: bytes) -> "onnx.ModelProto":
-    """An ONNX file read, whatever is in it; raises ContractError if it is none, or damaged."""
-    import onnx
-    from google.protobuf.message import DecodeError
-
-    if not data:
-        raise ContractError("the file is empty; was the export interrupted?")
-    if not data.startswith(_ONNX_FIRST_BYTE):
-        raise ContractError("this is not an ONNX model; export the policy to ONNX first")
-    model = onnx.ModelProto()
-    try:
-        model.ParseFromString(data)
-    except DecodeError:
-        raise ContractError(
-            "the ONNX data is truncated or damaged; copy or export the file again"
-        ) from None
-    return model
-
-
-def _parse(data: bytes) -> "onnx.ModelProto":
+def graph_fault(data: bytes) -> str:
+    """What ONNX's own checker says of a file that is made of nothing forbidden; mostly nothing."""
     import onnx
 
-    model = parse_model(data)
-    for tensor in model.graph.initializer:
-        if tensor.data_location == onnx.TensorProto.EXTERNAL:
-            raise ContractError(
-                f"the weights {tensor.name!r} are in another file; export with external_data=False"
-            )
     try:
-        onnx.checker.check_model(model)
-    except onnx.checker.ValidationError as error:
-        raise ContractError(f"the ONNX model is damaged: {one_line(str(error))}") from None
-    check_structure(data)  # a robot would refuse it for that, too
-    return model
-
-
-def _tensor(value: "onnx.ValueInfoProto") -> Tensor:
-    """As declared; a symbolic dimension is its name."""
-    from onnx.helper import tensor_dtype_to_np_dtype
-
-    tensor = value.type.tensor_type
-    try:
-        kind = str(tensor_dtype_to_np_dtype(tensor.elem_type))
-    except KeyError:
-        kind = f"element type {tensor.elem_type}"
-    shape = tuple(
-        dim.dim_value if dim.HasField("dim_value") else dim.dim_param or "?"
-        for dim in tensor.shape.dim
-    )
-    return Tensor(value.name, kind, shape)
+        onnx.checker.check_model(data)
+    except (onnx.checker.ValidationError, ValueError) as error:
+        return f"the ONNX model is damaged: {one_line(str(error))}"
+    return ""

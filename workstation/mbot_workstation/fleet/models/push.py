@@ -1,36 +1,25 @@
-"""Send a model to a robot: a nonce to sign, begin, acknowledged chunks, commit.
+"""Send a model to a robot: checked, signed with the robot's nonce, and in pieces.
 
-Until the commit the robot keeps driving with the model it has, and whatever was sent of an
-interrupted push expires there; so breaking off at any point is safe.
+Until the commit the robot keeps driving with the model it has.
 """
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
-from typing import TypeVar
 
-from mbot_protocol.errors import RefusedError
+from mbot_protocol.signing.envelope import MODEL
 from mbot_protocol.signing.model_manifest import ModelManifest, decode, encode
-from mbot_protocol.v1.messages_pb2 import (
-    Activate,
-    Model,
-    PushBegin,
-    PushChunk,
-    PushCommit,
-    PushNonce,
-    PushNonceReply,
-    PushReply,
-)
-from mbot_protocol.wire.keys import CHUNK_BYTES, PUSH_BEGIN, PUSH_CHUNK, PUSH_COMMIT, PUSH_NONCE
+from mbot_protocol.v1.messages_pb2 import Activate, Model, PushBegin, PushNonce, PushNonceReply
+from mbot_protocol.wire.keys import PUSH_BEGIN, PUSH_CHUNK, PUSH_COMMIT, PUSH_NONCE
 from mbot_protocol.wire.schema import SCHEMA_VERSION, MalformedMessageError
+from mbot_workstation.fleet.link.pieces import Progress, PushKind, accepted, push_in_pieces
 from mbot_workstation.fleet.link.robot_link import RobotLink
 from mbot_workstation.fleet.models.check import CheckedModel, check_model
 from mbot_workstation.fleet.models.key_choice import ChooseKey
 from mbot_workstation.fleet.models.signing_key import SigningKey
 from mbot_workstation.wording import one_line
 
-CHUNK_TIMEOUT_S = 10.0
 COMMIT_TIMEOUT_S = 60.0
 """The robot verifies the model and dry-runs it in a process of its own before it answers."""
 
@@ -55,10 +44,9 @@ class Pushed:
     was_sent: bool = True
 
 
-R = TypeVar("R", PushReply, PushNonceReply)
-
-Progress = Callable[[int, int], None]
-"""Called with the bytes acknowledged and the bytes in all."""
+PUSH = PushKind(
+    PUSH_BEGIN, PUSH_CHUNK, PUSH_COMMIT, COMMIT_TIMEOUT_S, "refused the model and keeps its own"
+)
 
 
 def push(
@@ -115,10 +103,7 @@ def push_checked(
     key = choose_key(status)
     if key is not None:
         sign_for_once(link, request, size_bytes, key, allow_downgrade=allow_downgrade)
-    begun = _accepted(link, link.query(PUSH_BEGIN, request, PushReply))
-    _send_chunks(link, begun.push_id, model.data, on_progress)
-    commit = PushCommit(schema_version=SCHEMA_VERSION, push_id=begun.push_id)
-    reply = _accepted(link, link.query(PUSH_COMMIT, commit, PushReply, COMMIT_TIMEOUT_S))
+    reply = push_in_pieces(link, PUSH, request, BytesIO(model.data), size_bytes, on_progress)
     if reply.active_model.sha256 != model.sha256:
         raise MalformedMessageError(
             f"robot {link.robot_id} took the model but names another one as active; look at "
@@ -143,7 +128,7 @@ def sign_for_once(
 
     """
     ask = PushNonce(schema_version=SCHEMA_VERSION, robot_id=link.robot_id)
-    reply = _accepted(link, link.query(PUSH_NONCE, ask, PushNonceReply))
+    reply = accepted(link, PUSH, link.query(PUSH_NONCE, ask, PushNonceReply))
     manifest = ModelManifest(
         robot_id=link.robot_id,
         sequence=key.next_sequence(),
@@ -153,31 +138,8 @@ def sign_for_once(
         not_after_unix_s=int(time.time()) + MANIFEST_LIFE_S,
         allow_downgrade=allow_downgrade,
     )
-    decode(encode(manifest))  # the nonce comes from outside: sign nothing that is not a manifest
-    signed = key.sign(manifest)
-    request.manifest, request.signature = signed.manifest, signed.signature
+    data = encode(manifest)
+    decode(data)  # the nonce comes from outside: sign nothing that is not a manifest
+    signed = key.sign(MODEL, data)
+    request.manifest, request.signature = data, signed.signature
     request.public_key = signed.public_key
-
-
-def _send_chunks(link: RobotLink, push_id: str, data: bytes, on_progress: Progress) -> None:
-    """One at a time: the next leaves when the robot has acknowledged, so a STOP gets through."""
-    for offset in range(0, len(data), CHUNK_BYTES):
-        piece = data[offset : offset + CHUNK_BYTES]
-        chunk = PushChunk(
-            schema_version=SCHEMA_VERSION, push_id=push_id, offset_bytes=offset, data=piece
-        )
-        reply = _accepted(link, link.query(PUSH_CHUNK, chunk, PushReply, CHUNK_TIMEOUT_S))
-        if reply.received_bytes != offset + len(piece):
-            raise MalformedMessageError(
-                f"robot {link.robot_id} has {reply.received_bytes} bytes of the model, expected "
-                f"{offset + len(piece)}; push again"
-            )
-        on_progress(reply.received_bytes, len(data))
-
-
-def _accepted(link: RobotLink, reply: R) -> R:
-    if not reply.accepted:
-        raise RefusedError(
-            f"robot {link.robot_id} refused the model and keeps its own: {one_line(reply.reason)}"
-        )
-    return reply

@@ -1,10 +1,10 @@
-"""A private key that signs models."""
+"""A private key that signs models and releases."""
 
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Self
 
-from mbot_protocol.signing.model_manifest import ModelManifest, SignedManifest, sign
+from mbot_protocol.signing.envelope import Purpose, Signature, sign
 from mbot_protocol.signing.public_key import PublicKey
 
 if TYPE_CHECKING:
@@ -53,10 +53,6 @@ class SigningKey:
         """A number above all that this key has used."""
         return self._next_sequence()
 
-    def sign(self, manifest: ModelManifest) -> SignedManifest:
-        """The manifest with this key's signature."""
-        return sign(manifest, self._private)
-
-    def sign_bytes(self, data: bytes) -> bytes:
-        """This key's signature (RFC 8032) under bytes that say themselves what they are."""
-        return self._private.sign(data)
+    def sign(self, purpose: Purpose, data: bytes) -> Signature:
+        """This key's signature under these bytes, for this purpose alone."""
+        return sign(purpose, data, self._private.sign, self.public.raw)

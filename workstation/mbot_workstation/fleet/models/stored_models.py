@@ -1,5 +1,7 @@
 """The models a robot keeps: list them, go back to an earlier one."""
 
+import msgspec
+
 from mbot_protocol.errors import RefusedError
 from mbot_protocol.v1.messages_pb2 import Activate, Model, ModelList
 from mbot_protocol.wire.keys import ACTIVATE, MODELS
@@ -11,6 +13,46 @@ from mbot_workstation.wording import one_line
 
 ACTIVATE_TIMEOUT_S = 60.0
 """As with a push, the robot loads the model before it answers."""
+
+
+class StoredModel(msgspec.Struct, frozen=True):
+    """A model that a robot keeps; None where the robot does not know, as of an inactive one."""
+
+    sha256: str
+    name: str | None
+    size_bytes: int
+    decision_rate_hz: float | None
+    stored_unix_time_ns: int
+    active: bool
+    previous: bool
+    signed_by: str | None
+    proven: bool
+    rejected: bool
+
+    @classmethod
+    def of(cls, model: Model) -> "StoredModel":
+        """As the robot tells it."""
+        return cls(
+            sha256=model.sha256,
+            name=model.name or None,
+            size_bytes=model.size_bytes,
+            decision_rate_hz=round(model.decision_rate_hz, 3) or None,
+            stored_unix_time_ns=model.stored_unix_time_ns,
+            active=model.active,
+            previous=model.previous,
+            signed_by=model.signed_by or None,
+            proven=model.proven,
+            rejected=model.rejected,
+        )
+
+    @property
+    def standing(self) -> str:
+        """What it is to the robot, in a word or two; empty if it is only kept."""
+        if self.active:
+            return "active" if self.proven else "active, on trial"
+        if self.rejected:
+            return "rolled back"
+        return "previous" if self.previous else ""
 
 
 def list_models(link: RobotLink) -> list[Model]:
@@ -43,22 +85,6 @@ def activate(link: RobotLink, choose_key: ChooseKey, sha256: str = "") -> list[M
         request.sha256 = fitting[0].sha256
         sign_for_once(link, request, fitting[0].size_bytes, key)
     return _models(link, link.query(ACTIVATE, request, ModelList, ACTIVATE_TIMEOUT_S))
-
-
-def model_fields(model: Model) -> dict[str, str | int | float | bool | None]:
-    """A model as a flat JSON object; null where the robot does not know, as of an inactive one."""
-    return {
-        "sha256": model.sha256,
-        "name": model.name or None,
-        "size_bytes": model.size_bytes,
-        "decision_rate_hz": round(model.decision_rate_hz, 3) or None,
-        "stored_unix_time_ns": model.stored_unix_time_ns,
-        "active": model.active,
-        "previous": model.previous,
-        "signed_by": model.signed_by or None,
-        "proven": model.proven,
-        "rejected": model.rejected,
-    }
 
 
 def _models(link: RobotLink, reply: ModelList) -> list[Model]:

@@ -157,6 +157,6 @@ def _member(release: Path, name: str) -> bytes:
             file = None
         if file is None:
             raise ConfigurationError(
-                f"{release} has no {name}: make it anew with `make dist`, for first boots"
+                f"{release} has no {name}: make it again with `make dist`, for first boots"
             )
         return file.read()

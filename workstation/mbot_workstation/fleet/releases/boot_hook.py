@@ -46,7 +46,7 @@ def hook(cmdline: str, firstrun: str | None, user_data: str | None) -> Hook:
     if called and called[1].endswith("/firstrun.sh"):
         if firstrun is None:
             raise ConfigurationError(
-                "cmdline.txt starts firstrun.sh, which is not there: write the card anew"
+                "cmdline.txt starts firstrun.sh, which is not there: write the card again"
             )
         return Hook("firstrun.sh", _in_firstrun(firstrun))
     if user_data is not None:
@@ -61,7 +61,7 @@ def _in_firstrun(text: str) -> str:
         return text
     first, newline, rest = text.partition("\n")
     if not first.startswith("#!") or not newline:
-        raise ConfigurationError("firstrun.sh does not begin with #!: write the card anew")
+        raise ConfigurationError("firstrun.sh does not begin with #!: write the card again")
     return f"{first}\n{_SHELL_LINE}{rest}"
 
 
@@ -69,7 +69,9 @@ def _in_user_data(text: str) -> str:
     if _CLOUD_ITEM in text:
         return text
     if not text.startswith("#cloud-config"):
-        raise ConfigurationError("user-data does not begin with #cloud-config: write the card anew")
+        raise ConfigurationError(
+            "user-data does not begin with #cloud-config: write the card again"
+        )
     lines = text.rstrip("\n").split("\n")
     found = [number for number, line in enumerate(lines) if line.startswith("runcmd:")]
     if not found:

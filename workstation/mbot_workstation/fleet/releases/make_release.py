@@ -17,6 +17,7 @@ from pathlib import Path
 
 from mbot_protocol.errors import ConfigurationError, MbotError
 from mbot_protocol.signing import release_archive, release_manifest
+from mbot_protocol.signing.envelope import RELEASE
 from mbot_protocol.signing.release_contents import size_on_disk
 from mbot_protocol.signing.release_manifest import ReleaseManifest
 from mbot_workstation.fleet.models.key_folder import KeyFolder
@@ -79,9 +80,7 @@ def make_release(
     )
     data = release_manifest.encode(manifest)
     release_manifest.decode(data)
-    signatures = "".join(
-        release_manifest.sign(data, key.sign_bytes, key.public.raw) for key in signers
-    )
+    signatures = "".join(key.sign(RELEASE, data).line for key in signers)
     archive = folder / f"mbot-agent-{version}-{target.name}.tar"
     unfinished = archive.with_suffix(".tmp")
     with unfinished.open("wb") as file:

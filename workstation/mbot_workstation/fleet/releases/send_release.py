@@ -8,35 +8,16 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
-
-from google.protobuf.message import Message
 
 from mbot_protocol.errors import ConfigurationError, RefusedError, UnreachableError
 from mbot_protocol.signing import release_archive, release_manifest
 from mbot_protocol.signing.release_ledger import BUSY
 from mbot_protocol.signing.release_manifest import ReleaseManifest
-from mbot_protocol.v1.messages_pb2 import (
-    PushChunk,
-    PushCommit,
-    PushReply,
-    ReleaseBegin,
-    ReleaseList,
-    ReleaseUpdate,
-)
-from mbot_protocol.wire.keys import (
-    CHUNK_BYTES,
-    RELEASE_BEGIN,
-    RELEASE_CHUNK,
-    RELEASE_COMMIT,
-    RELEASES,
-    Topic,
-)
+from mbot_protocol.v1.messages_pb2 import ReleaseBegin, ReleaseList, ReleaseUpdate
+from mbot_protocol.wire.keys import RELEASE_BEGIN, RELEASE_CHUNK, RELEASE_COMMIT, RELEASES
 from mbot_protocol.wire.schema import SCHEMA_VERSION
-from mbot_workstation.fleet.link.robot_link import QUERY_TIMEOUT_S, M
-from mbot_workstation.wording import one_line
+from mbot_workstation.fleet.link.pieces import Link, Progress, PushKind, push_in_pieces
 
-CHUNK_TIMEOUT_S = 10.0
 COMMIT_TIMEOUT_S = 120.0
 """The robot reads all of it once more before it answers."""
 
@@ -48,23 +29,13 @@ TAKEN_UP_WITHIN_S = 90.0
 LOOK_AGAIN_S = 1.0
 
 
-class Link(Protocol):
-    """What of a `RobotLink` is needed here."""
-
-    @property
-    def robot_id(self) -> str:
-        """Whose it is."""
-        ...
-
-    def query(
-        self,
-        topic: Topic,
-        request: Message | None,
-        reply_type: type[M],
-        timeout_s: float = QUERY_TIMEOUT_S,
-    ) -> M:
-        """Ask the robot and wait for its one reply."""
-        ...
+PUSH = PushKind(
+    RELEASE_BEGIN,
+    RELEASE_CHUNK,
+    RELEASE_COMMIT,
+    COMMIT_TIMEOUT_S,
+    "refused the release and runs on",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +81,7 @@ def check_release_file(path: Path) -> CheckedRelease:
     return CheckedRelease(path, *found[0], manifest, size_bytes)
 
 
-def send(link: Link, release: CheckedRelease, on_progress: Callable[[int, int], None]) -> str:
+def send(link: Link, release: CheckedRelease, on_progress: Progress) -> str:
     """Send a release; returns the number under which the robot installs it.
 
     Raises:
@@ -124,19 +95,9 @@ def send(link: Link, release: CheckedRelease, on_progress: Callable[[int, int], 
         manifest=release.data,
         signatures=release.signatures,
     )
-    push_id = _accepted(link, link.query(RELEASE_BEGIN, begin, PushReply)).push_id
-    sent = 0
     with release.path.open("rb") as archive:
-        while piece := archive.read(CHUNK_BYTES):
-            chunk = PushChunk(
-                schema_version=SCHEMA_VERSION, push_id=push_id, offset_bytes=sent, data=piece
-            )
-            _accepted(link, link.query(RELEASE_CHUNK, chunk, PushReply, CHUNK_TIMEOUT_S))
-            sent += len(piece)
-            on_progress(sent, release.size_bytes)
-    commit = PushCommit(schema_version=SCHEMA_VERSION, push_id=push_id)
-    _accepted(link, link.query(RELEASE_COMMIT, commit, PushReply, COMMIT_TIMEOUT_S))
-    return push_id
+        reply = push_in_pieces(link, PUSH, begin, archive, release.size_bytes, on_progress)
+    return reply.push_id
 
 
 def wait_for_outcome(link: Link, push_id: str, on_phase: Callable[[str], None]) -> ReleaseUpdate:
@@ -170,11 +131,3 @@ def wait_for_outcome(link: Link, push_id: str, on_phase: Callable[[str], None]) 
                 "releases` there does"
             )
         time.sleep(LOOK_AGAIN_S)
-
-
-def _accepted(link: Link, reply: PushReply) -> PushReply:
-    if not reply.accepted:
-        raise RefusedError(
-            f"robot {link.robot_id} refused the release and runs on: {one_line(reply.reason)}"
-        )
-    return reply

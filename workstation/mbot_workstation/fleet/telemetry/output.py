@@ -1,6 +1,7 @@
 """Where telemetry goes: a live view, plain lines, or JSON lines."""
 
 import json
+import sys
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -10,8 +11,8 @@ from typing import Protocol, Self, TextIO
 from rich.console import Console
 from rich.live import Live
 
+from mbot_protocol.beat.fields import decision_fields
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.fleet.recorded.decision_fields import decision_fields
 from mbot_workstation.fleet.telemetry.stream import LinkState, Sample
 from mbot_workstation.fleet.telemetry.view import link_words, plain_line, render
 from mbot_workstation.fleet.telemetry.window import TelemetryWindow
@@ -128,3 +129,13 @@ class LiveView:
             self._due_s = now_s + DRAW_EVERY_S
             view = render(self._robot_id, self._window, link, silence_s)
             self._live.update(view, refresh=True)
+
+
+def output_for(robot_id: str, *, as_json: bool) -> Output:
+    """What fits standard output: JSON lines if they are asked for, a live view in a terminal, or a
+    line every two seconds.
+    """
+    if as_json:
+        return JsonLines(sys.stdout, sys.stderr)
+    console = Console()
+    return LiveView(robot_id, console) if console.is_terminal else PlainLines(robot_id, sys.stdout)

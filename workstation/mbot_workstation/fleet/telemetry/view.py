@@ -7,6 +7,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from mbot_protocol.beat.changes import decision_state
 from mbot_protocol.drive.actions import STEP_LIMIT
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision, State
@@ -14,7 +15,7 @@ from mbot_workstation.fleet.telemetry.stream import LinkState
 from mbot_workstation.fleet.telemetry.window import TelemetryWindow
 from mbot_workstation.pictures.half_blocks import half_blocks
 from mbot_workstation.pictures.picture_file import decode_picture
-from mbot_workstation.wording import decision_state, fault_lines, one_line, short_digest
+from mbot_workstation.wording import computer_words, fault_lines, one_line, short_digest
 
 PICTURE_COLUMNS = 32
 BAR_CELLS = 10
@@ -101,34 +102,23 @@ def _facts(decision: Decision, window: TelemetryWindow) -> Table:
     word = decision_state(decision)
     table.add_row("state", Text(word, style=_STATE_STYLES.get(decision.state, "bold")))
     wheels = (
-        ("left", decision.action.left, decision.steps.left, decision.board_m1, "M1"),
-        ("right", decision.action.right, decision.steps.right, decision.board_m2, "M2"),
+        ("left", decision.action.left, decision.steps.left, decision.board_m1),
+        ("right", decision.action.right, decision.steps.right, decision.board_m2),
     )
     asked = decision.HasField("action")
-    for name, action, step, board, motor in wheels:
+    for name, action, step, level in wheels:
         drawn = bar(action if asked else step / STEP_LIMIT)
         number = f"{action:+.3f}" if asked else "     -"
-        table.add_row(name, f"{drawn} {number}  step {step:+4d}  {motor} {board:+4d}")
+        table.add_row(name, f"{drawn} {number}  step {step:+4d}  motor {level:+4d}")
     rate_hz = window.decisions_per_s
     rate = "-" if rate_hz is None else f"{rate_hz:.2f}/s"
     table.add_row("decisions", f"{decision.sequence + 1}, {rate}, missed {decision.missed_ticks}")
     table.add_row("records", f"lost {window.lost}, dropped by the robot {decision.dropped_records}")
     table.add_row("model", short_digest(decision.model_sha256))
-    table.add_row("computer", ", ".join(_computer(decision)) or "-")
+    table.add_row("computer", computer_words(decision) or "-")
     if window.restarts:
         table.add_row("restarts", f"{window.restarts} while watching")
     return table
-
-
-def _computer(decision: Decision) -> list[str]:
-    known: list[str] = []
-    if decision.HasField("cpu_temperature_c"):
-        known.append(f"{decision.cpu_temperature_c:.0f} °C")
-    if decision.HasField("load_1min"):
-        known.append(f"load {decision.load_1min:.2f}")
-    if decision.HasField("resident_memory_bytes"):
-        known.append(f"{decision.resident_memory_bytes / 2**20:.0f} MiB")
-    return known
 
 
 def _latencies(window: TelemetryWindow) -> Table:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 
+from mbot_protocol.beat.stages import SPANS, percentile, span_ms
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.fleet.recorded.stage_times import SPANS, percentile, span_ms
 from mbot_workstation.fleet.telemetry.stream import Sample
 
 WINDOW = 100
@@ -74,7 +74,7 @@ class TelemetryWindow:
     def summaries(self) -> list[SpanSummary]:
         """The spans that happened in the window."""
         found: list[SpanSummary] = []
-        for name, _start, _end in SPANS:
+        for name in (span.name for span in SPANS):
             values = [spans[name] for _, spans in self._samples if name in spans]
             if values:
                 found.append(

@@ -1,1 +1,1 @@
-"""Who can drive in these worlds: ONNX policies, the oracle, the guide, a random one."""
+"""Who can drive in these worlds: ONNX policies, the task's expert, a random one."""

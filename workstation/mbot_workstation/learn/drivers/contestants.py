@@ -1,8 +1,9 @@
 """Who can be evaluated: any policy file, and three that are built in."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +11,9 @@ from numpy.typing import NDArray
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.policy.policy_contract import PolicyMetadata
 from mbot_workstation.learn.drivers.onnx_policy import Actions, OnnxPolicy, Pictures
-from mbot_workstation.learn.drivers.oracle import Oracle, Targets, middle
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.effects.effects import EffectRanges
+from mbot_workstation.tasks.find import DEFAULT_TASK, find_task
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,13 +21,13 @@ class Driver:
     """Somebody who drives a number of robots.
 
     Attributes:
-        act: from what all robots see, and where their objects are, to their wheels. Only the
+        act: from what all robots see, and the infos that come with it, to their wheels. Only the
             oracle uses the latter.
         forget: which robots begin another episode, shape (robots,).
 
     """
 
-    act: Callable[[Pictures, Targets], Actions]
+    act: Callable[[Pictures, Sequence[Mapping[str, Any]]], Actions]
     forget: Callable[[NDArray[np.bool_]], None] = lambda _: None
 
 
@@ -40,6 +41,7 @@ def driver(
     seed: int,
     preset: EffectRanges,
     robot: RobotParameters | None = None,
+    task: str = DEFAULT_TASK,
 ) -> Driver:
     """A fresh driver for so many robots.
 
@@ -49,6 +51,7 @@ def driver(
         seed: of the random one.
         preset: what the robots are like, for the oracle.
         robot: what the preset starts from, for the oracle; the nominal one when None.
+        task: by its name or file, for the oracle.
 
     Raises:
         ConfigurationError: there is no such contestant or file.
@@ -56,14 +59,15 @@ def driver(
 
     """
     if contestant == ORACLE:
-        robot = robot or RobotParameters()
-        oracle = Oracle(robots, middle(preset), robot)
-        return Driver(lambda _pictures, targets: oracle.act(targets))
+        expert = find_task(task).expert(robots, preset, robot or RobotParameters())
+        if expert is None:
+            raise ConfigurationError(f"the task {task} has no oracle: nobody is told the truth")
+        return Driver(lambda _pictures, infos: expert(infos))
     if contestant == RANDOM:
         rng = np.random.default_rng(seed)
-        return Driver(lambda pictures, _targets: _draw(rng, len(pictures)))
+        return Driver(lambda pictures, _infos: _draw(rng, len(pictures)))
     policy = read_policy(contestant)
-    return Driver(lambda pictures, _targets: policy.act(pictures), policy.forget)
+    return Driver(lambda pictures, _infos: policy.act(pictures), policy.forget)
 
 
 def read_policy(contestant: str) -> OnnxPolicy:
@@ -87,6 +91,15 @@ def check_contestants(contestants: Sequence[str]) -> None:
 def title(contestant: str) -> str:
     """A short name for tables."""
     return contestant if contestant in BUILT_IN else Path(contestant).stem
+
+
+def titles(contestants: Sequence[str]) -> dict[str, str]:
+    """Contestants by their names in tables; two files of the same name keep their paths."""
+    short = [title(contestant) for contestant in contestants]
+    return {
+        contestant: contestant if short.count(name) > 1 else name
+        for contestant, name in zip(contestants, short, strict=True)
+    }
 
 
 def _load(contestant: str) -> OnnxPolicy:

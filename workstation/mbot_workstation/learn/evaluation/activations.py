@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 import onnx
-import onnxruntime
 from numpy.typing import NDArray
 from onnx import TensorProto, helper
 
 from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.policy.engine import load_engine
+from mbot_protocol.policy.onnx_file import read_onnx
 from mbot_protocol.policy.policy_contract import (
     INPUT_NAME,
     OBSERVATION_SIDE_PX,
@@ -79,16 +80,12 @@ class ActivationReader:
         opened.graph.output.extend(
             helper.make_tensor_value_info(name, TensorProto.FLOAT, None) for name in self._inner
         )
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = 1
-        self._session = onnxruntime.InferenceSession(
-            opened.SerializeToString(), options, providers=["CPUExecutionProvider"]
-        )
+        self._engine = load_engine(opened.SerializeToString())
         self._nothing_before: Feeds = {
             tensor.name: np.zeros(
                 [n if isinstance(n, int) else 1 for n in tensor.shape], np.float32
             )
-            for tensor in self._session.get_inputs()
+            for tensor in read_onnx(model).inputs
             if tensor.name != INPUT_NAME
         }
 
@@ -149,7 +146,7 @@ class ActivationReader:
             if index in chosen:
                 first = self._first_action(glance.frame)
                 found.append(replace(self._look(glance.frame, before), first_action=first))
-            (after,) = self._session.run(
+            (after,) = self._engine.run(
                 [STATE_OUT_NAME], {INPUT_NAME: glance.frame[None], **before}
             )
             state = np.asarray(after, np.float32)
@@ -162,7 +159,7 @@ class ActivationReader:
     def _look(self, frame: Picture, before: Feeds) -> Activations:
         feeds = {INPUT_NAME: frame[None], **before}
         action, *inner = (
-            np.asarray(value)[0] for value in self._session.run([OUTPUT_NAME, *self._inner], feeds)
+            np.asarray(value)[0] for value in self._engine.run([OUTPUT_NAME, *self._inner], feeds)
         )
         convolution, activation = inner or (None, None)
         told = float(action[0]), float(action[1])
@@ -185,7 +182,7 @@ class ActivationReader:
         return found
 
     def _action(self, frame: Picture, before: Feeds) -> NDArray[np.float32]:
-        (action,) = self._session.run([OUTPUT_NAME], {INPUT_NAME: frame[None], **before})
+        (action,) = self._engine.run([OUTPUT_NAME], {INPUT_NAME: frame[None], **before})
         return np.asarray(action, np.float32)[0]
 
 

@@ -96,6 +96,7 @@ def _trial(config: TrainingConfig) -> Trial:
         workers=config.workers,
         robot=config.robot,
         scene=config.scene,
+        task=config.task,
     )
 
 
@@ -120,5 +121,5 @@ def _best_first(rewards: Rewards) -> list[str]:
 def _tried(checkpoint: Path, trial: Trial) -> Score:
     graph = policy_graph(read_weights(checkpoint), PolicyMetadata(checkpoint.name))
     policy = OnnxPolicy(graph.SerializeToString())
-    driver = Driver(lambda pictures, _targets: policy.act(pictures), policy.forget)
+    driver = Driver(lambda pictures, _infos: policy.act(pictures), policy.forget)
     return score(evaluate_driver(driver, trial))

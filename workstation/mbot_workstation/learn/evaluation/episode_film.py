@@ -13,7 +13,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.policy.policy_contract import OBSERVATION_SIDE_PX
 from mbot_workstation.learn.drivers.contestants import Driver, driver
 from mbot_workstation.learn.evaluation.episodes import Trial
-from mbot_workstation.learn.worlds.fetch_env import FetchEnv
+from mbot_workstation.learn.worlds.task_env import TaskEnv
 from mbot_workstation.sim.pose import Pose
 
 SIDE_PX = 5 * OBSERVATION_SIDE_PX
@@ -40,9 +40,16 @@ class Reel:
 
     def __init__(self, title: str, contestant: str, trial: Trial) -> None:
         self._title = title
-        self._driver: Driver = driver(contestant, 1, trial.seed, trial.preset, trial.robot)
-        self._environment = FetchEnv(
-            trial.preset, trial.lesson, trial.rooms, trial.robot, trial.scene
+        self._driver: Driver = driver(
+            contestant, 1, trial.seed, trial.preset, trial.robot, trial.task
+        )
+        self._environment = TaskEnv(
+            trial.preset,
+            trial.lesson,
+            trial.rooms,
+            trial.robot,
+            trial.scene,
+            task=trial.task,
         )
         self._seen, self._info = self._environment.reset(seed=trial.seed)
         self._path: list[Pose] = [self._environment.world.robot]
@@ -53,8 +60,7 @@ class Reel:
         """Decide once, unless the episode has ended."""
         if self.ended:
             return
-        target = np.array([[self._info["target_ahead_m"], self._info["target_left_m"]]])
-        action: Any = self._driver.act(self._seen[np.newaxis], target)
+        action: Any = self._driver.act(self._seen[np.newaxis], [self._info])
         self._seen, reward, self.ended, _, self._info = self._environment.step(action[0])
         self._reward += reward
         self._decisions += 1
@@ -64,7 +70,9 @@ class Reel:
         """Words, what it sees, its way. Shape (2 SIDE_PX + LINE_PX, SIDE_PX, 3), RGB."""
         words = np.full((LINE_PX, SIDE_PX, 3), 255, np.uint8)
         state = "ended" if self.ended else f"{self._decisions / RATE_HZ:.0f} s"
-        text = f"{self._title}: {self._info['touches']} touched, {self._reward:+.1f}, {state}"
+        task = self._environment.world.task
+        count = f"{self._info[task.counted]} {task.counted_done}"
+        text = f"{self._title}: {count}, {self._reward:+.1f}, {state}"
         cv2.putText(words, text, (6, 17), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 0, 0), 1, cv2.LINE_AA)
         times = SIDE_PX // OBSERVATION_SIDE_PX
         seen = self._seen.repeat(times, axis=0).repeat(times, axis=1)
@@ -78,13 +86,14 @@ class Reel:
         above = np.full((SIDE_PX, SIDE_PX, 3), FLOOR_RGB, np.uint8)
         places = [_pixel(pose.x_m, pose.y_m) for pose in self._path]
         cv2.polylines(above, [np.array(places, np.int32)], False, PATH_RGB, 1, cv2.LINE_AA)
-        robot, target = self._path[-1], self._environment.world.target
+        robot = self._path[-1]
         nose = _pixel(
             robot.x_m + 0.2 * np.cos(robot.yaw_rad), robot.y_m + 0.2 * np.sin(robot.yaw_rad)
         )
         cv2.arrowedLine(above, places[-1], nose, ROBOT_RGB, 2, cv2.LINE_AA, tipLength=0.4)
-        x_px, y_px = _pixel(target.x_m, target.y_m)
-        cv2.rectangle(above, (x_px - 3, y_px - 3), (x_px + 3, y_px + 3), OBJECT_RGB, -1)
+        for place in self._environment.world.episode.places().values():
+            x_px, y_px = _pixel(place.x_m, place.y_m)
+            cv2.rectangle(above, (x_px - 3, y_px - 3), (x_px + 3, y_px + 3), OBJECT_RGB, -1)
         return above
 
 

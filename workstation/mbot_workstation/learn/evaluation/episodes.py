@@ -10,11 +10,12 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from mbot_protocol.drive.picture import Picture
 from mbot_workstation.learn.drivers.contestants import Driver, driver
-from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
-from mbot_workstation.learn.worlds.lessons import Lesson
+from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.effects.effects import EffectRanges
 from mbot_workstation.sim.scene.scene_parameters import SceneParameters
+from mbot_workstation.tasks.find import DEFAULT_TASK, find_task
+from mbot_workstation.tasks.lesson import Lesson
 
 MOST_ROBOTS = 16
 """At once; more would only cost memory."""
@@ -30,14 +31,14 @@ class EpisodeResult:
     Attributes:
         reward: its sum.
         decisions: its length.
-        touches: objects touched.
+        count: of what the task counts.
         completed: whether those were all.
 
     """
 
     reward: float
     decisions: int
-    touches: int
+    count: int
     completed: bool
 
 
@@ -52,23 +53,23 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """What a driver's episodes amount to; JSON as it is.
+    """What a driver's episodes amount to.
 
     Attributes:
         episodes: how many.
-        reward, touches, length: an episode; length in decisions.
-        success: share of episodes with all objects touched.
-        decisions_per_object: all decisions, those of failed episodes too, by all touches; None
-            without a touch.
+        reward, count, length: an episode; count of what the task counts, length in decisions.
+        success: share of complete episodes.
+        decisions_per_count: all decisions, those of failed episodes too, by all counts; None
+            without one.
 
     """
 
     episodes: int
     reward: Estimate
-    touches: Estimate
+    count: Estimate
     success: Estimate
     length: Estimate
-    decisions_per_object: Estimate | None
+    decisions_per_count: Estimate | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +77,7 @@ class Trial:
     """How a driver is tried.
 
     Attributes:
-        lesson: which task.
+        lesson: of its task.
         preset: on which robots.
         rooms: panoramas, shape (h, 2 h, 3).
         episodes: how many.
@@ -84,6 +85,7 @@ class Trial:
             its episodes; two seeds have none in common.
         workers: processes that simulate; None is one a core.
         robot, scene: what the preset starts from, and what is around it.
+        task: by its name or file.
 
     """
 
@@ -95,6 +97,7 @@ class Trial:
     workers: int | None = None
     robot: RobotParameters = field(default_factory=RobotParameters)
     scene: SceneParameters = field(default_factory=SceneParameters)
+    task: str = DEFAULT_TASK
 
 
 def robots_of(trial: Trial) -> int:
@@ -115,7 +118,7 @@ def evaluate(
     """
     robots = robots_of(trial)
     # Before anything slow: a path may be wrong.
-    driven = driver(contestant, robots, trial.seed, trial.preset, trial.robot)
+    driven = driver(contestant, robots, trial.seed, trial.preset, trial.robot, trial.task)
     return evaluate_driver(driven, trial, ended)
 
 
@@ -124,7 +127,7 @@ def evaluate_driver(
 ) -> list[EpisodeResult]:
     """Run the episodes of a driver of `robots_of(trial)` robots; see `evaluate`."""
     robots = robots_of(trial)
-    environment = FetchVecEnv(
+    environment = TaskVecEnv(
         robots=robots,
         seed=trial.seed * MOST_ROBOTS,  # robots count up from it: no two trials share one
         preset=trial.preset,
@@ -133,6 +136,7 @@ def evaluate_driver(
         workers=trial.workers,
         robot=trial.robot,
         scene=trial.scene,
+        task=trial.task,
     )
     try:
         return _episodes(environment, driven, trial, ended)
@@ -148,49 +152,39 @@ def _episodes(
     shares = [len(range(robot, trial.episodes, robots)) for robot in range(robots)]
     results: list[list[EpisodeResult]] = [[] for _ in range(robots)]
     observations: Any = environment.reset()
-    targets = _targets(environment.reset_infos)
+    told: list[dict[str, Any]] = list(environment.reset_infos)
     while any(len(done) < share for done, share in zip(results, shares, strict=True)):
-        observations, _, dones, infos = environment.step(driven.act(observations, targets))
+        observations, _, dones, infos = environment.step(driven.act(observations, told))
         driven.forget(dones)
-        targets = _targets(infos)
+        told = list(infos)
         for robot in np.flatnonzero(dones):
             if len(results[robot]) < shares[robot]:
-                results[robot].append(_result(infos[robot], trial.lesson))
+                results[robot].append(_result(infos[robot], trial))
                 ended(sum(map(len, results)))
-            targets[robot] = _targets([environment.reset_infos[robot]])[0]
+            told[robot] = environment.reset_infos[robot]
     return [result for robot in results for result in robot]
 
 
-def _result(info: dict[str, Any], lesson: Lesson) -> EpisodeResult:
-    episode, touches = info["episode"], int(info["touches"])
-    completed = touches >= lesson.objects
-    return EpisodeResult(float(episode["r"]), int(episode["l"]), touches, completed)
-
-
-def _targets(infos: Sequence[dict[str, Any]]) -> NDArray[np.float64]:
-    unknown = float("nan")
-    return np.array(
-        [
-            (info.get("target_ahead_m", unknown), info.get("target_left_m", unknown))
-            for info in infos
-        ]
-    )
+def _result(info: dict[str, Any], trial: Trial) -> EpisodeResult:
+    episode, count = info["episode"], int(info[find_task(trial.task).counted])
+    completed = count >= trial.lesson.goal
+    return EpisodeResult(float(episode["r"]), int(episode["l"]), count, completed)
 
 
 def score(results: Sequence[EpisodeResult]) -> Score:
     """Means with their confidence intervals, the same for the same results."""
     reward = np.array([result.reward for result in results])
     decisions = np.array([result.decisions for result in results], np.float64)
-    touches = np.array([result.touches for result in results], np.float64)
+    counts = np.array([result.count for result in results], np.float64)
     completed = np.array([result.completed for result in results], np.float64)
     ones = np.ones(len(results))
     return Score(
         episodes=len(results),
         reward=_ratio(reward, ones),
-        touches=_ratio(touches, ones),
+        count=_ratio(counts, ones),
         success=_ratio(completed, ones),
         length=_ratio(decisions, ones),
-        decisions_per_object=_ratio(decisions, touches) if touches.any() else None,
+        decisions_per_count=_ratio(decisions, counts) if counts.any() else None,
     )
 
 

@@ -10,19 +10,21 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from mbot_protocol.beat.beat import Beat
+from mbot_protocol.beat.recorded_drive import read_drive
 from mbot_protocol.drive.actions import Steps
 from mbot_protocol.drive.camera_model import nominal_pi_camera
 from mbot_protocol.drive.picture import Observer, Picture
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.policy.policy_contract import OBSERVATION_SIDE_PX, FieldOfView
-from mbot_workstation.fleet.recorded.recorded_drive import Beat, read_drive
 from mbot_workstation.learn.evaluation.activations import (
     APART_PX,
     HIDDEN_PX,
+    ActivationReader,
     Activations,
     Glance,
 )
-from mbot_workstation.pictures.picture_file import read_picture, save_figure
+from mbot_workstation.pictures.picture_file import observation, read_picture, save_figure
 
 _GAP = np.nan
 _BLUE, _ORANGE = "#3b6ea5", "#d9772b"
@@ -63,7 +65,7 @@ def recorded_glances(path: Path, view: FieldOfView) -> tuple[list[float], list[G
     glances: list[Glance] = []
     before: Beat | None = None
     for beat in read_drive(path).beats:
-        picture = beat.observation
+        picture = observation(beat)
         if picture is None:
             before = None
             continue
@@ -74,6 +76,22 @@ def recorded_glances(path: Path, view: FieldOfView) -> tuple[list[float], list[G
     if not glances:
         raise ConfigurationError(f"{path} holds no pictures; was the camera running?")
     return [(at_ns - times_ns[0]) / 1e9 for at_ns in times_ns], glances
+
+
+def recorded_looks(
+    reader: ActivationReader, path: Path, view: FieldOfView, count: int
+) -> dict[str, Activations]:
+    """What a policy makes of so many pictures, evenly spread over a recording, by their times.
+
+    Raises:
+        ConfigurationError: as of `recorded_glances`.
+
+    """
+    seconds, drive = recorded_glances(path, view)
+    spread = np.linspace(0, len(drive) - 1, count).round().astype(int)
+    chosen = sorted(set(spread.tolist()))
+    looks = reader.look_back(drive, chosen)
+    return {f"{seconds[i]:.1f} s": one for i, one in zip(chosen, looks, strict=True)}
 
 
 def _told(before: Beat, beat: Beat) -> tuple[float, float] | None:
@@ -87,8 +105,8 @@ def _told(before: Beat, beat: Beat) -> tuple[float, float] | None:
     )
     if not goes_on:
         return None
-    if beat.record is not None and beat.told is not None:
-        return None if beat.record.began_anew else beat.told
+    if beat.policy_input is not None:
+        return None if beat.policy_input.began_anew else beat.told
     return Steps(last.steps.left, last.steps.right).action
 
 

@@ -7,10 +7,11 @@ import msgspec
 
 from mbot_workstation.learn.drivers.contestants import title
 from mbot_workstation.learn.evaluation.episodes import Estimate, Trial, evaluate, score
-from mbot_workstation.learn.worlds.lessons import LESSONS
 from mbot_workstation.learn.worlds.rooms import evaluation_rooms
 from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
 from mbot_workstation.sim.calibrated.motion_calibration import MotionCalibration
+from mbot_workstation.tasks.find import find_task
+from mbot_workstation.tasks.lesson import lesson_named
 
 EPISODES = 32
 """Each way, the same rooms and objects for both."""
@@ -18,7 +19,7 @@ EPISODES = 32
 
 @dataclass(frozen=True, slots=True)
 class TrimTrial:
-    """What a policy got, simulated, on the last lesson of the paper.
+    """What a policy got, simulated, on the last lesson of the course.
 
     Attributes:
         policy: its name.
@@ -73,12 +74,14 @@ def try_trim(
         MbotError: the policy is none.
 
     """
+    task = find_task()
+    lesson = lesson_named(task.lessons, task.course(guided=False, further=False)[-1])
     rooms = evaluation_rooms(())
     rewards: list[Estimate] = []
     for motion in (trimmed, alone):
         known = msgspec.structs.replace(files, motion=motion)
         trial = Trial(
-            LESSONS[-1],
+            lesson,
             known.ranges("nominal"),
             rooms,
             episodes,

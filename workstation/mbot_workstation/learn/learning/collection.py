@@ -1,7 +1,7 @@
 """Fills PPO's rollouts: each worker's robots are driven by its own copy of the policy.
 
 SB3's own loop decides for all, then waits for all, so that cores wait for each other twice a
-decision. Here nobody waits for anybody for a whole stretch of decisions, and what was collected is
+decision. Here nobody waits for anybody for a whole segment of decisions, and what was collected is
 written down while the next one is driven. It does not depend on who is faster: a seed gives the
 same run.
 """
@@ -13,17 +13,18 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from mbot_workstation.learn.drivers.guide import Guide, shown
 from mbot_workstation.learn.learning.memory_policy import (
     ACTIONS,
-    Before,
     MemoryPolicy,
+    PolicyInput,
     truth,
 )
-from mbot_workstation.learn.learning.policy_pilot import Notes, PolicyPilot, Task
+from mbot_workstation.learn.learning.policy_pilot import PolicyPilot
 from mbot_workstation.learn.learning.sequences import SequenceBuffer
-from mbot_workstation.learn.worlds.fetch_vec_env import Arrival, FetchVecEnv
-from mbot_workstation.learn.worlds.shared_arrays import STRETCH
+from mbot_workstation.learn.worlds.segment import Decisions, Segment, SegmentPlan
+from mbot_workstation.learn.worlds.shared_arrays import SEGMENT
+from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
+from mbot_workstation.tasks.episode import Guide
 
 FORGETS = 1 / 150
 """How often a memory is zeroed in the middle of an episode: a robot zeroes it after a held
@@ -41,8 +42,8 @@ class Collection:
 
     def __init__(
         self,
-        environment: FetchVecEnv,
-        guide_for: Callable[[int], Guide] | None = None,
+        environment: TaskVecEnv,
+        guide_for: Callable[[int], Guide | None] | None = None,
         seed: int = 0,
     ) -> None:
         """Prepare; `begin` before the first rollout.
@@ -61,7 +62,7 @@ class Collection:
         """From here on, in a fresh environment or a running one; nobody remembers anything."""
         robots = self.environment.num_envs
         self.environment.halt()
-        self.environment.hire(PolicyPilot(policy))
+        self.environment.set_pilot(PolicyPilot(policy))
         self._guide = self._guide_for(robots) if self._guide_for else None
         self._began = np.ones(robots, np.bool_)
 
@@ -89,14 +90,14 @@ class Collection:
         """
         buffer.reset()
         size = buffer.buffer_size
-        lengths = np.diff([*range(0, size, STRETCH), size]).tolist()
+        lengths = np.diff([*range(0, size, SEGMENT), size]).tolist()
         self._drive(lengths[0], policy)
         for following in (*lengths[1:], 0):
             if following:
                 self._drive(following)
-            arrival = self.environment.arrive()
-            self._write_down(arrival, policy, buffer, reward_scale)
-            for infos in arrival.infos:
+            segment = self.environment.arrive()
+            self._write_down(segment, policy, buffer, reward_scale)
+            for infos in segment.infos:
                 buffer.pos += 1
                 buffer.full = buffer.pos == size
                 if not go_on(infos):
@@ -112,57 +113,64 @@ class Collection:
             weights = {name: one.cpu().numpy() for name, one in learned.state_dict().items()}
         noise = torch.randn(*shape, ACTIONS).numpy()
         forgets = self._rng.random(shape) < FORGETS
-        tasks = [
-            Task(weights, noise[:, share.start : share.stop], forgets[:, share.start : share.stop])
+        plans = [
+            SegmentPlan(
+                weights, noise[:, share.start : share.stop], forgets[:, share.start : share.stop]
+            )
             for share in self.environment.shares
         ]
-        self.environment.drive(decisions, tasks)
+        self.environment.drive(decisions, plans)
 
     def _write_down(
-        self, arrival: Arrival, policy: MemoryPolicy, buffer: SequenceBuffer, reward_scale: float
+        self, segment: Segment, policy: MemoryPolicy, buffer: SequenceBuffer, reward_scale: float
     ) -> None:
-        """A stretch: what it was about, what was decided, and what is to be said of that."""
-        notes = Notes.together(arrival.notes)
-        shape = arrival.rewards.shape
-        place = slice(buffer.pos, buffer.pos + len(arrival.rewards))
-        buffer.observations[place] = arrival.pictures
-        buffer.states[place] = notes.states
-        buffer.previous_actions[place] = notes.previous_actions
-        buffer.forgot[place] = notes.forgot
-        buffer.episode_starts[place] = np.concatenate([self._began[None], arrival.ended[:-1]])
-        buffer.actions[place] = notes.actions
-        buffer.rewards[place] = arrival.rewards * reward_scale
-        true = truth(arrival.situations.ravel(), arrival.bodies.ravel())
+        """A segment: what it was about, what was decided, and what is to be said of that."""
+        made = segment.decisions
+        shape = segment.rewards.shape
+        place = slice(buffer.pos, buffer.pos + len(segment.rewards))
+        buffer.observations[place] = segment.pictures
+        buffer.states[place] = made.states
+        buffer.previous_actions[place] = made.previous_actions
+        buffer.forgot[place] = made.forgot
+        buffer.episode_starts[place] = np.concatenate([self._began[None], segment.ended[:-1]])
+        buffer.actions[place] = made.actions
+        buffer.rewards[place] = segment.rewards * reward_scale
+        true = truth(
+            self.environment.task.critic, segment.situations.ravel(), segment.bodies.ravel()
+        )
         buffer.truth[place] = true.reshape(*shape, -1)
         judged = policy.judge(
             *(
                 torch.from_numpy(one.reshape(len(true), -1)).to(policy.device)
-                for one in (notes.known, notes.actions, true)
+                for one in (made.known, made.actions, true)
             )
         )
         buffer.values[place] = judged.values.cpu().numpy().reshape(shape)
         buffer.log_probs[place] = judged.log_probs.cpu().numpy().reshape(shape)
         if self._guide is not None:
-            buffer.advice[place] = self._advice(self._guide, arrival, notes)
-            buffer.shows[place] = shown(arrival.situations)
-        self._began, self._mind = arrival.ended[-1], notes.after
+            buffer.advice[place] = self._advice(self._guide, segment, made)
+            buffer.shows[place] = self._guide.shows(segment.situations)
+        self._began, self._hidden = segment.ended[-1], made.after
 
-    def _advice(self, guide: Guide, arrival: Arrival, notes: Notes) -> NDArray[np.float32]:
+    def _advice(self, guide: Guide, segment: Segment, made: Decisions) -> NDArray[np.float32]:
         """What the guide would have done, decision by decision, shape (decisions, n, 2)."""
-        advice = np.empty_like(notes.told)
-        for now, situations in enumerate(arrival.situations):
-            guide.become(arrival.bodies[now])
-            guide.forget(notes.forgot[now])
+        advice = np.empty_like(made.wheels)
+        for now, situations in enumerate(segment.situations):
+            guide.become(segment.bodies[now])
+            guide.forget(made.forgot[now])
             advice[now] = guide.act(situations)
-            guide.drove(notes.told[now])
+            guide.drove(made.wheels[now])
         return advice
 
     def _expected(self, policy: MemoryPolicy) -> torch.Tensor:
         """Values of what the robots see now, shape (n,)."""
-        sight, mind, device = self.environment.sight(), self._mind, policy.device
-        pictures, state, told = (
-            torch.from_numpy(one).to(device) for one in (sight.pictures, mind.state, mind.told)
+        seen, hidden, device = self.environment.observations(), self._hidden, policy.device
+        inputs = PolicyInput(
+            *(
+                torch.from_numpy(one).to(device)
+                for one in (seen.pictures, hidden.state, hidden.previous_actions)
+            )
         )
-        after = policy.decide(Before(pictures, state, told))
-        seen = torch.from_numpy(truth(sight.situations, sight.bodies))
-        return policy.value_of(after.known, seen.to(device)).cpu()
+        known = policy.decide(inputs).known
+        true = truth(self.environment.task.critic, seen.situations, seen.bodies)
+        return policy.value_of(known, torch.from_numpy(true).to(device)).cpu()

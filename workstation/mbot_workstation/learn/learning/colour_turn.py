@@ -1,8 +1,8 @@
-"""A policy that fetches one colour, turned into one that fetches another: its first layer is told
-that the new colour is the old one.
+"""A policy that looks for one colour, turned into one that looks for another: its first layer is
+told that the new colour is the old one.
 
 Hues are angles about the grey axis of red, green and blue, so this is a rotation, which greys do
-not notice. A policy for a red cube turned to a green ball fetched all ten of it before it had
+not notice. A policy for a red cube turned to a green ball found all ten of it before it had
 seen one (simulated; docs/objects.md).
 """
 

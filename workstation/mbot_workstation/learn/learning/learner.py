@@ -1,13 +1,16 @@
 """PPO as stable-baselines3 has it, set up for the paper's network and pictures."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from stable_baselines3.common.vec_env import VecEnv
 
 from mbot_workstation.learn.learning.memory_policy import (
     MEMORY_UNITS,
     MemoryPolicy,
+    critic_inputs,
     memory_policy_arguments,
 )
 from mbot_workstation.learn.learning.network import INITIAL_NOISE, PAPER_FILTER_PX
@@ -27,7 +30,7 @@ class LearnerSettings:
         learning_rate, final_learning_rate: at the first and the last planned decision, linear in
             between.
         discount: a decision later is worth so much less. The reward's own price of time is
-            small, 1 / 167 of a touch a decision.
+            small, in the paper 1 / 167 of an object a decision.
         gae_lambda: of the generalised advantage estimate.
         clip_range: how far an update may move an action's probability.
         entropy_weight: keeps a little exploration.
@@ -113,9 +116,13 @@ def make_learner(
     settings: LearnerSettings,
     seed: int,
     device: str = "cpu",
+    critic: Mapping[str, float] = MappingProxyType({}),
     policy: type[MemoryPolicy] = MemoryPolicy,
 ) -> PicturePPO:
-    """An untrained learner; the seed settles its weights and its exploration."""
+    """An untrained learner; the seed settles its weights and its exploration.
+
+    `critic` is the task's: what its critic is told beside the robot's body.
+    """
     learner = PicturePPO(
         policy,
         environment,
@@ -130,7 +137,10 @@ def make_learner(
         vf_coef=settings.value_weight,
         max_grad_norm=settings.largest_gradient,
         policy_kwargs=memory_policy_arguments(
-            settings.memory_units, math.log(settings.noise), settings.first_filter_px
+            settings.memory_units,
+            math.log(settings.noise),
+            critic_inputs(critic),
+            settings.first_filter_px,
         ),
         rollout_buffer_class=SequenceBuffer,
         seed=seed,

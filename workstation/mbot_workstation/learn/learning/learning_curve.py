@@ -9,21 +9,19 @@ from matplotlib.figure import Figure
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.learn.learning.progress_log import ProgressRow
-from mbot_workstation.learn.worlds.lessons import LESSONS
 from mbot_workstation.pictures.picture_file import save_figure
-
-PAPER_REWARD, PAPER_LENGTH = 19.8, 200.0
-"""The paper's plateau in its last lesson."""
-
+from mbot_workstation.tasks.lesson import lesson_named
+from mbot_workstation.tasks.task import Task
 
 _COLOURS, _PAPER = ("#3b6ea5", "#c8553d", "#588157", "#8e6c8a", "#c99a2e"), "#999999"
 
 
-def draw_curves(runs: Mapping[str, Sequence[ProgressRow]], path: Path) -> None:
+def draw_curves(runs: Mapping[str, Sequence[ProgressRow]], task: Task, path: Path) -> None:
     """Write the picture.
 
     Args:
         runs: by name, rows of progress.csv, at least one each.
+        task: what they learned.
         path: a file matplotlib can write, such as a PNG.
 
     Raises:
@@ -44,8 +42,12 @@ def draw_curves(runs: Mapping[str, Sequence[ProgressRow]], path: Path) -> None:
         axes[1].plot(steps, [row.mean_length for row in rows], **look)
         at = [lessons.index(row.lesson) for row in rows]
         axes[2].step(steps, at, where="post", color=colour)
-    _mark(axes[0], "mean reward of an episode", PAPER_REWARD)
-    _mark(axes[1], "episode, decisions", PAPER_LENGTH)
+    axes[0].set_ylabel("mean reward of an episode")
+    axes[1].set_ylabel("episode, decisions")
+    last = lesson_named(task.lessons, task.course(guided=False, further=False)[-1])
+    if (reference := task.reference(last)) is not None:
+        _mark(axes[0], reference.reward)
+        _mark(axes[1], reference.decisions * last.goal)
     axes[2].set_yticks(range(len(lessons)), lessons, fontsize=8 if len(lessons) > 5 else 10)
     axes[2].set_ylabel("lesson")
     axes[2].set_xlabel("decisions (millions)")
@@ -56,7 +58,7 @@ def draw_curves(runs: Mapping[str, Sequence[ProgressRow]], path: Path) -> None:
     axes[0].set_ylim(bottom=min(0.0, lowest) - 0.5)
     axes[1].set_ylim(bottom=0)
     axes[2].set_xlim(left=0)
-    if note := mark_note(next(iter(runs.values()))[-1].lesson):
+    if note := mark_note(task, next(iter(runs.values()))[-1].lesson):
         axes[0].set_title(note, fontsize=9)
     if len(runs) > 1:
         axes[0].legend(loc="lower right", bbox_to_anchor=(1, 0.1), fontsize=8)
@@ -65,24 +67,23 @@ def draw_curves(runs: Mapping[str, Sequence[ProgressRow]], path: Path) -> None:
     save_figure(figure, path)
 
 
-def mark_note(lesson: str) -> str:
-    """What to know of the paper's plateau beside a run that ends in this lesson; mostly nothing."""
-    if lesson in {one.name for one in LESSONS}:
+def mark_note(task: Task, lesson: str) -> str:
+    """What to know of a published plateau beside a run that ends in this lesson; mostly nothing."""
+    if not lesson_named(task.lessons, lesson).needs_training:
         return ""
     return (
         f"the last lesson, {lesson}, is harder than the paper's, whose plateau does not apply to it"
     )
 
 
-def _mark(axes: Any, label: str, paper: float) -> None:
-    axes.axhline(paper, color=_PAPER, linestyle="--", linewidth=1)
+def _mark(axes: Any, plateau: float) -> None:
+    axes.axhline(plateau, color=_PAPER, linestyle="--", linewidth=1)
     axes.annotate(
-        f"paper's plateau {paper:g}",
-        (1, paper),
+        f"paper's plateau {plateau:g}",
+        (1, plateau),
         xycoords=("axes fraction", "data"),
         ha="right",
         va="bottom",
         fontsize=8,
         color="#666666",
     )
-    axes.set_ylabel(label)

@@ -6,10 +6,11 @@
 
 The memory tells what one picture cannot: whether the last turn turned as far as it should, so how
 strong the motors are, how the floor grips and how late the picture is. The value is only needed in
-training, and is told the truth: where the object is and what the robot is like.
+training, and is told the truth: how the task stands and what the robot is like.
 """
 
 import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,7 +27,7 @@ from mbot_workstation.learn.learning.network import (
     PAPER_FILTER_PX,
     policy_arguments,
 )
-from mbot_workstation.learn.worlds.robot_body import BODY
+from mbot_workstation.sim.effects.body_record import BODY
 
 MEMORY_UNITS = 128
 
@@ -43,30 +44,33 @@ _BODY_SCALE = np.array(
 )
 """Brings a body's numbers near 1."""
 
-_SITUATION = ("target_ahead_m", "target_left_m", "seen_left_rad", "time_left_s", "touches")
-_SITUATION_SCALE = np.array([0.5, 0.5, 0.3, 0.02, 0.1], np.float32)
-
-TRUTH = len(BODY) + len(_SITUATION)
-"""Numbers that the critic is told beside what the policy knows."""
-
 CRITIC_UNITS = 128
 
 
-def truth(situations: NDArray[np.void], bodies: NDArray[np.void]) -> NDArray[np.float32]:
-    """What the critic may know, shape (n, TRUTH), about 1 in size.
+def critic_inputs(critic: Mapping[str, float]) -> int:
+    """How many numbers the critic is told beside what the policy knows."""
+    return len(critic) + len(BODY)
+
+
+def truth(
+    critic: Mapping[str, float], situations: NDArray[np.void], bodies: NDArray[np.void]
+) -> NDArray[np.float32]:
+    """What the critic may know, shape (n, critic_inputs), about 1 in size.
 
     Args:
-        situations: STEP_RECORD, shape (n,).
+        critic: the task's: names of facts, and what brings each near 1.
+        situations: step records, shape (n,).
         bodies: BODY_RECORD, shape (n,).
 
     """
-    where = np.stack([situations[name] for name in _SITUATION], axis=1) * _SITUATION_SCALE
+    scale = np.array(list(critic.values()), np.float32)
+    where = np.stack([situations[name] for name in critic], axis=1) * scale
     what = np.stack([bodies[name] for name in BODY], axis=1) * _BODY_SCALE
     return np.nan_to_num(np.concatenate([where, what], axis=1)).astype(np.float32)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Before:
+class PolicyInput:
     """What n robots go by in a decision.
 
     Attributes:
@@ -82,7 +86,7 @@ class Before:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Decided:
+class PolicyOutput:
     """What was made of it.
 
     Attributes:
@@ -98,7 +102,7 @@ class Decided:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Judged:
+class Evaluated:
     """What is to be said of n decisions.
 
     Attributes:
@@ -116,6 +120,7 @@ class MemoryPolicy(ActorCriticPolicy):
 
     Attributes:
         memory: GRU from features and the last action; None for a policy without memory.
+        critic_inputs: how many numbers the critic is told.
         keeps_turns: not a number to learn: it marks weights whose wheels are brought within bounds
             by `within_full_speed`; those of before have each wheel clipped by itself.
 
@@ -124,8 +129,10 @@ class MemoryPolicy(ActorCriticPolicy):
     memory: nn.GRUCell | None
     keeps_turns: torch.Tensor
 
-    def __init__(self, *args: Any, memory_units: int = MEMORY_UNITS, **kwargs: Any) -> None:
-        self._units = memory_units
+    def __init__(
+        self, *args: Any, memory_units: int = MEMORY_UNITS, critic_inputs: int, **kwargs: Any
+    ) -> None:
+        self._units, self.critic_inputs = memory_units, critic_inputs
         super().__init__(*args, **kwargs)
 
     @property
@@ -133,27 +140,28 @@ class MemoryPolicy(ActorCriticPolicy):
         """How many numbers a robot remembers."""
         return self._units
 
-    def decide(self, before: Before, noise: torch.Tensor | None = None) -> Decided:
+    def decide(self, inputs: PolicyInput, noise: torch.Tensor | None = None) -> PolicyOutput:
         """One decision of some robots; with noise, standard normal of shape (n, 2), it explores."""
-        known, state = self._recall(before)
+        known, state = self._recall(inputs)
         mean = self.action_net(known)
         actions = mean if noise is None else mean + self.log_std.exp() * noise
-        return Decided(actions, known, state)
+        return PolicyOutput(actions, known, state)
 
-    def judge(self, known: torch.Tensor, actions: torch.Tensor, truth: torch.Tensor) -> Judged:
+    def judge(self, known: torch.Tensor, actions: torch.Tensor, truth: torch.Tensor) -> Evaluated:
         """Of decisions that were made; for many at once it costs little."""
         wheels = Normal(self.action_net(known), self.log_std.exp(), validate_args=False)
-        return Judged(self.value_of(known, truth), wheels.log_prob(actions).sum(dim=1))
+        return Evaluated(self.value_of(known, truth), wheels.log_prob(actions).sum(dim=1))
 
     def forward(
         self, obs: torch.Tensor, deterministic: bool = False
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """What SB3 asks for: as `decide`, for robots that remember nothing, without the truth."""
         state, previous, truth = (
-            torch.zeros(len(obs), n, device=obs.device) for n in (self._units, ACTIONS, TRUTH)
+            torch.zeros(len(obs), n, device=obs.device)
+            for n in (self._units, ACTIONS, self.critic_inputs)
         )
         noise = None if deterministic else torch.randn(len(obs), ACTIONS).to(obs.device)
-        decided = self.decide(Before(obs, state, previous), noise)
+        decided = self.decide(PolicyInput(obs, state, previous), noise)
         judged = self.judge(decided.known, decided.actions, truth)
         return decided.actions, judged.values, judged.log_probs
 
@@ -224,12 +232,12 @@ class MemoryPolicy(ActorCriticPolicy):
         """Values, shape (n,), of what is known, shape (n, features + units), and the truth."""
         return self.value_net(torch.cat([known, truth], dim=1)).flatten()
 
-    def _recall(self, before: Before) -> tuple[torch.Tensor, torch.Tensor]:
+    def _recall(self, inputs: PolicyInput) -> tuple[torch.Tensor, torch.Tensor]:
         """What is known in a decision, and what is remembered of it."""
-        features = self._features(before.pictures)
+        features = self._features(inputs.pictures)
         if self.memory is None:
-            return features, before.state
-        state = self.memory(torch.cat([features, before.previous_actions], dim=1), before.state)
+            return features, inputs.state
+        state = self.memory(torch.cat([features, inputs.previous_actions], dim=1), inputs.state)
         return torch.cat([features, state], dim=1), state
 
     def _features(self, pictures: torch.Tensor, short: bool = False) -> torch.Tensor:
@@ -244,7 +252,9 @@ class MemoryPolicy(ActorCriticPolicy):
         nn.init.orthogonal_(self.action_net.weight, gain=0.01)
         nn.init.zeros_(self.action_net.bias)
         self.value_net = nn.Sequential(
-            nn.Linear(known + TRUTH, CRITIC_UNITS), nn.Tanh(), nn.Linear(CRITIC_UNITS, 1)
+            nn.Linear(known + self.critic_inputs, CRITIC_UNITS),
+            nn.Tanh(),
+            nn.Linear(CRITIC_UNITS, 1),
         )
         options: dict[str, Any] = {"lr": lr_schedule(1), **self.optimizer_kwargs}
         self.optimizer = self.optimizer_class(self.parameters(), **options)
@@ -254,7 +264,8 @@ class MemoryPolicy(ActorCriticPolicy):
         return {**self._get_constructor_parameters(), "lr_schedule": _learns_nothing}
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
-        return {**super()._get_constructor_parameters(), "memory_units": self._units}
+        own = {"memory_units": self._units, "critic_inputs": self.critic_inputs}
+        return {**super()._get_constructor_parameters(), **own}
 
 
 def _learns_nothing(remaining: float) -> float:
@@ -263,8 +274,8 @@ def _learns_nothing(remaining: float) -> float:
 
 
 def memory_policy_arguments(
-    units: int, initial_log_std: float, first_filter_px: int = PAPER_FILTER_PX
+    units: int, initial_log_std: float, critic_inputs: int, first_filter_px: int = PAPER_FILTER_PX
 ) -> dict[str, Any]:
     """What SB3 needs to make a `MemoryPolicy`; without a memory it is the paper's."""
     network = policy_arguments(initial_log_std, deeper=units > 0, first_filter_px=first_filter_px)
-    return {**network, "memory_units": units}
+    return {**network, "memory_units": units, "critic_inputs": critic_inputs}

@@ -99,6 +99,7 @@ class PicturePPO(PPO):
         if self.device.type != "cpu":
             self.update_threads = 1  # a GPU has threads enough, and one queue for all of ours
         self.rollout_buffer.units = self.policy.units
+        self.rollout_buffer.critic_inputs = self.policy.critic_inputs
         self.rollout_buffer.reset()
 
     def _excluded_save_params(self) -> list[str]:

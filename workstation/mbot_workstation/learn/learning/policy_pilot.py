@@ -1,12 +1,4 @@
-"""The policy that learns, where it drives: a copy of it in each worker, for whole stretches.
-
-Nobody waits for anybody at a decision. Chance is drawn by who collects and handed over with the
-task, so that a seed gives the same run whoever is faster, and checkpoints keep the generator.
-"""
-
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Any
+"""The policy that learns, where it drives: a copy of it in each worker, for whole segments."""
 
 import numpy as np
 import torch
@@ -14,103 +6,39 @@ from numpy.typing import NDArray
 
 from mbot_protocol.drive.picture import Picture
 from mbot_workstation.learn.learning.full_speed import within_full_speed
-from mbot_workstation.learn.learning.memory_policy import ACTIONS, Before, MemoryPolicy
-
-FloatArray = NDArray[np.float32]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Task:
-    """What a pilot is told about a stretch.
-
-    Attributes:
-        weights: the policy's from now on; None leaves them.
-        noise: standard normal, shape (decisions, n, 2).
-        forgets: who begins anew after each decision, shape (decisions, n), as after an episode.
-
-    """
-
-    weights: dict[str, NDArray[Any]] | None
-    noise: FloatArray
-    forgets: NDArray[np.bool_]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Mind:
-    """What n robots go by besides their pictures.
-
-    Attributes:
-        state: what each remembers, shape (n, units).
-        told: what its wheels were told in the decision before, shape (n, 2).
-        forgot: whether it begins anew, shape (n,).
-
-    """
-
-    state: FloatArray
-    told: FloatArray
-    forgot: NDArray[np.bool_]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Notes:
-    """What was decided in a stretch; shapes (decisions, n, ...).
-
-    Attributes:
-        states, previous_actions, forgot: as the robots' minds were before each decision.
-        actions: drawn, not clipped.
-        told: to the wheels.
-        known: what the actions were made of, (decisions, n, features + units).
-        after: how the robots' minds are now.
-
-    """
-
-    states: FloatArray
-    previous_actions: FloatArray
-    forgot: NDArray[np.bool_]
-    actions: FloatArray
-    told: FloatArray
-    known: FloatArray
-    after: Mind
-
-    @classmethod
-    def together(cls, parts: Sequence["Notes"]) -> "Notes":
-        """Of several workers, one beside the other."""
-        names = [field.name for field in fields(cls) if field.name != "after"]
-        return cls(
-            **{name: np.concatenate([getattr(one, name) for one in parts], 1) for name in names},
-            after=Mind(
-                **{
-                    field.name: np.concatenate([getattr(one.after, field.name) for one in parts])
-                    for field in fields(Mind)
-                }
-            ),
-        )
+from mbot_workstation.learn.learning.memory_policy import ACTIONS, MemoryPolicy, PolicyInput
+from mbot_workstation.learn.worlds.segment import (
+    Decisions,
+    FloatArray,
+    HiddenState,
+    SegmentPlan,
+)
 
 
 class PolicyPilot:
     """Drives a worker's robots by a policy with the weights that it is told; see `Pilot`."""
 
     def __init__(self, policy: MemoryPolicy) -> None:
-        """A pilot as this policy is, but for its weights; these come with the first task."""
+        """A pilot as this policy is, but for its weights; these come with the first plan."""
         self._kind = type(policy)
         self._arguments = policy.arguments()
         self._policy: MemoryPolicy | None = None
         self._decision = 0
 
-    def start(self, task: Task) -> None:
-        """Begin a stretch; what the robots remember goes on."""
-        decisions, robots = task.forgets.shape
+    def start(self, plan: SegmentPlan) -> None:
+        """Begin a segment; what the robots remember goes on."""
+        decisions, robots = plan.forgets.shape
         if self._policy is None:
             torch.set_num_threads(1)  # a worker has one core
             self._policy = policy = self._kind(**self._arguments)
             policy.set_training_mode(False)
             self._state = torch.zeros(robots, policy.units)
-            self._told = torch.zeros(robots, ACTIONS)
+            self._previous = torch.zeros(robots, ACTIONS)
             self._forgot = np.ones(robots, np.bool_)
         policy = self._policy
-        if task.weights is not None:
-            policy.load_state_dict({n: torch.from_numpy(w) for n, w in task.weights.items()})
-        self._noise, self._forgets, self._decision = torch.from_numpy(task.noise), task.forgets, 0
+        if plan.weights is not None:
+            policy.load_state_dict({n: torch.from_numpy(w) for n, w in plan.weights.items()})
+        self._noise, self._forgets, self._decision = torch.from_numpy(plan.noise), plan.forgets, 0
         shape = (decisions, robots)
         self._states = np.empty((*shape, policy.units), np.float32)
         self._before, self._actions, self._wheels = (
@@ -124,15 +52,15 @@ class PolicyPilot:
         """What the wheels of all robots are told, shape (n, 2)."""
         assert self._policy is not None
         now = self._decision
-        self._states[now], self._before[now] = self._state.numpy(), self._told.numpy()
+        self._states[now], self._before[now] = self._state.numpy(), self._previous.numpy()
         self._anew[now] = self._forgot
-        before = Before(torch.from_numpy(pictures), self._state, self._told)
-        decided = self._policy.decide(before, self._noise[now])
-        self._state, self._told = decided.state, within_full_speed(decided.actions)
-        told = self._told.numpy()
+        seen = PolicyInput(torch.from_numpy(pictures), self._state, self._previous)
+        decided = self._policy.decide(seen, self._noise[now])
+        self._state, self._previous = decided.state, within_full_speed(decided.actions)
+        wheels = self._previous.numpy()
         self._actions[now], self._known[now] = decided.actions.numpy(), decided.known.numpy()
-        self._wheels[now] = told
-        return told
+        self._wheels[now] = wheels
+        return wheels
 
     @torch.inference_mode()
     def arrive(self, ended: NDArray[np.bool_]) -> None:
@@ -141,16 +69,16 @@ class PolicyPilot:
         self._decision += 1
         if self._forgot.any():
             keep = torch.from_numpy(~self._forgot).float().unsqueeze(1)
-            self._state, self._told = self._state * keep, self._told * keep
+            self._state, self._previous = self._state * keep, self._previous * keep
 
-    def notes(self) -> Notes:
-        """Of the whole stretch."""
-        return Notes(
+    def decisions(self) -> Decisions:
+        """Of the whole segment."""
+        return Decisions(
             states=self._states,
             previous_actions=self._before,
             forgot=self._anew,
             actions=self._actions,
-            told=self._wheels,
+            wheels=self._wheels,
             known=self._known,
-            after=Mind(self._state.numpy(), self._told.numpy(), self._forgot),
+            after=HiddenState(self._state.numpy(), self._previous.numpy(), self._forgot),
         )

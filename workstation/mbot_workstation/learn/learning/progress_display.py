@@ -18,7 +18,7 @@ class Moment:
     Attributes:
         step, steps: decisions so far and planned.
         lesson: by name.
-        means: reward, length and touches of the latest episodes; None before the first.
+        means: reward, length and count of the latest episodes; None before the first.
         steps_per_s: lately.
 
     """
@@ -51,8 +51,8 @@ class Display(Protocol):
         """Called a few times a second at most."""
         ...
 
-    def row(self, row: ProgressRow) -> None:
-        """Called for every row of progress.csv."""
+    def row(self, row: ProgressRow, counted: str) -> None:
+        """Called for every row of progress.csv, with what its task counts."""
         ...
 
     def say(self, text: str) -> None:
@@ -77,12 +77,12 @@ class LineDisplay:
     def show(self, moment: Moment) -> None:
         """Nothing."""
 
-    def row(self, row: ProgressRow) -> None:
+    def row(self, row: ProgressRow, counted: str) -> None:
         """Print the row."""
         print(
             f"{row.step:>9,} decisions  {clock(row.wall_s)}  lesson {row.lesson:<4}  "
             f"reward {row.mean_reward:6.2f}  length {row.mean_length:6.1f}  "
-            f"touches {row.mean_touches:5.2f}",
+            f"{counted} {row.mean_count:5.2f}",
             file=sys.stderr,
             flush=True,
         )

@@ -24,8 +24,9 @@ class ProgressRow:
         step: decisions so far.
         wall_s: training time so far.
         lesson: at the row's end.
-        mean_reward, mean_length, mean_touches: of the episodes that ended since the last row;
-            length in decisions.
+        mean_reward, mean_length: of the episodes that ended since the last row; length in
+            decisions.
+        mean_count: of what the task counts; the column bears its name, such as mean_touches.
         episodes: how many those were.
 
     """
@@ -35,26 +36,28 @@ class ProgressRow:
     lesson: str
     mean_reward: float
     mean_length: float
-    mean_touches: float
+    mean_count: float
     episodes: int
 
 
-COLUMNS = tuple(field.name for field in fields(ProgressRow))
+def columns(counted: str) -> list[str]:
+    """The file's first line for a task that counts this."""
+    return [field.name.replace("count", counted) for field in fields(ProgressRow)]
 
 
 @dataclass(frozen=True, slots=True)
 class Episode:
-    """A finished episode: its reward, length in decisions, touches."""
+    """A finished episode: its reward, length in decisions, and what the task counts."""
 
     reward: float
     length: int
-    touches: int
+    count: int
 
 
 class ProgressLog:
     """Collects episodes and writes the rows; every row is on disk at once."""
 
-    def __init__(self, path: Path, step: int = 0, row_every: int = ROW_EVERY) -> None:
+    def __init__(self, path: Path, counted: str, step: int = 0, row_every: int = ROW_EVERY) -> None:
         """Begin the file, or go on after a step: later rows belong to a lost future."""
         self._path = path
         self._row_every = row_every
@@ -64,7 +67,7 @@ class ProgressLog:
         kept = [row for row in read_progress(path) if row.step <= step] if path.is_file() else []
         with path.open("w", newline="") as file:
             writer = csv.writer(file)
-            writer.writerow(COLUMNS)
+            writer.writerow(columns(counted))
             writer.writerows(astuple(row) for row in kept)
 
     def add(self, episode: Episode) -> None:
@@ -86,7 +89,7 @@ class ProgressLog:
         return row
 
     def recent_means(self) -> tuple[float, float, float] | None:
-        """Mean reward, length and touches of the latest episodes."""
+        """Mean reward, length and count of the latest episodes."""
         return _means(self.recent) if self.recent else None
 
 
@@ -99,10 +102,12 @@ def read_progress(path: Path) -> list[ProgressRow]:
     """
     try:
         with path.open(newline="") as file:
-            table = list(csv.DictReader(file))
+            reader = csv.DictReader(file)
+            names, table = list(reader.fieldnames or ()), list(reader)
     except OSError as error:
         raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
     try:
+        counted = names[len(columns("")) - 2]  # whatever the task counts, before the episodes
         return [
             ProgressRow(
                 step=int(row["step"]),
@@ -110,14 +115,15 @@ def read_progress(path: Path) -> list[ProgressRow]:
                 lesson=row["lesson"],
                 mean_reward=float(row["mean_reward"]),
                 mean_length=float(row["mean_length"]),
-                mean_touches=float(row["mean_touches"]),
+                mean_count=float(row[counted]),
                 episodes=int(row["episodes"]),
             )
             for row in table
         ]
-    except (KeyError, TypeError, ValueError):
+    except (IndexError, KeyError, TypeError, ValueError):
         raise ConfigurationError(
-            f"{path} is not the progress of a training; expected the columns {', '.join(COLUMNS)}"
+            f"{path} is not the progress of a training; expected the columns "
+            f"{', '.join(columns('COUNT'))}"
         ) from None
 
 
@@ -125,5 +131,5 @@ def _means(episodes: Sequence[Episode] | deque[Episode]) -> tuple[float, float, 
     return (
         round(fmean(episode.reward for episode in episodes), 4),
         round(fmean(episode.length for episode in episodes), 2),
-        round(fmean(episode.touches for episode in episodes), 3),
+        round(fmean(episode.count for episode in episodes), 3),
     )

@@ -1,4 +1,4 @@
-"""What robots lived through, cut into stretches that a memory can be trained on."""
+"""What robots lived through, cut into sequences that a memory can be trained on."""
 
 import math
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ import torch
 from numpy.typing import NDArray
 from stable_baselines3.common.buffers import RolloutBuffer
 
-from mbot_workstation.learn.learning.memory_policy import ACTIONS, TRUTH
+from mbot_workstation.learn.learning.memory_policy import ACTIONS
 
 LENGTH = 32
 """Decisions of a sequence, 13 s: what a memory learns to keep reaches as far back."""
@@ -59,7 +59,7 @@ class LearnedFrom(Sequences):
 
     Attributes:
         actions: (length, n, 2), as drawn, not clipped.
-        truth: (length, n, TRUTH), for the critic.
+        truth: (length, n, critic_inputs), for the critic.
         old_log_prob, old_values, advantages, returns: as SB3 has them.
 
     """
@@ -79,13 +79,14 @@ class SequenceBuffer(RolloutBuffer):
         states: before each decision, shape (steps, robots, units).
         previous_actions: shape (steps, robots, 2).
         forgot: shape (steps, robots), whether the state is a new one.
-        truth: shape (steps, robots, TRUTH).
+        truth: shape (steps, robots, critic_inputs).
         advice: shape (steps, robots, 2).
         shows: shape (steps, robots), whether the picture shows the object.
 
     """
 
     units = 0
+    critic_inputs = 0
 
     def reset(self) -> None:
         """Empty it."""
@@ -94,7 +95,7 @@ class SequenceBuffer(RolloutBuffer):
         self.states = np.zeros((*shape, self.units), np.float32)
         self.previous_actions = np.zeros((*shape, ACTIONS), np.float32)
         self.forgot = np.zeros(shape, np.float32)
-        self.truth = np.zeros((*shape, TRUTH), np.float32)
+        self.truth = np.zeros((*shape, self.critic_inputs), np.float32)
         self.advice = np.full((*shape, ACTIONS), np.nan, np.float32)
         self.shows = np.zeros(shape, np.bool_)
 
@@ -105,18 +106,18 @@ class SequenceBuffer(RolloutBuffer):
 
     def sequences(self, decisions: int) -> Iterator[LearnedFrom]:
         """All of it once, in batches of about so many decisions, in random order."""
-        stretches = self.buffer_size // self.length
-        order = np.random.permutation(stretches * self.n_envs)
+        segments = self.buffer_size // self.length
+        order = np.random.permutation(segments * self.n_envs)
         size = max(1, decisions // self.length)
         for start in range(0, len(order), size):
-            stretch, robot = np.divmod(order[start : start + size], self.n_envs)
-            yield self._cut(stretch * self.length, robot)
+            segment, robot = np.divmod(order[start : start + size], self.n_envs)
+            yield self._cut(segment * self.length, robot)
 
     def everything(self) -> LearnedFrom:
         """All of it at once, in its order."""
-        stretches = self.buffer_size // self.length
-        stretch, robot = np.divmod(np.arange(stretches * self.n_envs), self.n_envs)
-        return self._cut(stretch * self.length, robot)
+        segments = self.buffer_size // self.length
+        segment, robot = np.divmod(np.arange(segments * self.n_envs), self.n_envs)
+        return self._cut(segment * self.length, robot)
 
     def _cut(self, begin: NDArray[np.int64], robot: NDArray[np.int64]) -> LearnedFrom:
         moments = begin[None, :] + np.arange(self.length)[:, None]

@@ -15,6 +15,7 @@ from mbot_workstation.learn.learning.checkpoint import CheckpointState, read_sta
 from mbot_workstation.learn.learning.policy_graph import graph_weights
 from mbot_workstation.learn.learning.policy_source import Source, find_source
 from mbot_workstation.learn.learning.training_config import TrainingConfig, read_config
+from mbot_workstation.tasks.find import DEFAULT_TASK, find_task
 
 PROVENANCE = "mbot.provenance"
 """Metadata property, a JSON object: which run, code, lessons and rooms made the model."""
@@ -90,11 +91,13 @@ def _provenance(source: Source, config: TrainingConfig, state: CheckpointState) 
         "robots": config.robots,
         "preset": config.preset,
         "calibration": Path(config.calibration.folder).name if config.calibration else "",
-        "lessons": config.lessons,
-        "lesson": config.lessons[state.curriculum.index],
+        "lessons": [stage.name for stage in config.stages()],
+        "lesson": config.stages()[state.curriculum.index].name,
         "mean_reward": state.mean_reward,
         "panoramas": [photograph.name for photograph in config.photographs],
         "made_up_rooms": config.made_up_rooms,
         "git_commit": commit,
         "git_changed_files": changed,
+        # Models of before there were tasks say nothing: it was this one.
+        **({} if config.task == DEFAULT_TASK else {"task": find_task(config.task).name}),
     }

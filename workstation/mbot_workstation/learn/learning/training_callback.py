@@ -16,7 +16,7 @@ from mbot_workstation.learn.learning.progress_display import Display, Moment
 from mbot_workstation.learn.learning.progress_log import Episode, ProgressLog, ProgressRow
 from mbot_workstation.learn.learning.run_directory import RunDirectory, first_candidate
 from mbot_workstation.learn.learning.training_config import TrainingConfig
-from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
+from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
 
 SHOW_EVERY_S = 0.25
 
@@ -36,7 +36,7 @@ class TrainingCallback(BaseCallback):
         self,
         run: RunDirectory,
         config: TrainingConfig,
-        environment: FetchVecEnv,
+        environment: TaskVecEnv,
         display: Display,
         stop: threading.Event,
         start: CheckpointState | None,
@@ -54,7 +54,10 @@ class TrainingCallback(BaseCallback):
         self._step_0 = self._saved_step = start.step if start else 0
         self._wall_0_s = start.wall_s if start else 0.0
         self._mean_reward = start.mean_reward if start else None
-        self._progress = ProgressLog(run.progress_file, self._step_0, config.row_every)
+        self._counted = environment.task.counted
+        self._progress = ProgressLog(
+            run.progress_file, self._counted, self._step_0, config.row_every
+        )
         self._row_lesson = ""
         self._started_s = self._shown_s = time.monotonic()
 
@@ -110,7 +113,7 @@ class TrainingCallback(BaseCallback):
     def _end_episode(self, info: dict[str, Any]) -> None:
         episode = info["episode"]
         reward = float(episode["r"])
-        self._progress.add(Episode(reward, int(episode["l"]), int(info["touches"])))
+        self._progress.add(Episode(reward, int(episode["l"]), int(info[self._counted])))
         before = self.curriculum.index
         self.curriculum = after_episode(
             self.curriculum, self._stages, info["lesson"], reward, self._config.pass_mark
@@ -120,9 +123,9 @@ class TrainingCallback(BaseCallback):
 
     def _take_row(self, row: ProgressRow) -> None:
         self._mean_reward = row.mean_reward
-        self._display.row(row)
+        self._display.row(row, self._counted)
         self.logger.record("curriculum/lesson", self.curriculum.index + 1)
-        self.logger.record("curriculum/touches", row.mean_touches)
+        self.logger.record(f"curriculum/{self._counted}", row.mean_count)
         target = self._config.target_reward
         # The row in which the last lesson began holds easier episodes too.
         began_in_it = self._row_lesson == self.lesson

@@ -8,9 +8,9 @@ from typing import Any
 import msgspec
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.learn.learning.curriculum import PAPER_MARK, PassMark
 from mbot_workstation.learn.learning.learner import LearnerSettings
 from mbot_workstation.learn.learning.progress_log import ROW_EVERY
-from mbot_workstation.learn.worlds.lessons import LESSONS, PAPER_MARK, Lesson, PassMark, lesson
 from mbot_workstation.learn.worlds.rooms import TRAINING_PHOTOGRAPHS
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
@@ -18,8 +18,8 @@ from mbot_workstation.sim.effects.effects import EffectRanges
 from mbot_workstation.sim.effects.presets import KNOWN, preset
 from mbot_workstation.sim.scene.object_file import read_objects
 from mbot_workstation.sim.scene.scene_parameters import SceneParameters
-
-ALL_LESSONS = tuple(lesson.name for lesson in LESSONS)
+from mbot_workstation.tasks.find import DEFAULT_TASK, find_task
+from mbot_workstation.tasks.lesson import Lesson, lesson_named
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +34,9 @@ class TrainingConfig:
         preset: effects of the real world, by name.
         calibration: the robot to train for, as its files said when the run began; None is the
             nominal one.
-        object_file: what there is to fetch; empty is the red cube.
-        lessons: names, in their order.
+        object_file: what there is to find; empty is the red cube.
+        lessons: names, in their order; the task's whole course if none are given.
+        task: what to learn, by its name or file.
         pass_mark: on with the next one when this is reached.
         panoramas: files of the rooms to train in.
         shipped_photographs: whether the project's own are among them.
@@ -50,7 +51,8 @@ class TrainingConfig:
         row_every: decisions a row of progress.csv.
 
     Raises:
-        ConfigurationError: a number is too small, or there is no such preset, lesson or object.
+        ConfigurationError: a number is too small, or there is no such preset, task, lesson or
+            object.
 
     """
 
@@ -61,7 +63,8 @@ class TrainingConfig:
     preset: str = "randomised"
     calibration: CalibrationFiles | None = None
     object_file: str = ""
-    lessons: tuple[str, ...] = ALL_LESSONS
+    lessons: tuple[str, ...] = ()
+    task: str = DEFAULT_TASK
     pass_mark: PassMark = PAPER_MARK
     panoramas: tuple[str, ...] = ()
     shipped_photographs: bool = False
@@ -78,7 +81,6 @@ class TrainingConfig:
         for name, value, least in (
             ("steps", self.steps, 1),
             ("robots", self.robots, 1),
-            ("lessons", len(self.lessons), 1),
             ("rooms", len(self.photographs) + self.made_up_rooms, 1),
         ):
             if value < least:
@@ -115,7 +117,9 @@ class TrainingConfig:
 
     def stages(self) -> tuple[Lesson, ...]:
         """The lessons themselves, their robots around the calibrated one."""
-        stages = tuple(lesson(name) for name in self.lessons)
+        task = find_task(self.task)
+        names = self.lessons or task.course(guided=False, further=False)
+        stages = tuple(lesson_named(task.lessons, name) for name in names)
         if self.calibration is None:
             return stages
         effects = self.calibration.effects

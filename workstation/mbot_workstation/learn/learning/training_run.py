@@ -9,7 +9,6 @@ from pathlib import Path
 import torch
 from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 
-from mbot_workstation.learn.drivers.guide import Guide
 from mbot_workstation.learn.learning.checkpoint import read_state, restore_learner
 from mbot_workstation.learn.learning.collection import Collection
 from mbot_workstation.learn.learning.git_state import git_state
@@ -20,8 +19,10 @@ from mbot_workstation.learn.learning.progress_display import Display
 from mbot_workstation.learn.learning.run_directory import RunDirectory, write_json
 from mbot_workstation.learn.learning.training_callback import TrainingCallback
 from mbot_workstation.learn.learning.training_config import TrainingConfig
-from mbot_workstation.learn.worlds.fetch_vec_env import FetchVecEnv
 from mbot_workstation.learn.worlds.rooms import training_rooms
+from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
+from mbot_workstation.tasks.episode import Guide
+from mbot_workstation.tasks.find import find_task
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +90,9 @@ def train(
     environment = environment_of(config, start.curriculum.index if start else 0, step)
     writer = TensorBoardOutputFormat(str(run.tensorboard))
     try:
-        learner = make_learner(environment, config.learner, config.seed, config.device)
+        learner = make_learner(
+            environment, config.learner, config.seed, config.device, environment.task.critic
+        )
         learner.collection = Collection(environment, guides_of(config), config.seed + step)
         if start:
             restore_learner(checkpoints[-1], learner, with_optimizer=True)
@@ -117,10 +120,10 @@ def train(
         environment.close()
 
 
-def environment_of(config: TrainingConfig, stage: int = 0, step: int = 0) -> FetchVecEnv:
+def environment_of(config: TrainingConfig, stage: int = 0, step: int = 0) -> TaskVecEnv:
     """Where a run learns from this lesson and this decision on."""
     rooms = training_rooms(config.photographs, config.made_up_rooms, config.scene.objects)
-    return FetchVecEnv(
+    return TaskVecEnv(
         robots=config.robots,
         seed=config.seed * config.robots + step,  # robots count up from it
         preset=config.ranges(),
@@ -129,15 +132,17 @@ def environment_of(config: TrainingConfig, stage: int = 0, step: int = 0) -> Fet
         workers=config.workers,
         robot=config.robot,
         scene=config.scene,
+        task=config.task,
     )
 
 
-def guides_of(config: TrainingConfig) -> Callable[[int], Guide] | None:
+def guides_of(config: TrainingConfig) -> Callable[[int], Guide | None] | None:
     """Makes a run's guide for so many robots; None without one."""
     if config.learner.guided_decisions <= 0:
         return None
     remembers = GUIDE_REMEMBERS if config.learner.memory_units else 0
-    return lambda robots: Guide(robots, config.ranges(), config.robot, remembers)
+    task = find_task(config.task)
+    return lambda robots: task.guide(robots, config.ranges(), config.robot, remembers)
 
 
 def _note_code(run: RunDirectory, step: int) -> None:

@@ -8,20 +8,21 @@ from matplotlib.figure import Figure
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.files import atomic_file
-from mbot_workstation.learn.evaluation.episodes import Estimate
+from mbot_workstation.learn.evaluation.episodes import Estimate, Trial
 from mbot_workstation.learn.evaluation.evaluation_report import (
     COLOURS,
     Line,
     draw,
+    headings,
     share_of_oracle,
 )
 from mbot_workstation.learn.studies.study_run import Study
 from mbot_workstation.pictures.picture_file import save_figure
+from mbot_workstation.tasks.find import find_task
+from mbot_workstation.tasks.task import Task
 
 
-def write_report(
-    study: Study, lines: Sequence[Line], folder: Path, how: str, *, ten_objects: bool
-) -> Path:
+def write_report(study: Study, lines: Sequence[Line], folder: Path, how: str, trial: Trial) -> Path:
     """Write `<name>.md` and `<name>.png`.
 
     Args:
@@ -29,7 +30,7 @@ def write_report(
         lines: what came out.
         folder: where to; made if need be.
         how: one line on how it was tried.
-        ten_objects: whether the paper's figures compare.
+        trial: as it was tried.
 
     Returns:
         The page.
@@ -38,15 +39,15 @@ def write_report(
         ConfigurationError: the folder can't be written.
 
     """
-    picture = folder / f"{study.name}.png"
+    picture, task = folder / f"{study.name}.png", find_task(trial.task)
     make_folder(folder)
     if study.axis:
-        _draw_curves(study, lines, picture)
+        _draw_curves(study, lines, picture, task)
     else:
-        draw(lines, picture, ten_objects=ten_objects)
+        draw(lines, picture, trial)
     page = folder / f"{study.name}.md"
     text = (
-        f"# {study.heading}\n\n{study.question}\n\n{how}\n\n{markdown(lines)}\n\n"
+        f"# {study.heading}\n\n{study.question}\n\n{how}\n\n{markdown(lines, task)}\n\n"
         f"![{study.heading}]({picture.name})\n"
     )
     atomic_file.save(page, text.encode())
@@ -66,20 +67,20 @@ def make_folder(folder: Path) -> None:
         raise ConfigurationError(f"can't make {folder}: {error.strerror}") from None
 
 
-def markdown(lines: Sequence[Line]) -> str:
+def markdown(lines: Sequence[Line], task: Task) -> str:
     """The lines as a Markdown table; intervals are of 95 %."""
     rows = [
-        "| condition | policy | mean reward | touches | all touched | decisions an object "
+        f"| condition | policy | mean reward | {' | '.join(headings(task))} "
         "| share of the oracle |",
         "|---|---|---|---|---|---|---|",
     ]
     for line in lines:
         one, share = line.score, share_of_oracle(line, lines)
-        per_object = one.decisions_per_object
+        per_count = one.decisions_per_count
         rows.append(
             f"| {line.preset} | {line.contestant} | {_words(one.reward)} | "
-            f"{one.touches.mean:.2f} | {100 * one.success.mean:.0f} % | "
-            f"{'none' if per_object is None else _words(per_object)} | "
+            f"{one.count.mean:.2f} | {100 * one.success.mean:.0f} % | "
+            f"{'none' if per_count is None else _words(per_count)} | "
             f"{'' if share is None else f'{100 * share:.1f} %'} |"
         )
     return "\n".join(rows)
@@ -89,13 +90,13 @@ def _words(estimate: Estimate) -> str:
     return f"{estimate.mean:.2f} ({estimate.low:.2f} to {estimate.high:.2f})"
 
 
-def _draw_curves(study: Study, lines: Sequence[Line], path: Path) -> None:
+def _draw_curves(study: Study, lines: Sequence[Line], path: Path, task: Task) -> None:
     values = {condition.label: condition.value for condition in study.conditions}
     figure = Figure(figsize=(7, 6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     panels: list[tuple[Any, str, Any]] = [
         (upper, "mean reward", lambda score: score.reward),
-        (lower, "decisions an object", lambda score: score.decisions_per_object),
+        (lower, headings(task)[2], lambda score: score.decisions_per_count),
     ]
     for axes, label, pick in panels:
         for number, contestant in enumerate(dict.fromkeys(line.contestant for line in lines)):

@@ -1,1 +1,1 @@
-"""What is trained in: robots fetching objects, one or many in a process a core."""
+"""What is trained in: robots at their task, one or many in a process a core."""

@@ -5,7 +5,7 @@ from typing import Any, Self
 
 from mbot_protocol.drive.picture import Picture
 from mbot_protocol.policy.policy_contract import OBSERVATION_SIDE_PX
-from mbot_workstation.learn.worlds.fetch_world import FetchWorld
+from mbot_workstation.learn.worlds.world import World
 from mbot_workstation.sim.body.robot_mjcf import ROBOT_CAMERA, aim_camera
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.camera.scene_renderer import Quality, SceneRenderer
@@ -53,16 +53,16 @@ class RobotEye:
             for room in rooms
         ]
 
-    def observe(self, world: FetchWorld) -> Picture:
+    def observe(self, world: World) -> Picture:
         """What the policy sees now. Shape (64, 64, 3), RGB."""
         return self.observe_all([world])[0]
 
-    def observe_all(self, worlds: Sequence[FetchWorld]) -> list[Picture]:
+    def observe_all(self, worlds: Sequence[World]) -> list[Picture]:
         """What it sees in each of these."""
         self._gl.make_current()  # 12 us: once for all of them
         return [self._observed(world) for world in worlds]
 
-    def _observed(self, world: FetchWorld) -> Picture:
+    def _observed(self, world: World) -> Picture:
         glimpse, camera = world.glimpse, world.camera
         view = camera.view(glimpse)
         aim_camera(world.simulation.model, view)

@@ -10,32 +10,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbot_protocol.policy.policy_contract import OBSERVATION_SIDE_PX
-from mbot_workstation.learn.worlds.robot_body import BODY_RECORD
+from mbot_workstation.sim.effects.body_record import BODY_RECORD
+from mbot_workstation.tasks.task import Task
 
 FRAME_SHAPE = (OBSERVATION_SIDE_PX, OBSERVATION_SIDE_PX, 3)
 
-STRETCH = 32
+SEGMENT = 32
 """Decisions in a row, at most, whose pictures are kept: 0.3 s of two cores, for which nobody waits
 for anybody."""
 
 SLOTS = 2
-"""So many stretches: what one was about is read while robots drive the next."""
+"""So many segments: what one was about is read while robots drive the next."""
 
-STEP_RECORD = np.dtype(
-    [
-        ("reward", np.float32),
-        ("ended", np.bool_),
-        ("happening", np.uint8),
-        ("touches", np.int32),
-        ("time_left_s", np.float32),
-        ("target_ahead_m", np.float32),
-        ("target_left_m", np.float32),
-        ("seen_left_rad", np.float32),
-        ("lesson", np.int32),
-    ]
-)
-"""What a step of one robot brought: `Outcome` and `fetch_info`, the enumeration and the lesson by
-number."""
+_STEP = [
+    ("reward", np.float32),
+    ("ended", np.bool_),
+    ("happening", np.uint8),
+    ("lesson", np.int32),
+]
+
+
+def step_record(task: Task) -> "np.dtype[np.void]":
+    """What a step of one robot brought: its `Outcome`, the lesson by number, the task's facts."""
+    return np.dtype([*_STEP, *task.facts.descr])
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,32 +41,36 @@ class SharedMemory:
 
     Attributes:
         robots: how many robots it holds places for.
-        actions, frames, last_frames, records, now, bodies, stretches: see SharedArrays.
+        record: of a step: `step_record`.
+        actions, frames, last_frames, records, now, bodies, segments: see SharedArrays.
 
     """
 
     robots: int
+    record: "np.dtype[np.void]"
     actions: Any
     frames: Any
     last_frames: Any
     records: Any
     now: Any
     bodies: Any
-    stretches: Any
+    segments: Any
 
     @classmethod
-    def allocate(cls, context: SpawnContext, robots: int) -> "SharedMemory":
+    def allocate(cls, context: SpawnContext, robots: int, task: Task) -> "SharedMemory":
         """Memory for so many robots; it goes when the last process that holds it does."""
+        record = step_record(task)
         frame_bytes = robots * math.prod(FRAME_SHAPE)
         return cls(
             robots=robots,
+            record=record,
             actions=context.RawArray(ctypes.c_float, robots * 2),
             frames=context.RawArray(ctypes.c_uint8, frame_bytes),
             last_frames=context.RawArray(ctypes.c_uint8, frame_bytes),
-            records=context.RawArray(ctypes.c_uint8, robots * STEP_RECORD.itemsize),
-            now=context.RawArray(ctypes.c_uint8, robots * STEP_RECORD.itemsize),
+            records=context.RawArray(ctypes.c_uint8, robots * record.itemsize),
+            now=context.RawArray(ctypes.c_uint8, robots * record.itemsize),
             bodies=context.RawArray(ctypes.c_uint8, robots * BODY_RECORD.itemsize),
-            stretches=context.RawArray(ctypes.c_uint8, SLOTS * STRETCH * frame_bytes),
+            segments=context.RawArray(ctypes.c_uint8, SLOTS * SEGMENT * frame_bytes),
         )
 
     def arrays(self) -> "SharedArrays":
@@ -79,10 +80,10 @@ class SharedMemory:
             actions=np.frombuffer(self.actions, np.float32).reshape(self.robots, 2),
             frames=np.frombuffer(self.frames, np.uint8).reshape(frames),
             last_frames=np.frombuffer(self.last_frames, np.uint8).reshape(frames),
-            records=np.frombuffer(self.records, STEP_RECORD),
-            now=np.frombuffer(self.now, STEP_RECORD),
+            records=np.frombuffer(self.records, self.record),
+            now=np.frombuffer(self.now, self.record),
             bodies=np.frombuffer(self.bodies, BODY_RECORD),
-            stretches=np.frombuffer(self.stretches, np.uint8).reshape(SLOTS, STRETCH, *frames),
+            segments=np.frombuffer(self.segments, np.uint8).reshape(SLOTS, SEGMENT, *frames),
         )
 
 
@@ -94,10 +95,10 @@ class SharedArrays:
         actions: float32, shape (n, 2); written by the environment, or by a worker's pilot.
         frames: uint8, shape (n, 64, 64, 3), observations; the rest is written by the workers.
         last_frames: the same for the last observations of episodes that have just ended.
-        records: STEP_RECORD, shape (n,), of the last step.
+        records: the step record, shape (n,), of the last step.
         now: the same for what is seen now: of the start of an episode that has just begun.
         bodies: BODY_RECORD, shape (n,), of the running episodes.
-        stretches: uint8, shape (SLOTS, STRETCH, n, 64, 64, 3), what pilots have seen.
+        segments: uint8, shape (SLOTS, SEGMENT, n, 64, 64, 3), what pilots have seen.
 
     """
 
@@ -107,4 +108,4 @@ class SharedArrays:
     records: NDArray[np.void]
     now: NDArray[np.void]
     bodies: NDArray[np.void]
-    stretches: NDArray[np.uint8]
+    segments: NDArray[np.uint8]

@@ -11,18 +11,21 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as wait_for_any
 from multiprocessing.process import BaseProcess
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from mbot_protocol.errors import MbotError
-from mbot_workstation.learn.worlds.fetch_worker import (
+from mbot_workstation.learn.worlds.segment import SegmentShare
+from mbot_workstation.learn.worlds.shared_arrays import SharedArrays, SharedMemory
+from mbot_workstation.learn.worlds.worker import (
     Done,
     Failed,
     Quit,
+    Reply,
     Request,
     run_worker,
 )
-from mbot_workstation.learn.worlds.shared_arrays import SharedArrays, SharedMemory
 from mbot_workstation.learn.worlds.world_settings import WorldSettings
+from mbot_workstation.tasks.find import find_task
 
 QUIT_S = 5.0
 """A worker that has not ended by itself by then is made to; a step takes milliseconds."""
@@ -54,7 +57,7 @@ class WorkerPool:
     def __init__(self, robots: int, workers: int, settings: WorldSettings) -> None:
         # A fresh interpreter: a forked one would inherit torch's threads and any OpenGL in use.
         context = get_context("spawn")
-        memory = SharedMemory.allocate(context, robots)
+        memory = SharedMemory.allocate(context, robots, find_task(settings.task))
         self.arrays: SharedArrays = memory.arrays()
         self._workers: list[_Worker] = []
         self._owing: deque[tuple[int, _Worker]] = deque()  # who has not replied yet, to which
@@ -75,6 +78,7 @@ class WorkerPool:
             # Not among the arguments: multiprocessing hands those over by a pipe whose other end it
             # holds too, and megabytes of rooms would wait there for ever if a worker has died.
             for worker in self._workers:
+                self._send(worker, settings.task)
                 self._send(worker, settings)
             self._owing.extend((self._asked, worker) for worker in self._workers)
             self.wait()  # until all worlds are built
@@ -100,11 +104,11 @@ class WorkerPool:
             self._owing.append((self._asked, worker))
         return self._asked
 
-    def wait(self, number: int | None = None) -> list[Any]:
+    def wait(self, number: int | None = None) -> list[SegmentShare]:
         """Wait until all have done what they were asked, up to this number; all of it when None.
 
         Returns:
-            What each has told of that number.
+            The segments that they have driven for that number.
 
         Raises:
             WorkerError: one has failed.
@@ -112,26 +116,26 @@ class WorkerPool:
 
         """
         last = self._asked if number is None else number
-        told: list[Any] = []
+        segments: list[SegmentShare] = []
         while self._owing and self._owing[0][0] <= last:
             worker = self._owing[0][1]
             # The end of the pipe alone does not tell of a worker that died while it started.
             if worker.pipe not in wait_for_any([worker.pipe, worker.process.sentinel]):
                 self._raise_gone(worker)
             try:
-                reply = worker.pipe.recv()
+                reply: Reply = worker.pipe.recv()
             except (EOFError, ConnectionResetError):
                 self._raise_gone(worker)
             asked, _ = self._owing.popleft()
             match reply:
-                case Done(what):
-                    if asked == last:
-                        told.append(what)
+                case Done(segment):
+                    if asked == last and segment is not None:
+                        segments.append(segment)
                 case Failed(MbotError() as error):
                     raise error
                 case Failed(text):
                     raise WorkerError(f"the worker of {worker.process.name} failed:\n{text}")
-        return told
+        return segments
 
     def close(self) -> None:
         """End all workers; a second time does nothing."""
@@ -148,7 +152,7 @@ class WorkerPool:
         self._workers = []
         self._owing.clear()
 
-    def _send(self, worker: _Worker, message: Request | WorldSettings) -> None:
+    def _send(self, worker: _Worker, message: Request | WorldSettings | str) -> None:
         try:
             worker.pipe.send(message)
         except (BrokenPipeError, ConnectionResetError):

@@ -3,14 +3,16 @@
 import os
 from typing import Any
 
+from msgspec import structs
+
 from mbot_protocol.errors import ConfigurationError, MbotError
 from mbot_protocol.v1.messages_pb2 import Model
+from mbot_workstation.fleet.link.recording_fetch import list_recordings
 from mbot_workstation.fleet.link.remote_control import RemoteControl
 from mbot_workstation.fleet.link.robot_link import RobotLink
 from mbot_workstation.fleet.models.key_choice import ChooseKey, chooser
 from mbot_workstation.fleet.models.key_folder import KeyFolder
-from mbot_workstation.fleet.models.stored_models import activate, list_models, model_fields
-from mbot_workstation.fleet.recorded.recording_fetch import list_recordings
+from mbot_workstation.fleet.models.stored_models import StoredModel, activate, list_models
 from mbot_workstation.look.console.page_messages import (
     GoBack,
     ListModels,
@@ -77,7 +79,7 @@ def stored_models(found: list[Model]) -> dict[str, Any]:
         "kind": "models",
         "models": [
             {
-                **model_fields(model),
+                **structs.asdict(StoredModel.of(model)),
                 "name": one_line(model.name) or "-",
                 "digest": short_digest(model.sha256),
                 "size": size_words(model.size_bytes),

@@ -6,14 +6,14 @@ import threading
 from pathlib import Path
 from typing import Self
 
+from mbot_protocol.beat.recorded_drive import read_drive
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.v1.recordings_pb2 import RecordedDrive
+from mbot_protocol.v1.recordings_pb2 import ListedDrive
+from mbot_workstation.fleet.link.recording_fetch import fetch, list_recordings
 from mbot_workstation.fleet.link.robot_link import RobotLink
 from mbot_workstation.fleet.models.check import check_model_data
 from mbot_workstation.fleet.models.push import push_checked
 from mbot_workstation.fleet.models.stored_models import list_models
-from mbot_workstation.fleet.recorded.recorded_drive import read_drive
-from mbot_workstation.fleet.recorded.recording_fetch import fetch, list_recordings
 from mbot_workstation.look.console.answer_lines import Line, Tell, progress
 from mbot_workstation.look.console.errands import signing_key, stored_models
 from mbot_workstation.look.drives import replay_words
@@ -109,7 +109,7 @@ class LongErrands:
         with self._fetching:  # two pages may want the same drive
             return fetch(self._link, self._find(name), self._drives, show)
 
-    def _find(self, name: str) -> RecordedDrive:
+    def _find(self, name: str) -> ListedDrive:
         for drive in list_recordings(self._link).drives:
             if drive.name == name:
                 return drive

@@ -1,15 +1,16 @@
 """What the page shows of a robot: its own words for everything, so that the page only draws."""
 
+from mbot_protocol.beat.fields import state_word
 from mbot_protocol.drive.actions import STEP_LIMIT
 from mbot_protocol.v1.messages_pb2 import Decision, State, Status
 from mbot_workstation.fleet.telemetry.window import TelemetryWindow
 from mbot_workstation.wording import (
+    computer_words,
     duration,
     fault_lines,
     one_line,
     short_digest,
     standing_words,
-    state_word,
     stop_words,
 )
 
@@ -103,8 +104,8 @@ def _facts(status: Status, window: TelemetryWindow) -> list[list[str]]:
     ]
     if (span := spans.get("frame to motors")) is not None:
         rows.append(["frame to motors", f"{span.p50_ms:.0f} ms, 99 %: {span.p99_ms:.0f} ms"])
-    if decision is not None and decision.HasField("cpu_temperature_c"):
-        rows.append(["processor", f"{decision.cpu_temperature_c:.0f} °C"])
+    if decision is not None and (words := computer_words(decision)):
+        rows.append(["computer", words])
     board = one_line(status.board_version) or "not connected"
     guard = "" if status.board_has_deadman or not status.board_version else " (no dead-man)"
     rows += [

@@ -1,68 +1,31 @@
 """One picture of a run: what the robot saw and did, beside its path from above."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
 
-import cv2
 import numpy as np
-from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 
-from mbot_protocol.drive.actions import STEP_LIMIT
+from mbot_protocol.beat.beat import Beat
 from mbot_protocol.drive.picture import Picture
-from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.fleet.recorded.drive_mcap import read_recording
 from mbot_workstation.pictures.film_tile import (
-    INK,
+    GAP_PX,
     TILE_PX,
-    Bar,
+    TITLE_PX,
+    Tile,
     blank,
     caption_px,
-    draw_tile,
-    write,
+    strip_of,
+    wheel_bars,
 )
-from mbot_workstation.pictures.picture_file import decode_picture
+from mbot_workstation.pictures.picture_file import observation
 
 COLUMNS, ROWS = 6, 4
-CAPTION_PX = caption_px(bars=2)
-GAP_PX = 8
-TITLE_PX = 44
 
 
-@dataclass(frozen=True, slots=True)
-class Moment:
-    """What the policy saw, shape (64, 64, 3) RGB, and the decision it took."""
-
-    observation: Picture
-    decision: Decision
-
-
-def moments(recording: Path) -> list[Moment]:
-    """The recorded decisions in which the policy was asked, each with its picture."""
-    pictures: dict[int, bytes] = {}
-    decisions: list[Decision] = []
-    for _, message in read_recording(recording):
-        if isinstance(message, CompressedImage):
-            pictures[message.timestamp.ToNanoseconds()] = message.data
-        elif message.HasField("action"):
-            decisions.append(message)
-    found: list[Moment] = []
-    for decision in decisions:
-        jpeg = pictures.get(decision.unix_time_ns)
-        if jpeg is None:
-            continue
-        picture = decode_picture(jpeg)
-        if picture is not None:
-            found.append(Moment(picture, decision))
-    return found
-
-
-def contact_sheet(seen: Sequence[Moment], path: Picture | None, title: str) -> Picture:
-    """Arrange up to 24 moments, evenly over the run, and the path.
+def contact_sheet(seen: Sequence[Beat], path: Picture | None, title: str) -> Picture:
+    """Arrange up to 24 beats, evenly over the run, and the path.
 
     Args:
-        seen: from `moments`.
+        seen: with pictures.
         path: from `draw_path`; None leaves it out.
         title: one line on top.
 
@@ -70,39 +33,24 @@ def contact_sheet(seen: Sequence[Moment], path: Picture | None, title: str) -> P
         RGB picture.
 
     """
-    height = TITLE_PX + ROWS * (TILE_PX + CAPTION_PX + GAP_PX) + GAP_PX
-    width = GAP_PX + COLUMNS * (TILE_PX + GAP_PX)
-    sheet = blank(height, width)
-    write(sheet, title, (GAP_PX, 28), INK, 0.55)
     count = min(len(seen), COLUMNS * ROWS)
-    chosen = [seen[round(k)] for k in np.linspace(0, len(seen) - 1, count)] if count else []
-    for number, moment in enumerate(chosen):
-        row, column = divmod(number, COLUMNS)
-        top = TITLE_PX + row * (TILE_PX + CAPTION_PX + GAP_PX)
-        left = GAP_PX + column * (TILE_PX + GAP_PX)
-        since_ns = moment.decision.unix_time_ns - seen[0].decision.unix_time_ns
-        area = sheet[top : top + TILE_PX + CAPTION_PX, left : left + TILE_PX]
-        steps = moment.decision.steps
-        bars = [Bar("L", steps.left / STEP_LIMIT), Bar("R", steps.right / STEP_LIMIT)]
-        draw_tile(area, moment.observation, f"{since_ns / 1e9:.1f} s", bars)
+    tiles: list[Tile] = []
+    for k in np.linspace(0, len(seen) - 1, count):
+        beat = seen[round(k)]
+        since_ns = beat.decision.unix_time_ns - seen[0].decision.unix_time_ns
+        picture, words = observation(beat), f"{since_ns / 1e9:.1f} s"
+        shown = blank(64, 64) if picture is None else picture
+        tiles.append(Tile(shown, words, wheel_bars(beat.decision)))
+    strip = strip_of(tiles, COLUMNS, title)
+    sheet = blank(TITLE_PX + path_side_px(), strip.shape[1])
+    sheet[: strip.shape[0]] = strip
     if path is None:
         return sheet
-    beside = blank(height, path.shape[1] + 2 * GAP_PX)
+    beside = blank(sheet.shape[0], path.shape[1] + 2 * GAP_PX)
     beside[TITLE_PX : TITLE_PX + path.shape[0], GAP_PX : GAP_PX + path.shape[1]] = path
     return np.hstack([sheet, beside])
 
 
 def path_side_px() -> int:
     """The side of a path picture that fills the sheet's height."""
-    return ROWS * (TILE_PX + CAPTION_PX + GAP_PX)
-
-
-def save(picture: Picture, path: Path) -> None:
-    """Write a PNG.
-
-    Raises:
-        ConfigurationError: it can't be written.
-
-    """
-    if not cv2.imwrite(str(path), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)):
-        raise ConfigurationError(f"can't write the picture {path}")
+    return ROWS * (TILE_PX + caption_px(bars=2) + GAP_PX)

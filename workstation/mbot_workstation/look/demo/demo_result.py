@@ -4,9 +4,9 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
+from mbot_protocol.beat.stages import percentile
 from mbot_protocol.errors import MbotError
 from mbot_protocol.v1.messages_pb2 import Decision, Status
-from mbot_workstation.fleet.recorded.stage_times import percentile
 
 SUCCESS_TOUCHES = 3
 

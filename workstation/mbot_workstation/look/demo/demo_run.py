@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+from mbot_protocol.beat.recorded_drive import read_drive
 from mbot_protocol.drive.calibration import read_camera
 from mbot_protocol.errors import MbotError, RefusedError, UnreachableError
 from mbot_protocol.v1.messages_pb2 import Decision
@@ -16,13 +17,14 @@ from mbot_workstation.fleet.link.remote_control import RemoteControl
 from mbot_workstation.fleet.link.robot_link import RobotLink
 from mbot_workstation.fleet.models.push import push
 from mbot_workstation.fleet.models.signing_key import SigningKey
-from mbot_workstation.fleet.recorded.drive_mcap import Recording
 from mbot_workstation.fleet.telemetry.output import Output
 from mbot_workstation.fleet.telemetry.stream import Sample, TelemetryStream
+from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
 from mbot_workstation.fresh_folder import make_fresh
-from mbot_workstation.look.demo.contact_sheet import contact_sheet, moments, path_side_px, save
+from mbot_workstation.look.demo.contact_sheet import contact_sheet, path_side_px
 from mbot_workstation.look.demo.demo_result import DemoResult, summarise
 from mbot_workstation.look.demo.path_drawing import draw_path, read_trajectory
+from mbot_workstation.pictures.picture_file import write_picture
 from mbot_workstation.sim.calibrated.motion_calibration import read_motion
 from mbot_workstation.virtual.child import Child
 
@@ -113,7 +115,7 @@ def run_demo(settings: DemoSettings, output: Output) -> DemoResult:
         push(link, settings.model, lambda _: key)
         push_s = time.monotonic() - started_s
         board = link.status()
-        recording = stack.enter_context(Recording(folder / "recording.mcap", link.robot_id))
+        recording = stack.enter_context(TelemetryFile(folder / "recording.mcap", link.robot_id))
         stream = stack.enter_context(TelemetryStream(link))
         stack.enter_context(output)
         cpu_before_s, began_s = agent.cpu_s, time.monotonic()
@@ -163,7 +165,7 @@ def _daemons_part(calibration: Path | None) -> str:
 def drive(
     link: RobotLink,
     stream: TelemetryStream,
-    recording: Recording,
+    recording: TelemetryFile,
     output: Output,
     settings: DemoSettings,
     folder: Path,
@@ -244,8 +246,8 @@ def _draw(folder: Path, result: DemoResult) -> None:
         f"{result.touches} objects in {result.driven_s:.0f} s, {result.distance_driven_m:.1f} m; "
         f"{result.decisions} decisions, frame to motors p50 {result.frame_p50_ms:.1f} ms"
     )
-    sheet = contact_sheet(moments(folder / "recording.mcap"), path, title)
-    save(sheet, folder / "contact-sheet.png")
+    seen = [beat for beat in read_drive(folder / "recording.mcap").decided if beat.encoded]
+    write_picture(folder / "contact-sheet.png", contact_sheet(seen, path, title))
 
 
 def _free_port() -> int:

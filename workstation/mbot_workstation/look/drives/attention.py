@@ -7,12 +7,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from mbot_protocol.beat.beat import Beat, BeatKey
 from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.fleet.models.check import check_model
-from mbot_workstation.fleet.recorded.recorded_drive import Beat, BeatKey
 from mbot_workstation.learn.evaluation.activations import ActivationReader, Activations
 from mbot_workstation.look.drives.replayed_drive import find_model
+from mbot_workstation.pictures.picture_file import observation
 
 GLOW = (255, 150, 30)
 
@@ -60,9 +61,9 @@ def attention(beats: Sequence[Beat], models: Sequence[Path]) -> tuple[Looks, lis
             words.append(f"where it looked is not shown: {error}")
             continue
         for beat in shown:
-            record, picture = beat.record, beat.observation
-            if beat.decision.model_sha256 == digest and record is not None and picture is not None:
-                memory = b"" if record.began_anew else record.memory or b""
+            known, picture = beat.policy_input, observation(beat)
+            if beat.decision.model_sha256 == digest and known is not None and picture is not None:
+                memory = b"" if known.began_anew else known.memory
                 seen = reader.look_on(picture, beat.told or (0.0, 0.0), memory)
                 found[beat.key] = seen
     looks = {key: Look(_glowing(one), one.first_action) for key, one in found.items()}

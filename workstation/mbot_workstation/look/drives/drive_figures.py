@@ -5,10 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
+from mbot_protocol.beat.beat import Beat
+from mbot_protocol.beat.recorded_drive import RecordedDrive
+from mbot_protocol.beat.stages import SPANS, percentile, span_ms
 from mbot_protocol.drive.actions import STEP_LIMIT
 from mbot_protocol.v1.messages_pb2 import State
-from mbot_workstation.fleet.recorded.recorded_drive import Beat, RecordedDrive
-from mbot_workstation.fleet.recorded.stage_times import SPANS, percentile, span_ms
 from mbot_workstation.wording import one_line, short_digest
 
 HISTOGRAM_BINS = 40
@@ -117,7 +118,8 @@ def figures(drive: RecordedDrive) -> DriveFigures:
     period_s = 1 / drive.facts.decision_rate_hz if drive.facts is not None else 0.4
     spans = [span_ms(beat.decision) for beat in drive.decided]
     latencies = [
-        Latency(name, tuple(span[name] for span in spans if name in span)) for name, _, _ in SPANS
+        Latency(one.name, tuple(span[one.name] for span in spans if one.name in span))
+        for one in SPANS
     ]
     return DriveFigures(
         drive,

@@ -7,12 +7,13 @@ from typing import cast
 import cv2
 from PIL import Image
 
-from mbot_protocol.drive.actions import STEP_LIMIT
+from mbot_protocol.beat.beat import Beat
+from mbot_protocol.beat.changes import decision_state
+from mbot_protocol.beat.recorded_drive import RecordedDrive
 from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.fleet.recorded.recorded_drive import Beat, RecordedDrive
-from mbot_workstation.pictures.film_tile import INK, Bar, blank, caption_px, draw_tile, write
-from mbot_workstation.wording import decision_state
+from mbot_workstation.pictures.film_tile import INK, blank, caption_px, draw_tile, wheel_bars, write
+from mbot_workstation.pictures.picture_file import observation
 
 RATE_HZ = 10
 """A beat is shown for as long as it lasted; 20 beats a second are shown every other one."""
@@ -94,11 +95,9 @@ def _lasts_s(beat: Beat, following: Beat | None, drive: RecordedDrive) -> float:
 def _frame(drive: RecordedDrive, beat: Beat) -> Picture:
     """One picture of the film, RGB; the same size for each beat."""
     decision = beat.decision
-    seen = beat.observation
-    steps = decision.steps
-    bars = [Bar("L", steps.left / STEP_LIMIT), Bar("R", steps.right / STEP_LIMIT)]
+    seen = observation(beat)
     small = blank(128 + caption_px(2), 128)
-    draw_tile(small, blank(64, 64) if seen is None else seen, "", bars)
+    draw_tile(small, blank(64, 64) if seen is None else seen, "", wheel_bars(decision))
     height, width = SCALE * small.shape[0], SCALE * small.shape[1]
     nearest = cv2.INTER_NEAREST
     large = cast(Picture, cv2.resize(small, (width, height), interpolation=nearest))

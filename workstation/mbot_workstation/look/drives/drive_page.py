@@ -13,7 +13,7 @@ from mbot_protocol.drive.picture import Picture
 from mbot_workstation.look.drives.attention import Looks
 from mbot_workstation.look.drives.drive_figures import DriveFigures, Latency
 from mbot_workstation.look.drives.driven_path import DrivenPath, Place, Point
-from mbot_workstation.pictures.picture_file import encode_picture
+from mbot_workstation.pictures.picture_file import encode_picture, observation
 from mbot_workstation.wording import one_line, short_digest
 
 STRIP_TILES = 24
@@ -91,7 +91,7 @@ def _strip(one: DriveFigures, looks: Looks) -> list[Tile]:
     """Pictures over the whole drive, as the policy saw them: the page enlarges them."""
     found: list[Tile] = []
     for beat in one.chosen(STRIP_TILES):
-        picture, steps = beat.observation, beat.decision.steps
+        picture, steps = observation(beat), beat.decision.steps
         if picture is not None:
             looked = looks.get(beat.key)
             found.append(

@@ -12,21 +12,21 @@ from typing import Any, Self
 import msgspec
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 
-from mbot_protocol.beat.drive_record import (
+from mbot_protocol.beat.changes import changes
+from mbot_protocol.beat.channels import (
     CAMERA_TOPIC,
     DRIVE_TOPIC,
     LOG_TOPIC,
     OBSERVATION_TOPIC,
     POSE_TOPIC,
-    drive_record,
-    drive_record_schema,
     topic,
 )
+from mbot_protocol.beat.fields import drive_numbers, drive_schema
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.fleet.recorded.beat_changes import changes
 from mbot_workstation.fleet.telemetry.stream import Sample
 from mbot_workstation.look.drives.driven_path import Place
+from mbot_workstation.wording import one_line
 
 LOOPBACK = "127.0.0.1"
 DEFAULT_PORT = 8765
@@ -70,7 +70,7 @@ class FoxgloveBridge:
         self._log = channels.LogChannel(topic(robot_id, LOG_TOPIC), context=context)
         self._beat = self._foxglove.Channel(
             topic(robot_id, DRIVE_TOPIC),
-            schema=msgspec.json.decode(drive_record_schema()),
+            schema=msgspec.json.decode(drive_schema()),
             context=context,
         )
         self._before: Decision | None = None
@@ -121,12 +121,12 @@ class FoxgloveBridge:
             channel.log(picture, log_time=stamp_ns)
             return
         time_ns = message.unix_time_ns
-        self._beat.log(msgspec.to_builtins(drive_record(message)), log_time=time_ns)
+        self._beat.log(drive_numbers(message), log_time=time_ns)
         for level, words in changes(self._before, message):
             log = self._messages.Log(
                 timestamp=self._time(time_ns),
                 level=getattr(self._messages.LogLevel, _LEVELS[level]),
-                message=words,
+                message=one_line(words),
                 name=self._robot_id,
             )
             self._log.log(log, log_time=time_ns)

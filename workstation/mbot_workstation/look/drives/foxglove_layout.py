@@ -10,8 +10,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from mbot_protocol.beat.drive_record import CAMERA_TOPIC, DRIVE_TOPIC, LOG_TOPIC, OBSERVATION_TOPIC
-from mbot_protocol.beat.drive_record import topic as topic_of
+from mbot_protocol.beat.channels import CAMERA_TOPIC, DRIVE_TOPIC, LOG_TOPIC, OBSERVATION_TOPIC
+from mbot_protocol.beat.channels import topic as topic_of
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.files import atomic_file
 

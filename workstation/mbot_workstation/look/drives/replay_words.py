@@ -9,6 +9,7 @@ from mbot_protocol.drive.picture import Picture
 from mbot_protocol.policy.policy_contract import FieldOfView
 from mbot_workstation.look.drives.replayed_drive import TOLERANCE, Redecided, Replay
 from mbot_workstation.pictures.film_tile import Bar, Tile, strip_of
+from mbot_workstation.pictures.picture_file import observation
 from mbot_workstation.wording import one_line, short_digest
 
 MOST_ROWS = 12
@@ -148,7 +149,7 @@ def strip(found: Replay) -> Picture:
     """The decisions that differ most: what was seen, both wheels then (L, R) and now (l, r)."""
     tiles: list[Tile] = []
     for one in worst(found.decisions, STRIP_TILES):
-        picture = one.beat.observation
+        picture = observation(one.beat)
         if picture is not None:
             shares = zip("LRlr", (*one.action_then, *one.action), strict=True)
             bars = tuple(Bar(name, share) for name, share in shares)

@@ -1,19 +1,21 @@
-"""A recorded drive decided once more, by the daemon's own code: where does it differ?"""
+"""A recorded drive decided once more, by the robot's own runtime: where does it differ?"""
 
 import re
-from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from mbot_protocol.drive.actions import Steps
-from mbot_protocol.drive.mcore import Joystick
+import numpy as np
+
+from mbot_protocol.beat.beat import Beat
+from mbot_protocol.beat.channels import RobotFacts
+from mbot_protocol.beat.recorded_drive import RecordedDrive
+from mbot_protocol.drive.actions import Steps, to_steps
 from mbot_protocol.errors import ConfigurationError
-from mbot_protocol.policy.policy_contract import FieldOfView
-from mbot_protocol.policy.replay_step import ReplayAnswer, ReplayGreeting, ReplayStep
-from mbot_workstation.fleet.recorded.recorded_drive import Beat, RecordedDrive
-from mbot_workstation.look.drives.decider import MOST_ASKED, Decider
+from mbot_protocol.policy.engine import processor_name
+from mbot_protocol.policy.policy import Answer, Policy, PolicyError
+from mbot_protocol.policy.policy_contract import FieldOfView, Memory
+from mbot_workstation.pictures.picture_file import observation
 
 TOLERANCE = 1e-5
 """Of an action on another processor, whose float32 adds up in another order."""
@@ -32,8 +34,8 @@ class Redecided:
         beat: as recorded.
         since_s: from the recording's begin.
         action: what comes out now; before, it was `beat.decision.action`.
-        motor_bytes: the frame that the board would be sent now.
-        motor_bytes_then: the one it was sent.
+        levels: what the motors would be told now, in 255ths.
+        levels_then: what they were told.
         same_memory: whether the policy went on with the very memory it had then.
         failure: why there is no action now; empty: there is one.
 
@@ -42,8 +44,8 @@ class Redecided:
     beat: Beat
     since_s: float
     action: Wheels
-    motor_bytes: bytes
-    motor_bytes_then: bytes
+    levels: tuple[int, int]
+    levels_then: tuple[int, int]
     same_memory: bool
     failure: str = ""
 
@@ -62,7 +64,7 @@ class Redecided:
     @property
     def is_exact(self) -> bool:
         """To the last bit: action, motor bytes, and what the policy remembered."""
-        same = self.action == self.action_then and self.motor_bytes == self.motor_bytes_then
+        same = self.action == self.action_then and self.levels == self.levels_then
         return same and self.same_memory and not self.failure
 
 
@@ -99,7 +101,7 @@ class Replay:
     @property
     def same_motor_bytes(self) -> int:
         """In how many the board would be sent the same."""
-        return sum(one.motor_bytes == one.motor_bytes_then for one in self.decisions)
+        return sum(one.levels == one.levels_then for one in self.decisions)
 
     @property
     def largest_difference(self) -> float:
@@ -137,7 +139,7 @@ def replay(
 
     Raises:
         ConfigurationError: nothing can be replayed, or a model that drove is not among the files.
-        MbotError: the daemon's program says why it cannot decide.
+        ContractError, NewerSchemaError: a model cannot be loaded.
 
     """
     facts, decided = drive.facts, drive.decided
@@ -149,38 +151,29 @@ def replay(
         )
     digests = list(dict.fromkeys(beat.decision.model_sha256 for beat in usable))
     paths = {digest: other or find_model(digest, models) for digest in digests}
-    with ExitStack() as stack:
-        running = {
-            path: stack.enter_context(Decider(path)) for path in dict.fromkeys(paths.values())
-        }
-        found = _decided_again(
-            drive, usable, {d: running[p] for d, p in paths.items()}, on_progress
-        )
-        greetings = [decider.greeting for decider in running.values()]
+    loaded = {path: Policy.load(path) for path in dict.fromkeys(paths.values())}
+    policies = {digest: loaded[path] for digest, path in paths.items()}
     return Replay(
         drive,
-        ", ".join(greeting.sha256 for greeting in greetings),
-        ", ".join(greeting.name for greeting in greetings),
-        all(running[path].greeting.sha256 == digest for digest, path in paths.items()),
-        all(greeting.processor == facts.processor for greeting in greetings),
-        tuple(found),
+        ", ".join(policy.sha256 for policy in loaded.values()),
+        ", ".join(policy.metadata.name for policy in loaded.values()),
+        all(policy.sha256 == digest for digest, policy in policies.items()),
+        processor_name() == facts.processor,
+        tuple(_decided_again(drive, facts, usable, policies, on_progress)),
         len(decided) - len(usable),
-        _other_views(usable, {d: running[p].greeting for d, p in paths.items()}),
+        _other_views(usable, policies),
     )
 
 
 def _other_views(
-    beats: Sequence[Beat], greetings: dict[str, ReplayGreeting]
+    beats: Sequence[Beat], policies: Mapping[str, Policy]
 ) -> tuple[tuple[FieldOfView | None, FieldOfView], ...]:
     """Pictures of another view are not what the model would have seen: no question to ask it."""
     found: dict[tuple[FieldOfView | None, FieldOfView], None] = {}
     for beat in beats:
         digest = beat.decision.model_sha256
-        greeting = greetings[digest]
-        if not all(greeting.view_deg):
-            continue
-        shown, wanted = beat.view, FieldOfView(*greeting.view_deg)
-        if shown is None and greeting.sha256 == digest:
+        shown, wanted = beat.view, policies[digest].metadata.view
+        if shown is None and policies[digest].sha256 == digest:
             continue  # it was what drove, so its view is theirs
         if shown != wanted:
             found[shown, wanted] = None
@@ -189,72 +182,93 @@ def _other_views(
 
 def _decided_again(
     drive: RecordedDrive,
+    facts: RobotFacts,
     beats: Sequence[Beat],
-    deciders: dict[str, Decider],
+    policies: Mapping[str, Policy],
     on_progress: Progress,
 ) -> list[Redecided]:
-    """Ask for each decision who stands for the model that drove, by its digest; some ahead."""
+    """Ask for each decision the policy that stands for the one that drove, by its digest."""
     found: list[Redecided] = []
-    waiting: deque[tuple[Beat, Decider, bool]] = deque()
-
-    def take() -> None:
-        beat, decider, is_same = waiting.popleft()
-        found.append(_compared(drive, beat, decider.answer(), same_model=is_same))
+    deciders = {policy.sha256: _Decider(policy) for policy in policies.values()}
+    before = -1
+    for beat in beats:
+        known, digest = beat.policy_input, beat.decision.model_sha256
+        assert known is not None
+        policy = policies[digest]
+        decider, drove = deciders[policy.sha256], policy.sha256 == digest
+        decider.recall(beat, follows=beat.decision.sequence == before + 1, drove=drove)
+        before = beat.decision.sequence
+        memory = decider.memory.state.tobytes() if decider.memory is not None else b""
+        action, failure = (0.0, 0.0), ""
+        try:
+            action = decider.decide(beat)
+        except PolicyError as error:
+            failure = str(error)
+        steps = to_steps(*action)
+        found.append(
+            Redecided(
+                beat,
+                drive.since_s(beat),
+                action,
+                facts.wheels.levels(facts.wheels.duties(steps)),
+                _levels_then(beat, facts),
+                not drove or memory == known.memory,
+                failure,
+            )
+        )
         on_progress(len(found), len(beats))
-
-    for beat, step in _steps(beats):
-        digest = beat.decision.model_sha256
-        is_same = deciders[digest].greeting.sha256 == digest
-        # The state of one model says nothing to another.
-        lost = bool(step.memory) and not is_same
-        deciders[digest].ask(ReplayStep(step.observation, True, step.told) if lost else step)
-        waiting.append((beat, deciders[digest], is_same))
-        if len(waiting) == MOST_ASKED:
-            take()
-    while waiting:
-        take()
     return found
 
 
-def _steps(beats: Sequence[Beat]) -> Iterator[tuple[Beat, ReplayStep]]:
-    """What the policy is asked. After a gap it goes on with the memory that was recorded."""
-    before = -1
-    for beat in beats:
-        record, picture = beat.record, beat.observation
-        assert record is not None
+class _Decider:
+    """A policy with what it remembers.
+
+    Attributes:
+        memory: what the next decision goes on with; None: it begins anew.
+
+    """
+
+    def __init__(self, policy: Policy) -> None:
+        self._policy = policy
+        self._answer: Answer | None = None
+        self.memory: Memory | None = None
+
+    def recall(self, beat: Beat, *, follows: bool, drove: bool) -> None:
+        """Remember what the policy did before this beat.
+
+        Args:
+            beat: to be decided next.
+            follows: it comes right after the one decided last; else the recorded memory counts.
+            drove: this policy drove; the state of one model says nothing to another.
+
+        """
+        known, told = beat.policy_input, beat.told or (0.0, 0.0)
+        assert known is not None
+        recorded = b"" if follows else known.memory or b""
+        blank = self._policy.blank.state
+        if known.began_anew or (recorded and not (drove and len(recorded) == blank.nbytes)):
+            self.memory = self._answer = None
+        elif recorded:
+            state = np.frombuffer(recorded, "<f4").astype(np.float32).reshape(blank.shape)
+            self.memory, self._answer = Memory(state, told), None
+        elif self._answer is not None:
+            self.memory = Memory(self._answer.state, told)
+
+    def decide(self, beat: Beat) -> Wheels:
+        """Left and right wheel, not yet clipped; raises PolicyError."""
+        picture = observation(beat)
         assert picture is not None
-        follows = record.sequence == before + 1
-        yield (
-            beat,
-            ReplayStep(
-                picture.tobytes(),
-                bool(record.began_anew),
-                beat.told or (0.0, 0.0),
-                b"" if follows else record.memory or b"",
-            ),
-        )
-        before = record.sequence
+        self._answer = self._policy.decide(picture, self.memory or self._policy.blank)
+        return self._answer.left, self._answer.right
 
 
-def _compared(
-    drive: RecordedDrive, beat: Beat, answer: ReplayAnswer, *, same_model: bool
-) -> Redecided:
-    decision, record, facts = beat.decision, beat.record, drive.facts
-    assert record is not None
-    assert facts is not None
-    wheels = facts.wheels
-    then = Joystick(record.board_m1, record.board_m2)
-    if then.is_stop:  # a stop came in between: what the policy wanted of the motors
-        then = wheels.to_board(Steps(decision.steps.left, decision.steps.right))
-    return Redecided(
-        beat,
-        drive.since_s(beat),
-        answer.action,
-        wheels.to_board(Steps(*answer.steps)).to_bytes(),
-        then.to_bytes(),
-        not same_model or answer.memory == record.memory,
-        answer.failure,
-    )
+def _levels_then(beat: Beat, facts: RobotFacts) -> tuple[int, int]:
+    then = beat.decision.board_m1, beat.decision.board_m2
+    if any(then):
+        return then
+    # A stop came in between: what the policy wanted of the motors.
+    steps = beat.decision.steps
+    return facts.wheels.levels(facts.wheels.duties(Steps(steps.left, steps.right)))
 
 
 def find_model(digest: str, models: Sequence[Path]) -> Path:

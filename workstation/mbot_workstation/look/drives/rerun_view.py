@@ -17,14 +17,15 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from mbot_protocol.beat.changes import changes
+from mbot_protocol.beat.recorded_drive import RecordedDrive
+from mbot_protocol.beat.stages import span_ms
 from mbot_protocol.drive.actions import STEP_LIMIT
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.fleet.recorded.beat_changes import changes
-from mbot_workstation.fleet.recorded.recorded_drive import RecordedDrive
-from mbot_workstation.fleet.recorded.stage_times import span_ms
 from mbot_workstation.look.drives.attention import Look, Looks
 from mbot_workstation.look.drives.driven_path import Place, Point
+from mbot_workstation.wording import one_line
 
 APPLICATION = "mbot"
 LATENCIES = ("frame to motors", "observe", "decide", "tick late by")
@@ -184,7 +185,7 @@ class RerunView:
         log(f"{robot}/count/stops", rerun.Scalars(decision.stop_count))
         log(f"{robot}/count/missed_beats", rerun.Scalars(decision.missed_ticks))
         for level, words in changes(self._before.get(robot), decision):
-            log(f"{robot}/log", rerun.TextLog(words, level=level))
+            log(f"{robot}/log", rerun.TextLog(one_line(words), level=level))
         self._before[robot] = decision
 
     def log_place(self, robot: str, place: Place) -> None:

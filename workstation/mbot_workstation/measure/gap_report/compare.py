@@ -18,7 +18,7 @@ from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.sim.body.parameter_table import with_values
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
-from mbot_workstation.sim.timestep import TIMESTEP_S
+from mbot_workstation.sim.engine import TIMESTEP_S
 
 MEASURED, CALIBRATED, NOMINAL = PATHS = ("measured", "calibrated", "nominal")
 

@@ -1,6 +1,7 @@
 """Real frames with the places they were taken from: a folder with frames.csv, or telemetry."""
 
 import csv
+import logging
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,16 +10,17 @@ from typing import cast
 import cv2
 import numpy as np
 
+from mbot_protocol.beat.recorded_drive import read_drive
 from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.files.text_file import read_text
-from mbot_protocol.v1.messages_pb2 import Decision
-from mbot_workstation.fleet.recorded.drive_mcap import read_recording
 from mbot_workstation.measure.gap_report.compare import ComparedRun
 from mbot_workstation.measure.gap_report.simulated_view import FramePlace, RealFrame
 from mbot_workstation.measure.tracks.recording_folder import TELEMETRY_FILE
-from mbot_workstation.pictures.picture_file import decode_picture, read_picture
+from mbot_workstation.pictures.picture_file import observation, read_picture
 from mbot_workstation.sim.pose import ORIGIN, Pose
+
+_log = logging.getLogger(__name__)
 
 FRAMES_FILE = "frames.csv"
 ROBOT = ("x_m", "y_m", "yaw_deg")
@@ -110,10 +112,7 @@ def telemetry_frames(folder: Path, first: ComparedRun, start_s: float) -> tuple[
         start_s: of its first command, on the robot's clock.
 
     Returns:
-        None at all if there is no telemetry, or it holds no pictures of that time.
-
-    Raises:
-        ConfigurationError: the file is not an MCAP file.
+        None at all if there is no telemetry that can be read, or no pictures of that time.
 
     """
     path = folder / TELEMETRY_FILE
@@ -137,18 +136,18 @@ def telemetry_frames(folder: Path, first: ComparedRun, start_s: float) -> tuple[
 
 def _pictures_between(path: Path, first_s: float, last_s: float) -> dict[float, Picture]:
     """Pictures by when they were taken, on the robot's clock, in order."""
-    captured_s: dict[int, float] = {}
-    coded: dict[int, bytes] = {}
-    for _topic, message in read_recording(path):
-        if not isinstance(message, Decision):
-            coded[message.timestamp.ToNanoseconds()] = message.data
-        elif message.captured_monotonic_ns:
-            captured_s[message.unix_time_ns] = message.captured_monotonic_ns / 1e9
     found: dict[float, Picture] = {}
-    for stamp_ns, moment_s in sorted(captured_s.items(), key=lambda item: item[1]):
-        # A decision and its picture carry the same time; either may have got lost.
-        if stamp_ns in coded and first_s <= moment_s <= last_s:
-            picture = decode_picture(coded[stamp_ns])
+    try:
+        drive = read_drive(path)
+    except ConfigurationError as error:
+        _log.warning("%s", error)
+        return found
+    for words in drive.words:
+        _log.warning("%s", words)
+    for beat in drive.beats:
+        moment_s = beat.decision.captured_monotonic_ns / 1e9
+        if moment_s and first_s <= moment_s <= last_s:
+            picture = observation(beat)
             if picture is not None and picture.shape == OBSERVATION_SHAPE:
                 found[moment_s] = picture
-    return found
+    return dict(sorted(found.items()))

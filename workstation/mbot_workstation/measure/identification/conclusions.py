@@ -16,7 +16,7 @@ from mbot_workstation.sim.body.parameter_table import (
 )
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.effects.presets import KNOWN
-from mbot_workstation.sim.timestep import TIMESTEP_S
+from mbot_workstation.sim.engine import TIMESTEP_S
 
 QUANTILE_95 = 1.96
 

@@ -21,7 +21,7 @@ from mbot_workstation.measure.identification.exclusion import Exclusion, Fault
 from mbot_workstation.measure.identification.floor import FlatRun
 from mbot_workstation.measure.identification.observed_run import ObservedRun, driving
 from mbot_workstation.measure.tracks.track import Array
-from mbot_workstation.sim.body.motor import duties, motor_voltage
+from mbot_workstation.sim.body.motor import motor_voltage, pwm_duties
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 
 RESTING_S = 0.1
@@ -193,7 +193,7 @@ def _steady(run: ObservedRun, chosen: NDArray[np.bool_]) -> tuple[complex, compl
 def _volt_shares(
     left: float, right: float, robot: RobotParameters, maps: WheelMaps
 ) -> tuple[float, float]:
-    told = duties(maps.to_board(to_steps(left, right)))
+    told = pwm_duties(maps.duties(to_steps(left, right)))
     motors = (robot.left_motor, robot.right_motor)
     shares = (motor_voltage(d, m, 1.0) / m.gain for d, m in zip(told, motors, strict=True))
     left_share, right_share = shares

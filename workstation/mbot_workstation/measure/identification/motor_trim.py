@@ -1,9 +1,10 @@
 """What the daemon should do about uneven motors: drive straight, or leave it to the policy."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+from msgspec import structs
 
 from mbot_protocol.drive.actions import MotorMap, WheelMaps
 from mbot_workstation.measure.identification.conclusions import steady_rate
@@ -81,7 +82,7 @@ def _trimmed(maps: WheelMaps, side: str, trim: float) -> WheelMaps:
     motor: MotorMap = getattr(maps, side)
     # A motor map leaves some range for driving.
     least = (motor.dead_band + 1) / 255
-    return replace(maps, **{side: replace(motor, trim=round(max(trim, least), 3))})
+    return structs.replace(maps, **{side: structs.replace(motor, trim=round(max(trim, least), 3))})
 
 
 def _straight_trim(robot: RobotParameters, maps: WheelMaps, side: str) -> float:

@@ -13,7 +13,7 @@ from scipy.linalg import cholesky_banded, solve_banded
 from mbot_workstation.measure.identification.floor import Plane
 from mbot_workstation.measure.identification.observed_run import STARTING_S, ObservedRun
 from mbot_workstation.measure.tracks.track import Array
-from mbot_workstation.sim.timestep import TIMESTEP_S
+from mbot_workstation.sim.engine import TIMESTEP_S
 
 SETTING = ("clock", "drift", "ahead", "left", "yaw", "drain")
 """Of a recording: its clock's offset beyond the guess [s] and drift, the tracker's place on the

@@ -15,11 +15,10 @@ import numpy as np
 from mbot_protocol.drive.actions import WheelMaps, to_steps
 from mbot_workstation.measure.tracks.run import CommandSeries, Run
 from mbot_workstation.measure.tracks.track import Array, Track
-from mbot_workstation.sim.body.motor import duties, wheel_voltages
+from mbot_workstation.sim.body.motor import pwm_duties, wheel_voltages
 from mbot_workstation.sim.body.robot_mjcf import add_floor_contacts, add_robot
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
-from mbot_workstation.sim.engine import MjModel, mujoco
-from mbot_workstation.sim.timestep import TIMESTEP_S
+from mbot_workstation.sim.engine import TIMESTEP_S, MjModel, mujoco
 
 STOPPING_S = 0.6
 """Simulated beyond the last command: any motor of up to 200 ms has stopped nearly by then."""
@@ -80,7 +79,7 @@ def wheel_volts(
 
     """
     rows = [
-        duties(wheel_maps.to_board(to_steps(left, right)))
+        pwm_duties(wheel_maps.duties(to_steps(left, right)))
         for left, right in zip(commands.left, commands.right, strict=True)
     ]
     volts = np.array([wheel_voltages(*row, robot) for row in rows])

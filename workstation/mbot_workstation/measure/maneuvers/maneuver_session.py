@@ -123,7 +123,7 @@ class Session:
         clock = measure_robot_time(self._link)
         if self._clock and abs(clock.ahead_ns - self._clock.ahead_ns) > CLOCK_JUMP_NS:
             raise MbotError(
-                "the robot's clock began anew: it was restarted; what was recorded is kept, "
+                "the robot's clock started over: it was restarted; what was recorded is kept, "
                 "record the rest into a new folder"
             )
         self._clock = clock

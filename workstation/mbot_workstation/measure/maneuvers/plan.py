@@ -108,6 +108,20 @@ def duration_words(seconds: float) -> str:
     return f"{seconds:.0f} s" if seconds < 90 else f"{math.ceil(seconds / 60)} min"
 
 
+def announcement(left: Sequence[Planned], seconds: float, pause_s: float) -> str:
+    """What is about to be driven, how long it takes and which floor it needs."""
+    if not left:
+        return "everything is recorded already"
+    each_s = [one.maneuver.duration_s(seconds) for one in left]
+    in_all_s = sum(each_s) + len(left) * (pause_s + 0.5)
+    floor = reach([one.maneuver for one in left], seconds)
+    return (
+        f"{len(left)} runs of {max(each_s):g} s, about {duration_words(in_all_s)}; free floor from "
+        f"where the robot starts: {floor.ahead_m:g} m ahead, {floor.behind_m:g} m behind, "
+        f"{floor.left_m:g} m to its left, {floor.right_m:g} m to its right"
+    )
+
+
 def _paired(maneuvers: Sequence[Maneuver]) -> list[Maneuver]:
     left = list(maneuvers)
     ordered: list[Maneuver] = []

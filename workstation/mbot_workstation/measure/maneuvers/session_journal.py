@@ -14,7 +14,6 @@ from mbot_workstation.measure.tracks.recording_toml import (
     RECORDING_FILE,
     RecordingInfo,
     read_info,
-    recorded_motor,
     write_info,
 )
 from mbot_workstation.measure.tracks.run import CommandSeries
@@ -61,9 +60,8 @@ class Journal:
                 f"{folder} holds a recording already; go on with it by "
                 f"--resume {typed(folder)}, or choose another --output"
             )
-        left, right = recorded_motor(wheel_maps.left), recorded_motor(wheel_maps.right)
         info = RecordingInfo(
-            robot_id, made_on, clock_began_unix_s=started_unix_s, left=left, right=right
+            robot_id, made_on, started_unix_s, left=wheel_maps.left, right=wheel_maps.right
         )
         journal = cls(folder, info, ())
         try:

@@ -7,8 +7,8 @@ from typing import Self
 
 from mbot_protocol.errors import MbotError
 from mbot_workstation.fleet.link.robot_link import RobotLink
-from mbot_workstation.fleet.recorded.drive_mcap import Recording
 from mbot_workstation.fleet.telemetry.stream import TelemetryStream
+from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
 
 _POLL_S = 0.1
 
@@ -37,7 +37,7 @@ class TelemetryRecorder:
 
         """
         with ExitStack() as stack:
-            self._recording = stack.enter_context(Recording(self._path, self._link.robot_id))
+            self._recording = stack.enter_context(TelemetryFile(self._path, self._link.robot_id))
             self._stream = stack.enter_context(TelemetryStream(self._link))
             self._stack = stack.pop_all()
         self._thread.start()

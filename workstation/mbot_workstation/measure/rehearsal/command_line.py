@@ -77,7 +77,12 @@ class CommandLine:
         took_s = time.monotonic() - began_s
         if code != 0:
             last = " | ".join(said[-LAST_LINES:]) or "it said nothing"
-            raise MbotError(f"`{shlex.join(words)}` failed with exit code {code}: {last}")
+            raise MbotError(
+                f"`{shlex.join(words)}` failed with exit code {code}: {last}",
+                kind="command-failed",
+                exit_code=code,
+                said=said[-1].removeprefix("workstation: ") if said else "",
+            )
         if to is not None:
             (self.folder / to).write_text("\n".join(said) + "\n", encoding="utf-8")
             return took_s

@@ -150,7 +150,7 @@ def drive_session(line: CommandLine, recording: str, *options: str) -> None:
             done = now
             if failures >= ATTEMPTS_WITHOUT_PROGRESS:
                 raise
-            line.say(f"a run was spoilt ({str(error).rpartition('workstation: ')[2]}); go on")
+            line.say(f"a run was spoilt ({error.facts.get('said', error)}); go on")
             if done or (folder / COMMANDS_FILE).exists():
                 where = ["--resume", recording]
         else:

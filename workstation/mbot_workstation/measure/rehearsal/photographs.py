@@ -21,7 +21,7 @@ from mbot_workstation.measure.gap_report.frames import CUBE, FRAMES_FILE, ROBOT
 from mbot_workstation.measure.gap_report.simulated_view import FramePlace, simulated_view
 from mbot_workstation.measure.rehearsal.truth import true_room
 from mbot_workstation.measure.targets.layouts import board_page, card_page, card_place
-from mbot_workstation.measure.targets.page_files import draw
+from mbot_workstation.measure.targets.page_file import draw
 from mbot_workstation.measure.targets.sheet import PAPERS
 from mbot_workstation.measure.targets.specifications import Board
 from mbot_workstation.measure.tracks.track import Array

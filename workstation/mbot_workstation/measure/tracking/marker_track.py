@@ -14,7 +14,11 @@ from mbot_protocol.drive.camera_model import CameraModel
 from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.targets.marker_detection import Grey, MarkerDetector, to_grey
-from mbot_workstation.measure.tracking.floor_plane import FloorPlane
+from mbot_workstation.measure.tracking.floor_plane import (
+    FloorPlane,
+    plane_from_board,
+    plane_from_corners,
+)
 from mbot_workstation.measure.tracking.overhead_track import (
     MarkerSight,
     OverheadTrack,
@@ -29,6 +33,15 @@ MIRROR_LOOKS = 60
 
 FindFloor = Callable[[CameraModel, Grey, dict[int, Array]], FloorPlane | None]
 """Looks for the floor in a picture with these markers."""
+
+
+def floor_finder(corners_m: tuple[float, float] | None, board_mm: float | None) -> FindFloor | None:
+    """What finds the floor by markers at a rectangle's corners, or by a board; None by neither."""
+    if corners_m is not None:
+        return lambda camera, _grey, markers: plane_from_corners(camera, markers, *corners_m)
+    if board_mm is not None:
+        return lambda camera, grey, _markers: plane_from_board(camera, grey, board_mm)
+    return None
 
 
 @dataclass(slots=True)

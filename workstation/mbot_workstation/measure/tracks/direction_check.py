@@ -96,7 +96,7 @@ def _check_repetitions(runs: Sequence[DrivenRun]) -> None:
         usual = float(np.median([run.yaw_radps for run in group]))
         odd = [run for run in group if abs(run.yaw_radps - usual) > ODD_SHARE * fastest]
         if odd and fastest > TURNING_RADPS:
-            raise UnusableRunError(
+            raise UnusableRunError.of(
                 odd[0].run.number,
                 f"{odd[0].name} turns at {odd[0].yaw_radps:.1f} rad/s, the other repetitions at "
                 f"{usual:.1f}: another maneuver, or spoilt ({numbers_of(odd)} in all)",

@@ -39,14 +39,14 @@ def check_run(run: DrivenRun) -> None:
     told_s = commands.end_s - commands.start_s
     number = run.run.number
     if track.duration_s < told_s - SLACK_S:
-        raise UnusableRunError(
+        raise UnusableRunError.of(
             number,
             f"{run.name} was cut short: its track is {track.duration_s:.1f} s long, the robot was "
             f"told to drive for {told_s:.1f}",
         )
     moving_s = run.moving_s
     if moving_s is None:
-        raise UnusableRunError(number, f"{run.name}: the robot never moves")
+        raise UnusableRunError.of(number, f"{run.name}: the robot never moves")
     moved_s = moving_s[1] - moving_s[0]
     if moved_s < SHORTEST_SHARE * told_s - SLACK_S:
         begins = moving_s[0] - track.time_s[0] < SLACK_S
@@ -58,7 +58,7 @@ def check_run(run: DrivenRun) -> None:
             if ends
             else "it starts and stops within the track"
         )
-        raise UnusableRunError(
+        raise UnusableRunError.of(
             number,
             f"{run.name} was cut short: the robot moves for {moved_s:.1f} s of the commanded "
             f"{told_s:.1f}, and {where}",
@@ -89,14 +89,14 @@ def _check_quality(run: DrivenRun, moving_s: tuple[float, float]) -> None:
     kept, quality = clean(track)
     share = (quality.outliers + quality.frozen) / len(track)
     if share > LARGEST_OUTLIER_SHARE:
-        raise UnusableRunError(
+        raise UnusableRunError.of(
             run.run.number,
             f"{run.name}: {share:.0%} of its poses are jumps or repeats, as of a tracker that has "
             "lost its base stations",
         )
     gap_s, at_s = _longest_gap(kept, *moving_s)
     if gap_s > LONGEST_GAP_S:
-        raise UnusableRunError(
+        raise UnusableRunError.of(
             run.run.number,
             f"{run.name}: the tracker was lost for {gap_s:.1f} s, {at_s - track.time_s[0]:.1f} s "
             "after the track's start",
@@ -140,5 +140,4 @@ def check_runs(folder: Path, runs: Sequence[Run], form: TrackFormat) -> None:
             check_run(run)
         check_directions(driven)
     except ConfigurationError as error:
-        error.args = (f"{folder}: {error}",)  # of its own kind, with its facts
-        raise
+        raise error.within(folder) from None

@@ -11,7 +11,6 @@ from mbot_workstation.measure.tracks.plausibility import check_runs
 from mbot_workstation.measure.tracks.recording_toml import (
     RecordingInfo,
     read_info,
-    recorded_motor,
     write_info,
 )
 from mbot_workstation.measure.tracks.run import ManeuverRecording, Run, UnusableRunError
@@ -80,9 +79,7 @@ def write_maneuvers(
 
     """
     maps = wheel_maps or WheelMaps()
-    info = RecordingInfo(
-        robot_id, made_on, left=recorded_motor(maps.left), right=recorded_motor(maps.right)
-    )
+    info = RecordingInfo(robot_id, made_on, left=maps.left, right=maps.right)
     commanded = (CommandedRun(r.number, r.maneuver, r.repetition, r.commands) for r in runs)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -132,11 +129,11 @@ def _cut(
     try:
         ahead_s = find_tracker_ahead_s(commanded, track)
     except ConfigurationError as error:
-        raise ConfigurationError(f"{path}: {error}") from None
+        raise error.within(path) from None
     runs: list[Run] = []
     for run, part in zip(commanded, parts_of(track, commanded, ahead_s), strict=True):
         if part is None:
-            raise UnusableRunError(
+            raise UnusableRunError.of(
                 run.number,
                 f"{path} has nothing of run {run.number} ({run.maneuver}, repetition "
                 f"{run.repetition}): the tracker began late, ended early or was lost",

@@ -16,19 +16,6 @@ from mbot_protocol.wire.keys import check_robot_id
 RECORDING_FILE = "recording.toml"
 
 
-class RecordedMotor(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """The daemon's MotorMap of one wheel; what is left out is nominal."""
-
-    reversed: bool | None = None
-    trim: Annotated[float, Meta(gt=0, le=1)] = 1.0
-    dead_band: Annotated[int, Meta(ge=0, le=200)] = 40
-
-    def to_map(self, nominal: MotorMap) -> MotorMap:
-        """The map, with the nominal direction where none is given."""
-        turned = nominal.reversed if self.reversed is None else self.reversed
-        return MotorMap(turned, self.trim, self.dead_band)
-
-
 class RecordingInfo(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """The file.
 
@@ -37,7 +24,7 @@ class RecordingInfo(Struct, frozen=True, forbid_unknown_fields=True, omit_defaul
         made_on: ISO date.
         clock_began_unix_s: the wall clock's time when the robot's clock was 0; 0: not known.
         clock_uncertainty_ms: how well the commands' times are known on the robot's clock.
-        left, right: motors.
+        left, right: the daemon's maps; what is left out is nominal.
         leave_out: numbers of runs that are not to be used.
 
     """
@@ -46,8 +33,8 @@ class RecordingInfo(Struct, frozen=True, forbid_unknown_fields=True, omit_defaul
     made_on: str = ""
     clock_began_unix_s: float = 0.0
     clock_uncertainty_ms: Annotated[float, Meta(ge=0)] = 0.0
-    left: RecordedMotor = RecordedMotor()
-    right: RecordedMotor = RecordedMotor()
+    left: MotorMap = MotorMap()
+    right: MotorMap = MotorMap()
     leave_out: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
@@ -59,13 +46,7 @@ class RecordingInfo(Struct, frozen=True, forbid_unknown_fields=True, omit_defaul
     @property
     def wheel_maps(self) -> WheelMaps:
         """Both wheels' maps."""
-        nominal = WheelMaps()
-        return WheelMaps(self.left.to_map(nominal.left), self.right.to_map(nominal.right))
-
-
-def recorded_motor(motor: MotorMap) -> RecordedMotor:
-    """A map as the file has it."""
-    return RecordedMotor(motor.reversed, motor.trim, motor.dead_band)
+        return WheelMaps(self.left, self.right)
 
 
 def read_info(folder: Path) -> RecordingInfo:

@@ -1,6 +1,8 @@
 """What a recording holds: runs, each with what the robot was told and where it went."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -97,16 +99,20 @@ class Run:
 
 
 class UnusableRunError(ConfigurationError):
-    """One run of a recording can't be used; without it the others may be.
+    """One run of a recording can't be used; without it the others may be."""
 
-    Attributes:
-        number: of the run, for `leave_out` in recording.toml.
+    kind = "run-spoilt"
 
-    """
+    @classmethod
+    def of(cls, number: int, what: str) -> Self:
+        """What is wrong with this run, with the remedy."""
+        remedy = f"record it again, or add {number} to leave_out in recording.toml"
+        return cls(what, remedy=remedy, run=number)
 
-    def __init__(self, number: int, what: str) -> None:
-        super().__init__(f"{what}; record it again, or add {number} to leave_out in recording.toml")
-        self.number = number
+    @property
+    def number(self) -> int:
+        """Of the run, for `leave_out` in recording.toml."""
+        return self.facts["run"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,3 +133,28 @@ class ManeuverRecording:
     wheel_maps: WheelMaps
     runs: tuple[Run, ...]
     tracker_ahead_s: float | None = None
+
+
+def common_robot(recordings: Sequence[ManeuverRecording]) -> str:
+    """Whose all recordings are; raises ConfigurationError if they differ."""
+    names = list(dict.fromkeys(recording.robot_id for recording in recordings))
+    if len(names) > 1:
+        raise ConfigurationError(
+            f"the recordings are of {' and '.join(names)}; identify one robot at a time, or say "
+            "with --robot whose they are",
+            kind="several-robots",
+            robots=names,
+        )
+    return names[0]
+
+
+def common_wheel_maps(recordings: Sequence[ManeuverRecording]) -> WheelMaps:
+    """The latest recording's; raises ConfigurationError if they differ in a motor's direction."""
+    maps = [recording.wheel_maps for recording in recordings]
+    if len({(one.left.reversed, one.right.reversed) for one in maps}) > 1:
+        raise ConfigurationError(
+            "the recordings differ in which motor is reversed (recording.toml); identify them one "
+            "by one",
+            kind="motors-differ",
+        )
+    return maps[-1]

@@ -10,8 +10,8 @@ from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from google.protobuf.message import DecodeError
 
+from mbot_protocol.beat.whole_chunks import WholeChunks
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.fleet.recorded.whole_chunks import WholeChunks
 from mbot_workstation.measure.tracks.raw_track import RawTrack
 
 _log = logging.getLogger(__name__)

@@ -3,9 +3,10 @@
 import math
 from dataclasses import dataclass
 
-from mbot_protocol.drive.mcore import Joystick
+from mbot_protocol.drive.actions import LEVELS
+from mbot_protocol.drive.wheel_command import Duties
 from mbot_workstation.sim.body.robot_parameters import MotorParameters, RobotParameters
-from mbot_workstation.sim.timestep import TIMESTEP_S
+from mbot_workstation.sim.engine import TIMESTEP_S
 
 ROTOR_INERTIA_KG_M2 = 2e-5
 """Of the motor's rotor behind the 1:48 gear, at the wheel; assumed, 4 % of what the wheel has to
@@ -78,14 +79,15 @@ def motor_voltage(duty: float, motor: MotorParameters, supply_v: float) -> float
     return math.copysign((working * gain + motor.dry_friction) * supply_v, duty)
 
 
-def duties(motors: Joystick) -> tuple[float, float]:
+def pwm_duties(told: Duties) -> tuple[float, float]:
     """The PWM duties of the left and the right wheel in [-1, 1], positive is forward.
 
-    M1 is the left motor and runs backwards. The board's timer gives (v + 1) / 256, exactly 0
-    at 0 (measured).
+    The board's timer counts to 256 and makes (n + 1) / 256 of n / 255, exactly 0 of 0 (measured on
+    the mCore).
     """
-    return -_duty(motors.m1), _duty(motors.m2)
+    return _pwm_duty(told.left), _pwm_duty(told.right)
 
 
-def _duty(speed: int) -> float:
-    return 0.0 if speed == 0 else (abs(speed) + 1) / 256 * (1 if speed > 0 else -1)
+def _pwm_duty(told: float) -> float:
+    level = round(abs(told) * LEVELS)
+    return math.copysign((level + 1) / 256, told) if level else 0.0

@@ -5,9 +5,8 @@ from dataclasses import replace
 
 from msgspec import structs
 
-from mbot_protocol.drive.actions import MotorMap, WheelMaps
+from mbot_protocol.drive.actions import LEVELS, MotorMap, WheelMaps
 from mbot_protocol.drive.camera_model import CameraModel
-from mbot_protocol.drive.mcore import SPEED_LIMIT
 from mbot_protocol.policy.policy_contract import FULL_VIEW, OBSERVATION_SIDE_PX
 from mbot_workstation.sim.body.parameter_table import BY_NAME
 from mbot_workstation.sim.body.robot_parameters import (
@@ -56,8 +55,8 @@ def _motor(motor: MotorParameters, effects: RealWorldEffects, gain: float) -> Mo
 
 
 def _motor_map(own: MotorMap, scale: float) -> MotorMap:
-    most = math.ceil(SPEED_LIMIT * own.trim) - 1  # a motor map leaves some range for driving
-    return replace(own, dead_band=min(round(own.dead_band * scale), most))
+    most = math.ceil(LEVELS * own.trim) - 1  # a motor map leaves some range for driving
+    return structs.replace(own, dead_band=min(round(own.dead_band * scale), most))
 
 
 def _mount(mount: CameraMount, effects: RealWorldEffects) -> CameraMount:

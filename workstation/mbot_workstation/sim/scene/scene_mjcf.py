@@ -1,5 +1,7 @@
 """The whole model: floor, walls, objects, room and light around the robot."""
 
+import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,16 +15,24 @@ from mbot_workstation.sim.body.robot_mjcf import (
     add_robot,
 )
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
-from mbot_workstation.sim.engine import MjModel, MjSpec, mujoco
+from mbot_workstation.sim.engine import TIMESTEP_S, MjModel, MjSpec, mujoco
 from mbot_workstation.sim.scene.floor_textures import FloorTexture, vinyl
 from mbot_workstation.sim.scene.material_mjcf import add_material
 from mbot_workstation.sim.scene.object_mjcf import add_distractors, add_object
 from mbot_workstation.sim.scene.room_dome import dome_mesh
-from mbot_workstation.sim.scene.scene_parameters import Arena, Light, Room, SceneParameters
-from mbot_workstation.sim.timestep import TIMESTEP_S
+from mbot_workstation.sim.scene.scene_parameters import (
+    Arena,
+    FloorMark,
+    Light,
+    Room,
+    SceneParameters,
+)
 
 FLOOR, ROOM, OVERHEAD_CAMERA = "floor", "room", "overhead camera"
 WALL_THICKNESS_M = 0.02
+TAPE_M = 0.001
+"""Thick enough for a renderer to tell it from the floor, too thin to be seen from the side."""
+
 FOOT_DEPTH_M = 0.004
 """How far a wall's foot stands out."""
 
@@ -64,6 +74,8 @@ def build_model(
     _set_visuals(spec, scene.light)
     _add_floor(spec, scene.room, [vinyl(), *floors])
     _add_walls(spec, scene.arena)
+    for number, mark in enumerate(scene.marks):
+        _add_mark(spec, number, mark)
     for kind, thing in enumerate(scene.objects):
         add_object(spec, kind, thing)
     add_distractors(spec)
@@ -105,6 +117,23 @@ def _add_floor(spec: MjSpec, room: Room, floors: Sequence[FloorTexture]) -> None
         conaffinity=0,
         castshadow=False,  # nothing is below it, and it would shade itself in stripes
     )
+
+
+def _add_mark(spec: MjSpec, number: int, mark: FloorMark) -> None:
+    """Flat boxes from point to point, each half a width longer so that corners close."""
+    for piece, ((x0, y0), (x1, y1)) in enumerate(itertools.pairwise(mark.points_m)):
+        half_yaw = math.atan2(y1 - y0, x1 - x0) / 2
+        spec.worldbody.add_geom(
+            name=f"mark {number} {piece}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[(math.hypot(x1 - x0, y1 - y0) + mark.width_m) / 2, mark.width_m / 2, TAPE_M / 2],
+            pos=[(x0 + x1) / 2, (y0 + y1) / 2, TAPE_M / 2],
+            quat=[math.cos(half_yaw), 0, 0, math.sin(half_yaw)],
+            rgba=[*mark.rgb, 1],
+            contype=0,
+            conaffinity=0,
+            castshadow=False,
+        )
 
 
 def _add_walls(spec: MjSpec, arena: Arena) -> None:

@@ -59,16 +59,34 @@ class Light:
 
 
 @dataclass(frozen=True, slots=True)
+class FloorMark:
+    """Tape on the floor.
+
+    Attributes:
+        points_m: the line that it follows, at least two.
+        width_m: 20 mm is common tape.
+        rgb: black.
+
+    """
+
+    points_m: tuple[tuple[float, float], ...]
+    width_m: float = 0.02
+    rgb: tuple[float, float, float] = (0.03, 0.03, 0.03)
+
+
+@dataclass(frozen=True, slots=True)
 class SceneParameters:
     """Everything around the robot.
 
     Attributes:
         arena, room, light: see there.
-        objects: the kinds of object to fetch, matte; one at a time is there, drawn anew each time.
+        objects: the kinds of object that there are, matte; the task says which stands where.
+        marks: on the floor.
 
     """
 
     arena: Arena = field(default_factory=Arena)
     objects: tuple[TargetObject, ...] = (RED_CUBE,)
+    marks: tuple[FloorMark, ...] = ()
     room: Room = field(default_factory=Room)
     light: Light = field(default_factory=Light)

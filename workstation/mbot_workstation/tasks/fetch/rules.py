@@ -7,9 +7,9 @@ import numpy as np
 
 from mbot_workstation.sim.pose import Pose
 from mbot_workstation.sim.scene.target_object import RED_CUBE, Footprint
+from mbot_workstation.tasks.episode import DECISION_S
 
 TIME_LIMIT_DECISIONS = 167
-DECISION_S = 0.4
 """Derived from the paper: 19.8 of at most 21 points at 20 decisions an object of 0.4 s mean that
 an object's time is up after about 167 decisions."""
 

@@ -5,11 +5,14 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from mbot_protocol.drive.picture import Picture
+from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.pictures.picture_file import save_figure
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles, read_files
 from mbot_workstation.sim.camera.camera_renderer import CameraRenderer
 from mbot_workstation.sim.camera.isp import IspSettings
 from mbot_workstation.sim.camera.scene_renderer import SHOW
+from mbot_workstation.sim.effects.isp_settings import isp_settings
 from mbot_workstation.sim.pose import Pose
 from mbot_workstation.sim.scene.scene_parameters import SceneParameters
 from mbot_workstation.sim.simulation import Simulation
@@ -19,6 +22,23 @@ HEADINGS_DEG = (0, -45, -90, -135, 180, 135, 90, 45)
 
 WIDTH_PX = 320
 CUBE_AHEAD_M = 1.0
+
+
+def write_preview(folder: Path, name: str, room: Picture) -> Path:
+    """Draw previews/NAME.png of a calibration, by what else is known of its robot.
+
+    Raises:
+        ConfigurationError: it can't be written.
+
+    """
+    known = read_files(folder) if folder.is_dir() else CalibrationFiles()
+    path = folder / "previews" / f"{name}.png"
+    try:
+        path.parent.mkdir(exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(f"can't write {path}: {error.strerror}") from None
+    draw_preview(room, known.robot, known.scene, isp_settings(known.effects).gains, path)
+    return path
 
 
 def draw_preview(

@@ -1,0 +1,1 @@
+"""The mCore board of an mBot: port, frames, acknowledgements, resets, banners and ARM."""

@@ -1,0 +1,138 @@
+"""The door for tasks: one file, named on the command line, is learned, tried and driven."""
+
+import ast
+import json
+import re
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+import serial
+
+from mbot_protocol.drive.mcore import BAUD_RATE, Joystick
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.learn.evaluation.episodes import Trial, evaluate, score
+from mbot_workstation.learn.learning.learner import LearnerSettings
+from mbot_workstation.learn.learning.progress_display import LineDisplay
+from mbot_workstation.learn.learning.progress_log import read_progress
+from mbot_workstation.learn.learning.trained_policy import trained_policy
+from mbot_workstation.learn.learning.training_config import TrainingConfig, read_config
+from mbot_workstation.learn.learning.training_run import begin_run, train
+from mbot_workstation.learn.worlds.task_env import TaskEnv
+from mbot_workstation.sim.effects.presets import preset
+from mbot_workstation.sim.scene.room_generator import generate_room
+from mbot_workstation.tasks.find import find_task, full_reference, task_names
+from mbot_workstation.tasks.lesson import lesson_named
+from mbot_workstation.virtual.camera_stream import CameraSettings
+from mbot_workstation.virtual.stand_in import VirtualRobot, VirtualRobotSettings
+
+from ..until import until
+from .small_world import ROOMS
+
+CIRCLE = full_reference(str(Path(__file__).with_name("stay_in_circle.py")))
+SOURCE = Path(__file__).parents[2] / "workstation" / "mbot_workstation"
+FRAME = {"episode", "find", "lesson", "task"}
+
+
+def test_another_task_is_a_file_of_less_than_200_lines() -> None:
+    assert len(Path(CIRCLE).read_text().splitlines()) < 200
+    assert len((SOURCE / "tasks" / "task.py").read_text().splitlines()) < 120
+
+
+def test_its_tape_is_seen_and_its_rewards_are_paid() -> None:
+    environment = TaskEnv("ideal", rooms=ROOMS, task=CIRCLE)
+    picture, info = environment.reset(seed=1)
+    assert info["lesson"] == "narrow"
+    middle = picture[31:60, 24:40].mean(axis=(1, 2))
+    assert middle.min() < np.median(middle) - 15, "a dark line across the floor"
+    rewards, happenings = [], []
+    ended = False
+    while not ended:
+        _, reward, ended, _, info = environment.step(np.ones(2, np.float32))
+        rewards.append(reward)
+        happenings.append(info["happening"])
+    environment.close()
+    assert happenings[-1] == "left"
+    assert rewards[-1] == -1.0
+    assert info["to_tape_m"] == 0
+
+
+@pytest.mark.slow
+def test_it_is_learned_for_2000_decisions_and_then_tried(tmp_path: Path) -> None:
+    config = TrainingConfig(
+        task=CIRCLE,
+        steps=2000,
+        robots=4,
+        made_up_rooms=1,
+        row_every=1000,
+        learner=LearnerSettings(steps_per_robot=125, batch=125),
+    )
+    run = begin_run(tmp_path / "circle", config)
+    result = train(run, config, LineDisplay(), threading.Event())
+    assert (result.step, result.lesson) == (2000, "wide")
+    assert read_config(run.config_file).task == CIRCLE
+    assert "mean_metres" in run.progress_file.read_text().splitlines()[0]
+    assert read_progress(run.progress_file)[-1].episodes > 0
+    made = trained_policy(run.path).provenance
+    assert (made["task"], made["lessons"]) == ("stay-in-circle", ["wide", "narrow"])
+
+    lesson = lesson_named(find_task(CIRCLE).lessons, "wide")
+    trial = Trial(lesson, preset("nominal"), ROOMS, episodes=4, workers=1, task=CIRCLE)
+    assert score(evaluate("random", trial)).length.mean > 1
+    with pytest.raises(ConfigurationError, match="no oracle"):
+        evaluate("oracle", trial)
+
+
+def test_the_virtual_robot_plays_it() -> None:
+    settings = VirtualRobotSettings(
+        task=CIRCLE,
+        lesson=lesson_named(find_task(CIRCLE).lessons, "narrow"),
+        room_picture=generate_room(0, 64),
+        camera=CameraSettings(width_px=64, height_px=48),
+    )
+    with VirtualRobot(settings) as robot:
+        assert robot.wait_until_ready()
+        with serial.Serial(str(robot.board.path), BAUD_RATE, timeout=5) as port:
+            port.write(Joystick(-255, 255).to_bytes())
+            assert port.read(4)
+            assert until(robot.stopped.is_set)
+        events = [robot.world.events.get_nowait() for _ in range(robot.world.events.qsize())]
+        result = robot.world.status().result
+    assert events[-1].happening == "left"
+    assert result["score"] == sum(event.score for event in events)
+    assert result["distance_driven_m"] == pytest.approx(0.71, abs=0.05)
+    assert json.dumps(dict(result))
+
+
+@pytest.mark.parametrize(
+    ("reference", "content", "problem"),
+    [
+        ("fetsh", None, "did you mean"),
+        ("none.py", None, "no file"),
+        ("empty.py", "", "names no TASK"),
+        ("broken.py", "1 / 0", "ZeroDivisionError"),
+    ],
+)
+def test_what_is_no_task_is_refused(
+    tmp_path: Path, reference: str, content: str | None, problem: str
+) -> None:
+    if content is not None:
+        (tmp_path / reference).write_text(content)
+    name = str(tmp_path / reference) if reference.endswith(".py") else reference
+    with pytest.raises(ConfigurationError, match=problem):
+        find_task(name)
+
+
+def test_worlds_learner_and_virtual_robot_know_no_task() -> None:
+    """By import or by word: what a task calls its own stands in its folder."""
+    rooms = ("learn", "virtual", "sim")
+    for path in (path for room in rooms for path in (SOURCE / room).rglob("*.py")):
+        text = path.read_text()
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                _, _, below = node.module.partition("mbot_workstation.tasks.")
+                assert below == "" or below in FRAME, f"{path}: {node.module}"
+        words = r"\b(?:Fetch(?!Object)\w*|fetch_\w+|touches|touched|at_border)\b"
+        assert "sim" in path.parts or not re.findall(words, text), path
+    assert task_names() == ("fetch",)

@@ -1,0 +1,197 @@
+"""A run of the paper's task: where the object is, how long it has been there, the score."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from mbot_workstation.sim.pose import ORIGIN, Pose
+from mbot_workstation.sim.scene.target_object import Footprint
+from mbot_workstation.tasks.episode import Moment, Step
+from mbot_workstation.tasks.fetch.rules import (
+    COMPLETE_SCORE,
+    FAILURE_SCORE,
+    FetchRules,
+    at_border,
+    draw_kind,
+    spawn,
+    touch_score,
+    touches,
+    way_to_contact_m,
+)
+
+
+class Happening(StrEnum):
+    """What a step brings, if anything."""
+
+    TOUCH = "touch"
+    BORDER = "border"
+    TIME_OUT = "time-out"
+
+
+@dataclass(frozen=True, slots=True)
+class FetchResult:
+    """A run in figures; every field is JSON.
+
+    Attributes:
+        touches: objects touched.
+        seconds_per_touch: how long each of them took.
+        border_contacts, time_outs: failures.
+        completed: whether all objects were touched without a failure.
+        score: in the paper's terms.
+
+    """
+
+    touches: int
+    seconds_per_touch: tuple[float, ...]
+    border_contacts: int
+    time_outs: int
+    completed: bool
+    score: float
+
+
+FACTS = np.dtype(
+    [
+        ("touches", np.int32),
+        ("time_left_s", np.float32),
+        ("border", np.bool_),
+        ("target_ahead_m", np.float32),
+        ("target_left_m", np.float32),
+        ("seen_left_rad", np.float32),
+    ]
+)
+"""Objects touched so far; how long this one may still take; whether the last happening was contact
+with the border; where the object is, in the robot's frame; in which direction from the camera the
+picture shows it, left positive, or would if it were in view. Pictures are old: in a turn that is
+not where the object is now, and NaN while they still show the one that was touched."""
+
+SLACK_S = 1e-6
+"""Sums of decimal seconds are not exact."""
+
+
+class FetchEpisode:
+    """One run.
+
+    Attributes:
+        rules: how it is set.
+        target: where the object is now.
+        kind: which of the rules' footprints it has.
+        object_s: how long it has been there.
+        ended: whether the run is over.
+
+    """
+
+    def __init__(self, rules: FetchRules, rng: np.random.Generator) -> None:
+        self.rules = rules
+        self._rng = rng
+        self.ended = False
+        self._touch_s: list[float] = []
+        self._failures = {Happening.BORDER: 0, Happening.TIME_OUT: 0}
+        self._at_border = False
+        self._score = 0.0
+        self._next_object(ORIGIN)
+
+    def places(self) -> Mapping[int, Pose]:
+        """Where the object is."""
+        return {self.kind: self.target}
+
+    def free_way_m(self, robot: Pose) -> float:
+        """How far it is to the object or the border, at least."""
+        return way_to_contact_m(robot, self.target, self.footprint, self.rules)
+
+    def advance(self, robot: Pose, elapsed_s: float) -> Step:
+        """Tell where the robot is now.
+
+        Args:
+            robot: its pose, at most some centimetres from the last one: contacts in between are
+                not seen.
+            elapsed_s: simulated time since the last call.
+
+        """
+        if self.ended:
+            raise RuntimeError("the run has ended: begin a new one")
+        self._at_border = False
+        self.object_s += elapsed_s
+        if touches(robot, self.target, self.footprint, self.rules):
+            return self._touched(robot)
+        if at_border(robot, self.rules):
+            return self._failed(Happening.BORDER)
+        # Half a physics step: a sum of many small steps is not exact.
+        if self.object_s >= self.rules.time_limit_s - 0.0025:
+            return self._failed(Happening.TIME_OUT)
+        return Step()
+
+    def facts(self, moment: Moment) -> tuple[Any, ...]:
+        """FACTS at a decision."""
+        is_shown = moment.seen_s > moment.now_s - self.object_s - SLACK_S
+        seen_left_rad = math.nan
+        if is_shown:
+            ahead_m, left_m = from_robot(moment.seen_from, self.target)
+            seen_left_rad = math.atan2(left_m, ahead_m - moment.camera_ahead_m)
+        return (
+            len(self._touch_s),
+            self.rules.time_limit_s - self.object_s,
+            self._at_border,
+            *from_robot(moment.robot, self.target),
+            seen_left_rad,
+        )
+
+    def result(self) -> Mapping[str, Any]:
+        """The run so far: a FetchResult."""
+        result = FetchResult(
+            touches=len(self._touch_s),
+            seconds_per_touch=tuple(round(seconds, 3) for seconds in self._touch_s),
+            border_contacts=self._failures[Happening.BORDER],
+            time_outs=self._failures[Happening.TIME_OUT],
+            completed=self._complete,
+            score=round(self._score, 4),
+        )
+        return asdict(result)
+
+    @property
+    def footprint(self) -> Footprint:
+        """Where the object stands, about `target`."""
+        return self.rules.footprints[self.kind]
+
+    @property
+    def _all_touched(self) -> bool:
+        return 0 < self.rules.objects <= len(self._touch_s)
+
+    @property
+    def _complete(self) -> bool:
+        return self._all_touched and not any(self._failures.values())
+
+    def _touched(self, robot: Pose) -> Step:
+        self._touch_s.append(self.object_s)
+        score = touch_score(self.object_s, self.rules)
+        if self._complete:
+            score += COMPLETE_SCORE
+        self._score += score
+        self.ended = self._all_touched
+        if not self.ended:
+            self._next_object(robot)
+        return Step(Happening.TOUCH, score, self.ended)
+
+    def _failed(self, how: Happening) -> Step:
+        self._failures[how] += 1
+        self._at_border = how is Happening.BORDER
+        self._score += FAILURE_SCORE
+        self.ended = self.rules.ends_on_failure
+        if not self.ended:
+            self._next_object(ORIGIN)
+        return Step(how, FAILURE_SCORE, self.ended, robot_to_origin=not self.ended)
+
+    def _next_object(self, robot: Pose) -> None:
+        self.target = spawn(robot, self.rules, self._rng)
+        self.kind = draw_kind(self.rules, self._rng)
+        self.object_s = 0.0
+
+
+def from_robot(robot: Pose, target: Pose) -> tuple[float, float]:
+    """How far ahead of the robot's axle and to its left something is, in metres."""
+    dx, dy = target.x_m - robot.x_m, target.y_m - robot.y_m
+    cos, sin = math.cos(robot.yaw_rad), math.sin(robot.yaw_rad)
+    return cos * dx + sin * dy, cos * dy - sin * dx
