@@ -141,10 +141,10 @@ $(VENV)/bin/python:
 
 $(VENV)/.demo: $(VENV)/bin/python pyproject.toml constraints.txt
 	@PYTHON=$(PYTHON) sh deploy/workstation-libraries.sh
-	$(PIP) install -c constraints.txt -e '.[robot,workstation]'
+	$(PIP) install -c constraints.txt -e '.[robot,workstation,measure]'
 	@touch $@
 
 $(VENV)/.all: $(VENV)/bin/python pyproject.toml constraints.txt
 	@PYTHON=$(PYTHON) sh deploy/workstation-libraries.sh test
-	$(PIP) install -c constraints.txt -e '.[robot,workstation,console,train,dev]'
+	$(PIP) install -c constraints.txt -e '.[robot,workstation,measure,console,train,dev]'
 	@touch $@ $(VENV)/.demo

@@ -6,7 +6,7 @@ import numpy as np
 from unseen_robot import Body, Drive, Pair, Plane, UnseenRobot, duty_of, torque_about, towards_zero
 
 from mbot_protocol.drive.actions import WheelMaps
-from mbot_workstation.sim.track import Array
+from mbot_workstation.measure.tracks.track import Array
 
 
 @dataclass

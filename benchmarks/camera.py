@@ -23,7 +23,7 @@ from mbot_workstation.learn.evaluation.provenance import provenance
 from mbot_workstation.measure.calibration.camera.board_detection import Sighting
 from mbot_workstation.measure.calibration.camera.camera_fit import fit_camera
 from mbot_workstation.measure.calibration.camera.camera_pictures import look_for_boards
-from mbot_workstation.measure.calibration.camera.picture_sizes import View, error_px
+from mbot_workstation.measure.calibration.camera.picture_sizes import ScaledBoard, error_px
 from mbot_workstation.measure.targets.specifications import Board
 
 Corners = NDArray[np.float32]
@@ -100,7 +100,7 @@ def by_ours(sightings: list[Sighting], paths: list[Path], *, keep_outliers: bool
     held_out = []
     for index, left_out in enumerate(kept):
         others = fit_camera([*kept[:index], *kept[index + 1 :]], keep_outliers=True)
-        seen = View.of(left_out, others.camera.width_px, others.camera.height_px)
+        seen = ScaledBoard.of(left_out, others.camera.width_px, others.camera.height_px)
         held_out.append(error_px(seen, others.camera))
     camera = fit.camera
     return Result(

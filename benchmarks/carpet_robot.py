@@ -16,7 +16,7 @@ from unseen_robot import (
 )
 
 from mbot_protocol.drive.actions import WheelMaps
-from mbot_workstation.sim.track import Array
+from mbot_workstation.measure.tracks.track import Array
 
 
 @dataclass

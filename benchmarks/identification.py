@@ -24,14 +24,14 @@ from unseen_robots import UNSEEN
 
 from mbot_protocol.drive.actions import WheelMaps
 from mbot_workstation.measure.identification.fit import identify
-from mbot_workstation.measure.identification.model import simulate_run
 from mbot_workstation.measure.identification.result import Identification
+from mbot_workstation.measure.identification.rollout import simulate_run
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS
-from mbot_workstation.measure.tracks.recording_folder import read_recording
-from mbot_workstation.measure.tracks.run import CommandSeries, Recording, Run
+from mbot_workstation.measure.tracks.recording_folder import read_maneuvers
+from mbot_workstation.measure.tracks.run import CommandSeries, ManeuverRecording, Run
+from mbot_workstation.measure.tracks.track import Track
 from mbot_workstation.sim.body.parameter_table import with_values
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
-from mbot_workstation.sim.track import Track
 from tests.workstation.mujoco_truth import record_simulated
 from tests.workstation.planar_robot import PlanarRobot, Session, record
 
@@ -161,7 +161,7 @@ def compare(truth: Rates, found: Identification) -> dict[str, float]:
     }
 
 
-def measure(recording: Recording, truth: Rates) -> dict[str, Any]:
+def measure(recording: ManeuverRecording, truth: Rates) -> dict[str, Any]:
     cpu_s, start_s = time.process_time(), time.perf_counter()
     found = identify([recording], RobotParameters(), robot_id="benchmark")
     wall_s, cpu_s = time.perf_counter() - start_s, time.process_time() - cpu_s
@@ -182,7 +182,7 @@ def measure(recording: Recording, truth: Rates) -> dict[str, Any]:
         "path_cm_repeats": round(100 * scatter, 1),
         "path_ratio": round(after / scatter, 2),
         "misfit_percent": round(100 * max(one.size for one in found.misfits), 2),
-        "left_out": found.left_out,
+        "left_out": {name: one.why for name, one in found.excluded.items()},
         "parameters": {e.name: (e.value, e.low, e.high) for e in found.estimates},
     }
 
@@ -228,7 +228,7 @@ def main() -> None:
             _show(name, result)
 
     for folder in options.recording:
-        keep(folder.name, measure(read_recording(folder), recorded_rates(folder)))
+        keep(folder.name, measure(read_maneuvers(folder), recorded_rates(folder)))
     truths = {name: PLANAR[name] for name in options.truth if name in PLANAR}
     truths |= {f"random {seed}": random_truth(seed) for seed in range(options.random)}
     for name, truth in truths.items():

@@ -13,23 +13,25 @@ WORKSTATION = "workstation/mbot_workstation"
 PROTOCOL = "shared/protocol/mbot_protocol"
 
 BUDGETS = {
-    f"{WORKSTATION}/cli": 6500,
-    f"{WORKSTATION}/look": 3600,
-    f"{WORKSTATION}/measure": 14800,
-    f"{WORKSTATION}/learn": 8000,
+    f"{WORKSTATION}/cli": 5500,
+    f"{WORKSTATION}/look": 3400,
+    f"{WORKSTATION}/measure": 15200,
+    f"{WORKSTATION}/learn": 8100,
     f"{WORKSTATION}/virtual": 2600,
-    f"{WORKSTATION}/fleet": 7500,
+    f"{WORKSTATION}/fleet": 6500,
     f"{WORKSTATION}/tasks": 1300,
-    f"{WORKSTATION}/sim": 6300,
-    f"{WORKSTATION}/pictures": 400,
-    WORKSTATION: 400,
-    PROTOCOL: 4000,
-    "robot/mbot_agent": 10300,
-    "robot/mbot_update": 1350,
-    "tests": 54500,
+    f"{WORKSTATION}/sim": 5600,
+    f"{WORKSTATION}/pictures": 420,
+    WORKSTATION: 320,
+    PROTOCOL: 5600,
+    "robot/mbot_agent": 9500,
+    "robot/mbot_update": 1400,
+    "tests": 55500,
     "benchmarks": 4650,
 }
-"""Lines by folder; what lies in a folder with a budget of its own counts there."""
+"""Lines by folder; what lies in a folder with a budget of its own counts there. They are what
+stands today; the aim is 50,000 of source in all, 10,000 of them measuring, and 38,000 of tests.
+"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,9 +20,9 @@ from steady_rates import Rates, steady_rates
 
 from mbot_protocol.drive.actions import WheelMaps, to_steps
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS
-from mbot_workstation.measure.tracks.run import CommandSeries, Recording, Run
+from mbot_workstation.measure.tracks.run import CommandSeries, ManeuverRecording, Run
+from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.sim.body.motor import pwm_duties
-from mbot_workstation.sim.track import Array
 from tests.workstation.planar_robot import Session, Tracker, put_down
 
 Plane = Any  # an array of complex numbers; numpy's types lose their width on the way
@@ -164,7 +164,7 @@ class UnseenRobot(ABC):
             for m, one in zip(MANEUVERS, calm, strict=True)
         }
 
-    def record(self, seed: int, repetitions: int = 6) -> Recording:
+    def record(self, seed: int, repetitions: int = 6) -> ManeuverRecording:
         """Drive a session in shuffled order and watch it."""
         session, tracker = Session(repetitions=repetitions), Tracker()
         rng = np.random.default_rng(seed)
@@ -186,7 +186,7 @@ class UnseenRobot(ABC):
             last = grid <= one.seconds + session.stand_s
             track = tracker.watch(one.start_s + TOLD_S + grid[last], path[last], rng)
             runs.append(Run(len(runs) + 1, one.name, one.repetition, commands, track))
-        return Recording("unseen", session.maps, tuple(runs), tracker.ahead_s)
+        return ManeuverRecording("unseen", session.maps, tuple(runs), tracker.ahead_s)
 
     def _strength(self, runs: int, times: int, rng: np.random.Generator) -> Array:
         seconds = np.arange(times) * TOLD_S

@@ -20,9 +20,6 @@ SOURCE = (
     "robot/mbot_update",
 )
 LONGEST_FUNCTION = 60
-SHARED_NAMES: set[str] = {"Room", "Shape", "View", "Estimate", "Verdict"}
-"""Left from before; measuring and the rest of the workstation both have one."""
-
 ROOMS = sorted(path.parent for path in (CHECKOUT / SOURCE[0]).glob("*/__init__.py"))
 
 
@@ -131,7 +128,7 @@ def test_a_class_has_its_name_to_itself(side: str) -> None:
         for node in ast.parse(path.read_text()).body
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
     )
-    assert not {name for name, times in named.items() if times > 1} - SHARED_NAMES
+    assert not {name for name, times in named.items() if times > 1}
 
 
 @pytest.mark.parametrize("name", ["inertia_scale", "turning_knee_rad_s"])

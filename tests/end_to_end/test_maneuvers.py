@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from mbot_protocol.beat.recorded_drive import read_drive
-from mbot_workstation.measure.tracks.driven_run import DrivenRun
-from mbot_workstation.measure.tracks.recording_folder import read_recording
-from mbot_workstation.measure.tracks.track_files import read_track
+from mbot_workstation.measure.tracks.motion import DrivenRun
+from mbot_workstation.measure.tracks.recording_folder import read_maneuvers
+from mbot_workstation.measure.tracks.track_file import read_track
 
 from .processes import Daemon, until, workstation
 
@@ -45,7 +45,7 @@ def test_maneuvers_are_driven_recorded_and_found_in_the_track(tmp_path: Path) ->
 
     (tmp_path / "truth.csv").rename(folder / "track.csv")
     (folder / "track.toml").write_text('preset = "triad-openvr"\n')
-    recording = read_recording(folder)
+    recording = read_maneuvers(folder)
     assert recording.robot_id == "mbot-test"
     assert tuple(run.maneuver for run in recording.runs) == TOLD * 2
     ahead_s = recording.tracker_ahead_s

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mbot_protocol.drive.camera_model import CameraModel
 from mbot_workstation.measure.targets.layouts import board_page
-from mbot_workstation.measure.targets.png import draw
+from mbot_workstation.measure.targets.page_file import draw
 from mbot_workstation.measure.targets.sheet import PAPERS
 from mbot_workstation.measure.targets.specifications import Board
 

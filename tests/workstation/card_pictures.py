@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mbot_protocol.drive.camera_model import nominal_pi_camera
 from mbot_protocol.drive.picture import Picture
 from mbot_workstation.measure.targets.layouts import card_page, card_place
-from mbot_workstation.measure.targets.png import draw
+from mbot_workstation.measure.targets.page_file import draw
 from mbot_workstation.measure.targets.sheet import PAPERS
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.camera.camera_renderer import CameraRenderer

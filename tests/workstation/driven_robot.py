@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS, Maneuver
 from mbot_workstation.measure.tracks.run import CommandSeries, Run
-from mbot_workstation.sim.track import Array, Track
+from mbot_workstation.measure.tracks.track import Array, Track
 
 STEP_S = 0.002
 

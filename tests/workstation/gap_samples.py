@@ -13,8 +13,8 @@ from mbot_workstation.measure.gap_report.quantities import quantities
 from mbot_workstation.measure.gap_report.report import GapReport, missing_parts
 from mbot_workstation.measure.gap_report.verdict import judge
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS, Maneuver
+from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
-from mbot_workstation.sim.track import Array
 
 Wheels = tuple[float, float, float]
 """Speeds of the left and right wheel at full command [m/s], and the track [m]."""
@@ -104,7 +104,7 @@ def report(
         "recordings": (str(folder),),
         "recorded_runs": 2 * len(runs),
         "held_out_words": "Every other repetition.",
-        "left_out": {},
+        "excluded": {},
         "files": files,
         "driving": driven,
         "judged": tuple(judge(one, maps) for one in quantities(files, runs)),

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from mbot_workstation.measure.identification.model import (
+from mbot_workstation.measure.identification.rollout import (
     simulate_paths,
     step_count,
     wheel_volts,
 )
-from mbot_workstation.measure.tracks.run import CommandSeries, Recording, Run
+from mbot_workstation.measure.tracks.run import CommandSeries, ManeuverRecording, Run
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.engine import TIMESTEP_S
 
@@ -22,7 +22,7 @@ def record_simulated(
     delay_s: float = 0.03,
     repeat: float = 0.003,
     seed: int = 0,
-) -> Recording:
+) -> ManeuverRecording:
     """Drive a session; each motor's strength differs by `repeat` (sd, a share) from run to run."""
     tracker = tracker or Tracker()
     rng = np.random.default_rng(seed)
@@ -48,4 +48,4 @@ def record_simulated(
         time_s = (began_s + TIMESTEP_S * np.arange(len(whole))).astype(np.float64)
         track = tracker.watch(time_s, put_down(whole, rng), rng)
         runs.append(Run(len(runs) + 1, name, repetition, series, track))
-    return Recording("simulated", session.maps, tuple(runs), tracker.ahead_s)
+    return ManeuverRecording("simulated", session.maps, tuple(runs), tracker.ahead_s)

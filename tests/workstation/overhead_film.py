@@ -9,6 +9,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from mbot_protocol.drive.camera_model import CameraModel
+from mbot_workstation.measure.targets.marker_detection import Grey
 from mbot_workstation.measure.targets.specifications import (
     MARKER_DICTIONARY,
     ROBOT_MARKER_ID,
@@ -16,8 +17,7 @@ from mbot_workstation.measure.targets.specifications import (
     charuco_board,
     marker_cells,
 )
-from mbot_workstation.measure.tracking.marker_detection import Grey
-from mbot_workstation.sim.track import Array
+from mbot_workstation.measure.tracks.track import Array
 
 FRAME_RATE_HZ = 30.0
 CELL_PX = 24

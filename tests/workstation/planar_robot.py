@@ -11,9 +11,9 @@ import numpy as np
 
 from mbot_protocol.drive.actions import WheelMaps, to_steps
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS
-from mbot_workstation.measure.tracks.run import CommandSeries, Recording, Run
+from mbot_workstation.measure.tracks.run import CommandSeries, ManeuverRecording, Run
+from mbot_workstation.measure.tracks.track import Array, Track
 from mbot_workstation.sim.body.motor import pwm_duties
-from mbot_workstation.sim.track import Array, Track
 
 STEP_S = 0.0005
 GRAVITY = 9.81
@@ -196,7 +196,7 @@ def record(
     session: Session | None = None,
     tracker: Tracker | None = None,
     seed: int = 0,
-) -> Recording:
+) -> ManeuverRecording:
     """Drive a session and watch it."""
     session, tracker = session or Session(), tracker or Tracker()
     rng = np.random.default_rng(seed)
@@ -220,7 +220,7 @@ def record(
         placed = put_down(path, rng)
         track = tracker.watch(start + STEP_S + grid[last], placed[last], rng)
         runs.append(Run(len(runs) + 1, name, repetition, commands, track))
-    return Recording("planar", session.maps, tuple(runs), tracker.ahead_s)
+    return ManeuverRecording("planar", session.maps, tuple(runs), tracker.ahead_s)
 
 
 def _duty(time_s: Array, plan: Array, maps: WheelMaps) -> Array:

@@ -21,7 +21,7 @@ from mbot_workstation.measure.calibration.body.body_drawing import (
     SHEET_MM,
     draw_body,
 )
-from mbot_workstation.measure.calibration.body.body_example import example_file
+from mbot_workstation.measure.calibration.body.body_files import example_file
 from mbot_workstation.measure.calibration.body.mass_properties import (
     MassProperties,
     mass_properties,

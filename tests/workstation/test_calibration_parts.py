@@ -8,8 +8,8 @@ import pytest
 
 from mbot_protocol.drive.camera_model import nominal_pi_camera
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.measure.calibration.body.body_mjcf import robot_mjcf, write_mjcf
-from mbot_workstation.measure.calibration.body.body_views import FRONT, SIDE, TOP
+from mbot_workstation.measure.calibration.body.body_drawing import FRONT, SIDE, TOP
+from mbot_workstation.measure.calibration.body.body_files import robot_mjcf, write_mjcf
 from mbot_workstation.measure.calibration.camera.board_detection import Sighting, find_board
 from mbot_workstation.measure.calibration.camera.camera_drawing import draw_calibration
 from mbot_workstation.measure.calibration.camera.camera_fit import fit_camera
@@ -19,12 +19,14 @@ from mbot_workstation.measure.calibration.camera.picture_sizes import (
     commonest_size,
     scaled_corners,
 )
-from mbot_workstation.measure.calibration.light.card_frame import find_framed_card
+from mbot_workstation.measure.calibration.light.card_outline import (
+    find_framed_card,
+    find_plain_card,
+)
 from mbot_workstation.measure.calibration.light.gray_card import CardReading
 from mbot_workstation.measure.calibration.light.light_drawing import draw_light
 from mbot_workstation.measure.calibration.light.light_fit import LightFit
 from mbot_workstation.measure.calibration.light.light_measurement import LightMeasurement
-from mbot_workstation.measure.calibration.light.plain_card import find_plain_card
 from mbot_workstation.measure.calibration.light.simulated_card import camera_axes, simulated_card
 from mbot_workstation.measure.calibration.room.panorama_preview import draw_preview
 from mbot_workstation.measure.targets.specifications import Board

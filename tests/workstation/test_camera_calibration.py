@@ -17,11 +17,6 @@ from mbot_protocol.drive.calibration import read_camera
 from mbot_protocol.drive.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError, UnreachableError
 from mbot_workstation.cli.calibrate_camera import camera as camera_command
-from mbot_workstation.measure.calibration.camera.board_collector import (
-    STILL_S,
-    BoardCollector,
-    Verdict,
-)
 from mbot_workstation.measure.calibration.camera.board_detection import (
     MOST_BEND,
     FoundBoard,
@@ -31,9 +26,14 @@ from mbot_workstation.measure.calibration.camera.board_detection import (
     most_likely_checkerboard,
 )
 from mbot_workstation.measure.calibration.camera.camera_fit import CameraFit, fit_camera, solve
+from mbot_workstation.measure.calibration.camera.camera_live import (
+    STILL_S,
+    BoardCollector,
+    FrameVerdict,
+)
 from mbot_workstation.measure.calibration.camera.camera_pictures import look_for_boards
 from mbot_workstation.measure.calibration.camera.camera_quality import judge
-from mbot_workstation.measure.calibration.camera.picture_sizes import View, error_px
+from mbot_workstation.measure.calibration.camera.picture_sizes import ScaledBoard, error_px
 from mbot_workstation.measure.targets.specifications import Board
 from mbot_workstation.virtual.mjpeg_server import MjpegServer
 
@@ -286,7 +286,7 @@ def test_exact_corners_give_the_exact_camera(
             camera.matrix,
             np.array(camera.distortion),
         )
-        views.append(View(points, np.asarray(corners, np.float64).reshape(-1, 2), 1.0))
+        views.append(ScaledBoard(points, np.asarray(corners, np.float64).reshape(-1, 2), 1.0))
     found, _ = solve(views, CameraModel(1000, 750, 1000 * focal * 1.08, 1000 * focal, 499.5, 374.5))
     np.testing.assert_allclose(intrinsics_of(found)[:4], intrinsics_of(camera)[:4], rtol=1e-4)
     assert max(error_px(view, found) for view in views) < 1e-3
@@ -364,14 +364,14 @@ def test_pictures_are_taken_when_the_board_is_still_and_somewhere_else() -> None
     one, other, *_ = pictures(CHECKERBOARD, SMALL, 8)
     collector = BoardCollector([CHECKERBOARD])
     blank = np.full(one.shape, 128, np.uint8)
-    assert collector.offer(blank, 0.0) is Verdict.NO_BOARD
-    assert collector.offer(one, 1.0) is Verdict.MOVING
-    assert collector.offer(one, 1.0 + STILL_S / 2) is Verdict.MOVING
-    assert collector.offer(one, 1.1 + STILL_S) is Verdict.TAKEN
-    assert collector.offer(one, 3.0) is Verdict.SAME_POSE
-    assert collector.offer(other, 4.0) is Verdict.MOVING
-    assert collector.offer(other, 5.0) is Verdict.TAKEN
-    assert collector.offer(flipped(one, 1), 6.0) is Verdict.MIRRORED
+    assert collector.offer(blank, 0.0) is FrameVerdict.NO_BOARD
+    assert collector.offer(one, 1.0) is FrameVerdict.MOVING
+    assert collector.offer(one, 1.0 + STILL_S / 2) is FrameVerdict.MOVING
+    assert collector.offer(one, 1.1 + STILL_S) is FrameVerdict.TAKEN
+    assert collector.offer(one, 3.0) is FrameVerdict.SAME_POSE
+    assert collector.offer(other, 4.0) is FrameVerdict.MOVING
+    assert collector.offer(other, 5.0) is FrameVerdict.TAKEN
+    assert collector.offer(flipped(one, 1), 6.0) is FrameVerdict.MIRRORED
     assert collector.count == 2
     assert len(collector.empty_areas()) < 9
 

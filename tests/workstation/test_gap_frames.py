@@ -10,7 +10,7 @@ import pytest
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
 from mbot_workstation.measure.gap_report.frames import read_frames, telemetry_frames
-from mbot_workstation.measure.gap_report.simulated_view import Place, RealFrame, frame_pairs
+from mbot_workstation.measure.gap_report.simulated_view import FramePlace, RealFrame, frame_pairs
 from mbot_workstation.measure.tracks.maneuver import maneuver_named
 from mbot_workstation.measure.tracks.recording_folder import TELEMETRY_FILE
 from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
@@ -23,8 +23,8 @@ from .samples import decision, picture
 
 def test_a_frame_is_drawn_as_the_robot_would_see_it() -> None:
     cube = Pose(0.6, 0.0, 0.0)
-    frame = RealFrame("x", np.zeros((120, 160, 3), np.uint8), Place(ORIGIN, cube), False)
-    observation = RealFrame("y", np.zeros((64, 64, 3), np.uint8), Place(ORIGIN, cube), True)
+    frame = RealFrame("x", np.zeros((120, 160, 3), np.uint8), FramePlace(ORIGIN, cube), False)
+    observation = RealFrame("y", np.zeros((64, 64, 3), np.uint8), FramePlace(ORIGIN, cube), True)
     dark = CalibrationFiles(light=LIGHT)  # exposure 0.8
     first, second = frame_pairs([frame, observation], dark)
     assert first.calibrated.shape == first.nominal.shape == (120, 160, 3)
@@ -44,7 +44,7 @@ def test_frames_are_read_with_their_places(tmp_path: Path) -> None:
         "a.png,0.5,-0.2,90,1,0,45\nb.png,0,0,0,,,\n"
     )
     first, second = read_frames(tmp_path)
-    assert first.place == Place(Pose(0.5, -0.2, math.pi / 2), Pose(1.0, 0.0, math.pi / 4))
+    assert first.place == FramePlace(Pose(0.5, -0.2, math.pi / 2), Pose(1.0, 0.0, math.pi / 4))
     assert first.picture[0, 0].tolist() == [200, 0, 0]
     assert second.place.cube is None
     assert second.picture.shape == (450, 640, 3)

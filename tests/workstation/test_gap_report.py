@@ -16,9 +16,9 @@ from mbot_workstation.learn.studies.tolerance_file import write_tolerances
 from mbot_workstation.measure.gap_report.page import light_from, page, way
 from mbot_workstation.measure.gap_report.report import as_fields, build
 from mbot_workstation.measure.gap_report.simulated_view import FramePair
-from mbot_workstation.measure.identification.left_out import Fault, LeftOut
+from mbot_workstation.measure.identification.exclusion import Exclusion, Fault
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS, maneuver_named
-from mbot_workstation.measure.tracks.recording_folder import write_recording
+from mbot_workstation.measure.tracks.recording_folder import write_maneuvers
 from mbot_workstation.sim.body.parameter_table import PARAMETERS
 from mbot_workstation.sim.calibrated.calibration_folder import (
     CalibrationFiles,
@@ -161,8 +161,8 @@ def test_what_is_missing_is_said_with_the_command_that_makes_it() -> None:
 
 
 def test_words_from_files_are_no_html() -> None:
-    left_out = {"run <b>": LeftOut(Fault.ODD_TURN, "a & b")}
-    text = page(report(compared_runs(MANEUVERS[:1], 1), ONLY_MOTION, left_out=left_out))
+    excluded = {"run <b>": Exclusion(Fault.ODD_MOTOR, "a & b")}
+    text = page(report(compared_runs(MANEUVERS[:1], 1), ONLY_MOTION, excluded=excluded))
     assert "run &lt;b&gt;: a &amp; b" in text
     assert "run <b>" not in text
 
@@ -221,7 +221,7 @@ run_command = partial(output_of, gap_report)
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recordings") / "mbot-1"
-    write_recording(folder, "mbot-1", session(repetitions=2, duration_s=3.0))
+    write_maneuvers(folder, "mbot-1", session(repetitions=2, duration_s=3.0))
     return folder
 
 
@@ -280,7 +280,7 @@ def test_bad_input_is_named(recording: Path, tmp_path: Path) -> None:
     options = ("--calibration", str(tmp_path))
     assert "wrong.json" in fails(str(recording), *options, "--tolerance", str(wrong))
     other = tmp_path / "other"
-    write_recording(other, "mbot-2", session(None, 1, 2.0, MANEUVERS[:1]))
+    write_maneuvers(other, "mbot-2", session(None, 1, 2.0, MANEUVERS[:1]))
     assert "mbot-2" in fails(str(recording), str(other), *options)
     missing = str(tmp_path / "no" / "gap.html")
     assert "there is no folder" in fails(str(recording), *options, "-o", missing)

@@ -8,22 +8,22 @@ import pytest
 
 from mbot_protocol.drive.actions import WheelMaps
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.measure.identification.exclusion import Fault
 from mbot_workstation.measure.identification.fit import identify
-from mbot_workstation.measure.identification.handicap import handicap
-from mbot_workstation.measure.identification.left_out import Fault
-from mbot_workstation.measure.identification.model import simulate_run
 from mbot_workstation.measure.identification.motion_file import motion_calibration
+from mbot_workstation.measure.identification.motor_trim import trim_choice
 from mbot_workstation.measure.identification.result import Identification
 from mbot_workstation.measure.identification.result_words import (
     backward_lines,
     error_lines,
     misfit_lines,
 )
+from mbot_workstation.measure.identification.rollout import simulate_run
 from mbot_workstation.measure.tracks.maneuver import maneuver_named
-from mbot_workstation.measure.tracks.run import CommandSeries, Recording, Run
+from mbot_workstation.measure.tracks.run import CommandSeries, ManeuverRecording, Run
+from mbot_workstation.measure.tracks.track import Array, Track
 from mbot_workstation.sim.body.parameter_table import with_values
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
-from mbot_workstation.sim.track import Array, Track
 
 from .mujoco_truth import record_simulated
 from .planar_robot import PlanarRobot, Session, Tracker, record
@@ -71,12 +71,12 @@ def wheel_ratio(speed: float, rate: float, track_m: float) -> float:
 
 
 @pytest.fixture(scope="module")
-def recording() -> Recording:
+def recording() -> ManeuverRecording:
     return record(TRUTH, SHORT, seed=1)
 
 
 @pytest.fixture(scope="module")
-def found(recording: Recording) -> Identification:
+def found(recording: ManeuverRecording) -> Identification:
     return identify([recording], RobotParameters(), robot_id="planar")
 
 
@@ -201,7 +201,7 @@ def test_what_the_model_misses_by_far_is_said(found: Identification) -> None:
 
 @pytest.mark.slow
 def test_the_trim_drives_straight(found: Identification) -> None:
-    maps = handicap(found, WheelMaps()).straight
+    maps = trim_choice(found, WheelMaps()).straight
     assert maps.left.trim < 1 == maps.right.trim
     commands = CommandSeries(np.array([0.0, 4.0]), np.array([1.0, 0]), np.array([1.0, 0]))
     still = Track(np.array([0.0, 1.0]), np.zeros((2, 3)), np.tile([1.0, 0, 0, 0], (2, 1)))
@@ -284,7 +284,7 @@ def test_the_delay_is_told_with_one_clock() -> None:
 
 
 @pytest.mark.slow
-def test_spoilt_runs_are_named_and_left_out(recording: Recording) -> None:
+def test_spoilt_runs_are_named_and_left_out(recording: ManeuverRecording) -> None:
     runs = list(recording.runs)
     runs[0] = _held_at(runs[0], 1.5)  # a fitted one
     runs[3] = _held_at(runs[3], 1.5)  # a held-out one
@@ -292,16 +292,16 @@ def test_spoilt_runs_are_named_and_left_out(recording: Recording) -> None:
     runs[7] = replace(runs[7], commands=_swapped(runs[7].commands))
     spoilt = replace(recording, runs=tuple(runs))
     found = identify([spoilt], RobotParameters(), robot_id="spoilt")
-    faults = {int(name.split()[1]): one.fault for name, one in found.left_out.items()}
+    faults = {int(name.split()[1]): one.fault for name, one in found.excluded.items()}
     assert set(faults) >= {1, 4, 6, 8}
     assert set(faults) <= {1, 2, 4, 6, 8}  # run 2 is run 1's only companion
-    assert (faults[6], faults[8]) == (Fault.ENDS_EARLY, Fault.ODD_TURN)
+    assert (faults[6], faults[8]) == (Fault.SHORT_TRACK, Fault.OTHER_TURN)
     speed, rate, _ = simulated_rates(found.robot, -1, -1)
     assert speed == pytest.approx(TRUTH.steady(-1, -1)[0], rel=0.02)
     assert rate == pytest.approx(TRUTH.steady(-1, -1)[1], abs=0.02)
 
 
-def test_too_few_runs_are_refused(recording: Recording) -> None:
+def test_too_few_runs_are_refused(recording: ManeuverRecording) -> None:
     once = replace(recording, runs=recording.runs[::2])
     with pytest.raises(ConfigurationError, match="8 runs, and no maneuver twice"):
         identify([once], RobotParameters(), robot_id="once")

@@ -12,39 +12,47 @@ from mbot_protocol.drive.actions import WheelMaps
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.identification.arrowhead import Arrowhead
 from mbot_workstation.measure.identification.conclusions import steady_rate
-from mbot_workstation.measure.identification.data import prepare
+from mbot_workstation.measure.identification.dataset import prepare
 from mbot_workstation.measure.identification.floor import flatten
-from mbot_workstation.measure.identification.held_out import is_held_out
-from mbot_workstation.measure.identification.increments import Bins, bins_of, observe
-from mbot_workstation.measure.identification.initial import Kinematics, clocks, kinematics
-from mbot_workstation.measure.identification.model import (
+from mbot_workstation.measure.identification.initial_guess import (
+    KinematicGuess,
+    clocks,
+    kinematic_guess,
+)
+from mbot_workstation.measure.identification.observed_run import Bins, bins_of, observe
+from mbot_workstation.measure.identification.outliers import outlying_runs
+from mbot_workstation.measure.identification.prediction import (
+    NUISANCE,
+    SETTING,
+    Noise,
+    Whitener,
+    jacobians,
+    predicted,
+)
+from mbot_workstation.measure.identification.rollout import (
     Plan,
-    drive_plans,
     plans_of,
+    rollouts,
     simulate_paths,
     simulate_run,
     step_count,
     wheel_volts,
 )
-from mbot_workstation.measure.identification.prediction import (
-    OWN,
-    SETTING,
-    Noise,
-    Whitener,
-    predicted,
-    slopes,
-)
-from mbot_workstation.measure.identification.scatter import learn_noise, shared_and_each
 from mbot_workstation.measure.identification.solver import (
     Problem,
-    Scatter,
     Solution,
     Solver,
     State,
-    begun,
+    VarianceComponents,
+    initial_state,
 )
-from mbot_workstation.measure.identification.stray import stray_runs
-from mbot_workstation.measure.tracks.run import CommandSeries, Recording, Run
+from mbot_workstation.measure.identification.validation import is_held_out
+from mbot_workstation.measure.identification.variance_components import (
+    common_and_individual,
+    estimate_noise,
+)
+from mbot_workstation.measure.tracks.run import CommandSeries, ManeuverRecording, Run
+from mbot_workstation.measure.tracks.track import Array, Track
 from mbot_workstation.sim.body.parameter_table import (
     BY_NAME,
     NAMES,
@@ -56,7 +64,6 @@ from mbot_workstation.sim.body.parameter_table import (
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.scene.room_generator import generate_room
 from mbot_workstation.sim.simulation import Simulation
-from mbot_workstation.sim.track import Array, Track
 
 from .planar_robot import PlanarRobot, Session, Tracker, record
 
@@ -69,20 +76,20 @@ MAPS = WheelMaps()
 
 
 @pytest.fixture(scope="module")
-def recording() -> Recording:
+def recording() -> ManeuverRecording:
     return record(TRUTH, Session().shortened(2.5, 1), seed=4)
 
 
-def guess(recording: Recording) -> Kinematics:
+def guess(recording: ManeuverRecording) -> KinematicGuess:
     runs = flatten(recording)
-    ahead_s, stray = clocks(runs, recording.tracker_ahead_s)
-    assert not stray
+    ahead_s, excluded = clocks(runs, recording.tracker_ahead_s)
+    assert not excluded
     own_clock = recording.tracker_ahead_s is None
     seen = [
         observe(r, float(a), (0.0, 0.0), own_clock=own_clock)
         for r, a in zip(runs, ahead_s, strict=True)
     ]
-    return kinematics(seen, RobotParameters(), recording.wheel_maps)
+    return kinematic_guess(seen, RobotParameters(), recording.wheel_maps)
 
 
 def run_of(*rows: tuple[float, float, float]) -> Run:
@@ -221,7 +228,7 @@ def test_mass_and_inertia_can_be_given_apart_from_the_bodies() -> None:
 @pytest.mark.parametrize("told", [(1.0, 1.0), (0.0, 1.0), (-1.0, 1.0)])
 def test_a_held_command_goes_on_as_it_would(told: tuple[float, float]) -> None:
     run = run_of((0.0, *told), (10.0, 0, 0))
-    ((path,),) = drive_plans([ROBOT], [Plan(run.commands, MAPS)])
+    ((path,),) = rollouts([ROBOT], [Plan(run.commands, MAPS)])
     volts = wheel_volts(ROBOT, run.commands, MAPS, step_count(run.commands))
     whole = simulate_paths([ROBOT], volts[None])[0]
     np.testing.assert_allclose(path[:2000], whole[:2000], atol=1e-4)
@@ -286,7 +293,7 @@ def test_the_floor_becomes_level_and_the_mount_does_not_matter() -> None:
         assert flat.heading[end] - flat.heading[begin] == pytest.approx(true_rad, abs=0.15)
 
 
-def test_a_floor_that_stands_upright_is_refused(recording: Recording) -> None:
+def test_a_floor_that_stands_upright_is_refused(recording: ManeuverRecording) -> None:
     tilt = np.array([[1, 0, 0], [0, 0.7, -0.7], [0, 0.7, 0.7]])
     runs = tuple(
         replace(run, track=replace(run.track, position_m=run.track.position_m @ tilt.T))
@@ -317,9 +324,9 @@ def test_increments_know_nothing_of_where_a_run_began(
     )
 
 
-def test_the_onset_is_found_and_not_made_up(recording: Recording) -> None:
-    ahead_s, stray = clocks(flatten(replace(recording, tracker_ahead_s=None)), None)
-    assert not stray
+def test_the_onset_is_found_and_not_made_up(recording: ManeuverRecording) -> None:
+    ahead_s, excluded = clocks(flatten(replace(recording, tracker_ahead_s=None)), None)
+    assert not excluded
     np.testing.assert_allclose(ahead_s, 5.03, atol=0.08)
     moving = [
         replace(run, track=_after(run.track, float(ahead) + run.commands.start_s + lead_s))
@@ -332,16 +339,16 @@ def test_the_onset_is_found_and_not_made_up(recording: Recording) -> None:
 # The first guess, and what it refuses
 
 
-def test_kinematics_give_wheels_track_and_tracker(recording: Recording) -> None:
+def test_kinematics_give_wheels_track_and_tracker(recording: ManeuverRecording) -> None:
     found = guess(recording)
     assert found.left_m_s == pytest.approx(0.41, abs=0.03)
     assert found.right_m_s == pytest.approx(0.385, abs=0.03)
     assert found.track_m == pytest.approx(TRUTH.track, rel=0.07)
     assert (found.tracker.real, found.tracker.imag) == pytest.approx((-0.035, 0.012), abs=0.005)
-    assert not found.stray
+    assert not found.excluded
 
 
-def test_without_turns_the_known_track_is_used(recording: Recording) -> None:
+def test_without_turns_the_known_track_is_used(recording: ManeuverRecording) -> None:
     straight = [run for run in recording.runs if run.maneuver == "forward-forward"]
     found = guess(replace(recording, runs=tuple(straight)))
     assert found.track_m is None
@@ -372,14 +379,14 @@ def _in_millimetres(track: Track) -> Track:
     ],
 )
 def test_tracks_that_cannot_be_are_refused(
-    recording: Recording, spoil: Callable[[Track], Track], message: str
+    recording: ManeuverRecording, spoil: Callable[[Track], Track], message: str
 ) -> None:
     runs = tuple(replace(run, track=spoil(run.track)) for run in recording.runs)
     with pytest.raises(ConfigurationError, match=message):
         guess(replace(recording, runs=runs))
 
 
-def test_another_unit_is_named(recording: Recording) -> None:
+def test_another_unit_is_named(recording: ManeuverRecording) -> None:
     straight = [_steady_track(run) for run in recording.runs if "neutral" not in run.maneuver]
     guess(replace(recording, runs=tuple(straight)))
     runs = tuple(replace(run, track=_in_millimetres(run.track)) for run in straight)
@@ -408,7 +415,7 @@ def _steady_track(run: Run) -> Run:
     ],
 )
 def test_swapped_and_reversed_motors_are_named(
-    recording: Recording, left: str, right: str, message: str
+    recording: ManeuverRecording, left: str, right: str, message: str
 ) -> None:
     def told(commands: CommandSeries) -> CommandSeries:
         sides = {"left": commands.left, "right": commands.right}
@@ -423,15 +430,15 @@ def test_swapped_and_reversed_motors_are_named(
 # Prediction
 
 
-def test_slopes_are_those_of_the_prediction(recording: Recording) -> None:
+def test_jacobians_are_those_of_the_prediction(recording: ManeuverRecording) -> None:
     """Against central differences."""
     data = prepare([recording], RobotParameters())
     index = next(i for i, r in enumerate(data.runs) if r.maneuver == "forward-backward")
     problem = data.problem([index], ())
     run, setting = problem.runs[0], np.array([0.01, 1e-5, -0.03, 0.01, 0.4, 1e-5])
-    ((path,),) = drive_plans([ROBOT], problem.plans)
-    found = slopes(run, path, setting, 0.01, ROBOT.track_m)
-    assert found.own.shape == (len(OWN), *run.seen.shape)
+    ((path,),) = rollouts([ROBOT], problem.plans)
+    found = jacobians(run, path, setting, 0.01, ROBOT.track_m)
+    assert found.nuisance.shape == (len(NUISANCE), *run.seen.shape)
     steps = np.array([1e-3, 1e-4, 1e-4, 1e-4, 1e-4, 1e-6])
     for row, step in enumerate(steps):
         unit = np.eye(len(SETTING))[row] * step
@@ -440,24 +447,24 @@ def test_slopes_are_those_of_the_prediction(recording: Recording) -> None:
         scale = np.abs(wanted).max() + 1e-9
         assert np.abs(found.settings[row] - wanted).max() < 0.05 * scale, SETTING[row]
     later = predicted(run, path, setting, 0.011) - predicted(run, path, setting, 0.009)
-    assert np.abs(found.own[3] - later / 0.002).max() < 0.1 * np.abs(later / 0.002).max()
+    assert np.abs(found.nuisance[3] - later / 0.002).max() < 0.1 * np.abs(later / 0.002).max()
 
 
-def test_a_stronger_motor_moves_its_wheel_alone(recording: Recording) -> None:
+def test_a_stronger_motor_moves_its_wheel_alone(recording: ManeuverRecording) -> None:
     data = prepare([recording], RobotParameters())
     index = next(i for i, r in enumerate(data.runs) if r.maneuver == "forward-forward")
     problem = data.problem([index], ())
     run, setting = problem.runs[0], np.zeros(len(SETTING))
     stronger = with_values(ROBOT, {"left_gain": 1.02})
-    (mine,), (more,) = drive_plans([ROBOT, stronger], problem.plans)
+    (mine,), (more,) = rollouts([ROBOT, stronger], problem.plans)
     change = predicted(run, more, setting, 0.0) - predicted(run, mine, setting, 0.0)
-    expected = 0.02 * slopes(run, mine, setting, 0.0, ROBOT.track_m).own[0]
+    expected = 0.02 * jacobians(run, mine, setting, 0.0, ROBOT.track_m).nuisance[0]
     steady = slice(run.seen.shape[1] // 2, None)
     assert change[2, steady].sum() == pytest.approx(expected[2, steady].sum(), rel=0.05)
     assert change[0, steady].sum() == pytest.approx(expected[0, steady].sum(), rel=0.05)
 
 
-def test_whitened_noise_is_white(recording: Recording) -> None:
+def test_whitened_noise_is_white(recording: ManeuverRecording) -> None:
     rng = np.random.default_rng(0)
     run = prepare([recording], RobotParameters()).runs[0]
     noise = Noise(0.004, 0.005, 0.002, 0.003)
@@ -490,8 +497,8 @@ def solved() -> tuple[Problem, State, Solution]:
 
     data = prepare([record_simulated(truth, session, Tracker(drift=0.0), seed=1)], truth)
     problem = data.problem(range(len(data.runs)), ("left_gain", "right_gain", "track_m"))
-    state = begun(problem, with_values(RobotParameters(), data.guessed))
-    return problem, state, Solver(problem, Scatter(), data.noise()).solve(state, 3)
+    state = initial_state(problem, with_values(RobotParameters(), data.guessed))
+    return problem, state, Solver(problem, VarianceComponents(), data.noise()).solve(state, 3)
 
 
 def test_the_solver_finds_what_made_the_runs(solved: tuple[Problem, State, Solution]) -> None:
@@ -505,12 +512,12 @@ def test_the_solver_finds_what_made_the_runs(solved: tuple[Problem, State, Solut
     assert abs(off) < 3 * np.sqrt(solution.covariance[2, 2])
     settings = solution.state.settings[0]
     assert settings[2:4] == pytest.approx((-0.035, 0.012), abs=0.001)
-    assert not stray_runs(problem, solution)
+    assert not outlying_runs(problem, solution)
 
 
 def test_noise_is_learnt_from_what_is_left(solved: tuple[Problem, State, Solution]) -> None:
     problem, _, solution = solved
-    (noise,) = learn_noise(problem.runs, solution, [Noise(0.001, 0.001, 0.001, 0.001)])
+    (noise,) = estimate_noise(problem.runs, solution, [Noise(0.001, 0.001, 0.001, 0.001)])
     assert noise.place_m == pytest.approx(0.004, rel=0.25)
     assert noise.heading_rad == pytest.approx(np.radians(0.3), rel=0.25)
 
@@ -519,7 +526,7 @@ def test_more_scatter_makes_less_certain(solved: tuple[Problem, State, Solution]
     problem, _, solution = solved
     noise = [Noise(0.004, 0.005, 0.001, 0.003)]
     calm, wild = (
-        Solver(problem, Scatter(misfit=misfit), noise).judge(solution.state)
+        Solver(problem, VarianceComponents(misfit=misfit), noise).evaluate(solution.state)
         for misfit in (0.002, 0.03)
     )
     assert (np.diag(wild.covariance) > 2 * np.diag(calm.covariance))[:2].all()
@@ -539,8 +546,8 @@ def test_an_arrow_explains_what_all_its_columns_would() -> None:
     expected, *_ = np.linalg.lstsq(columns, aim, rcond=None)
     shared, own = arrow.solve(aim)
     np.testing.assert_allclose(np.append(shared, own), expected, atol=1e-10)
-    np.testing.assert_allclose(arrow.without(aim), aim - columns @ expected, atol=1e-10)
-    np.testing.assert_allclose(arrow.without(columns), 0, atol=1e-10)
+    np.testing.assert_allclose(arrow.project_out(aim), aim - columns @ expected, atol=1e-10)
+    np.testing.assert_allclose(arrow.project_out(columns), 0, atol=1e-10)
 
 
 BOTH_OR_ONE = np.repeat(
@@ -559,7 +566,7 @@ def test_what_motors_have_in_common_never_takes_all_of_the_scatter() -> None:
     off = np.where(BOTH_OR_ONE, np.tile([[0.012], [-0.012]], (24, 1)), 0)
     off[:24] = np.stack([alike + unlike, alike - unlike], axis=1) / np.sqrt(2)
     assert (off[:24, 0] * off[:24, 1]).mean() > (off[BOTH_OR_ONE] ** 2).mean()
-    battery, motor = shared_and_each(off, np.ones(48), BOTH_OR_ONE)
+    battery, motor = common_and_individual(off, np.ones(48), BOTH_OR_ONE)
     assert motor == pytest.approx(0.008, abs=0.0015)
     assert battery == pytest.approx(0.018, abs=0.003)
 
@@ -568,7 +575,7 @@ def test_what_motors_have_in_common_never_takes_all_of_the_scatter() -> None:
 def test_scatter_in_common_is_told_from_that_of_each_motor(seed: int) -> None:
     rng = np.random.default_rng(seed)
     off = (rng.normal(0, 0.01, (48, 1)) + rng.normal(0, 0.01, (48, 2))) * BOTH_OR_ONE
-    battery, motor = shared_and_each(off, np.ones(48), BOTH_OR_ONE)
+    battery, motor = common_and_individual(off, np.ones(48), BOTH_OR_ONE)
     assert 0.005 < motor < 0.016
     assert 0.002 < battery < 0.017
 

@@ -14,8 +14,9 @@ from mbot_workstation.learn.evaluation import trim_trial
 from mbot_workstation.learn.evaluation.episodes import Estimate, Trial
 from mbot_workstation.measure.identification.fit import identify as real_identify
 from mbot_workstation.measure.identification.result import Identification
-from mbot_workstation.measure.tracks.recording_folder import write_recording
-from mbot_workstation.measure.tracks.run import Recording
+from mbot_workstation.measure.tracks.recording_folder import write_maneuvers
+from mbot_workstation.measure.tracks.run import ManeuverRecording
+from mbot_workstation.measure.tracks.track import Track
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.calibrated.calibration_folder import (
     CalibrationFiles,
@@ -26,7 +27,6 @@ from mbot_workstation.sim.calibrated.motion_calibration import (
     MotorCalibration,
     read_motion,
 )
-from mbot_workstation.sim.track import Track
 
 from .called import called
 from .mujoco_truth import record_simulated
@@ -43,14 +43,14 @@ def session() -> Session:
     return replace(short, schedules={name: short.schedules[name] for name in NAMES})
 
 
-def write(recording: Recording, folder: Path, robot_id: str = "planar-1") -> Path:
+def write(recording: ManeuverRecording, folder: Path, robot_id: str = "planar-1") -> Path:
     tracks = [run.track for run in recording.runs]
     whole = Track(
         np.concatenate([track.time_s for track in tracks]),
         np.concatenate([track.position_m for track in tracks]),
         np.concatenate([track.quaternion_wxyz for track in tracks]),
     )
-    write_recording(
+    write_maneuvers(
         folder,
         robot_id,
         recording.runs,

@@ -6,7 +6,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from mbot_workstation.cli.calibrate import ImportedRoom
+from mbot_workstation.cli.calibrate import RoomAnswer
 from mbot_workstation.cli.drives import Report, ReportedDrive
 from mbot_workstation.cli.driving import FaultFound, RunOutcome
 from mbot_workstation.cli.evaluate import Explanation
@@ -50,7 +50,7 @@ KEYS: dict[type, str] = {
     FittedPicture: "name width_px height_px corners distance_m tilt_deg error_px kept",
     Found: "kind detail",
     HandOver: "kind name file host",
-    ImportedRoom: "pitch_deg roll_deg upright_edges width_px height_px notes path preview",
+    RoomAnswer: "pitch_deg roll_deg upright_edges width_px height_px notes path preview",
     KeyHere: "name line protected",
     KeyPair: "name line private_key",
     LightResult: "exposure_gain red_gain blue_gain direction direction_known_to_deg ambient "

@@ -386,20 +386,6 @@ def test_telemetry_records_until_ctrl_c(robot: FakeRobot, tmp_path: Path) -> Non
     assert workstation(robot, "telemetry", "--record", str(path)).returncode == 2
 
 
-def test_a_missing_training_library_is_named_with_its_remedy() -> None:
-    without_torch = "import sys; sys.modules['torch'] = None; sys.argv = ['workstation', 'train']; "
-    done = subprocess.run(
-        [sys.executable, "-c", without_torch + "from mbot_workstation.main import main; main()"],
-        capture_output=True,
-        text=True,
-        timeout=LIMIT_S,
-        check=False,
-    )
-    assert done.returncode == 1
-    assert done.stderr.strip().endswith("pip install -e '.[train]' in the checkout")
-    assert "Traceback" not in done.stderr
-
-
 def test_it_says_its_version() -> None:
     done = subprocess.run(
         [*WORKSTATION, "--version"], capture_output=True, text=True, check=True, timeout=LIMIT_S

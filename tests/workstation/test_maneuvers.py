@@ -24,12 +24,12 @@ from mbot_protocol.wire.keys import COMMAND, STATUS, STOP
 from mbot_workstation.fleet.link import remote_control
 from mbot_workstation.fleet.link.remote_control import RemoteControl
 from mbot_workstation.fleet.link.robot_link import RobotLink
-from mbot_workstation.measure.maneuvers.keyboard import Keyboard
 from mbot_workstation.measure.maneuvers.maneuver_drive import (
     HOLD_MS,
     DrivenCommands,
     SpoiltRunError,
     drive_maneuver,
+    measure_robot_time,
 )
 from mbot_workstation.measure.maneuvers.maneuver_session import (
     Session,
@@ -37,8 +37,8 @@ from mbot_workstation.measure.maneuvers.maneuver_session import (
     check_ready,
 )
 from mbot_workstation.measure.maneuvers.plan import Order, Planned, plan, reach, room_needed_m
-from mbot_workstation.measure.maneuvers.robot_time import measure_robot_time
 from mbot_workstation.measure.maneuvers.session_journal import Journal
+from mbot_workstation.measure.maneuvers.terminal import Keyboard, NoKeys, PlainDisplay
 from mbot_workstation.measure.tracks.commands_csv import read_commands
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS, maneuver_named
 from mbot_workstation.measure.tracks.recording_toml import read_info
@@ -264,7 +264,7 @@ def test_what_does_not_belong_together_is_not_resumed(tmp_path: Path) -> None:
 
 
 @dataclass
-class Script:
+class Script(PlainDisplay, NoKeys):
     """Keys that are pressed at certain lines of the display, and what it said."""
 
     presses: dict[str, list[str]] = field(default_factory=dict)
@@ -282,9 +282,6 @@ class Script:
 
     def next_run(self, run: Planned, done: int, total: int) -> None:
         self.hear(f"next {run.maneuver.name} {run.repetition} {done}/{total}")
-
-    def countdown(self, left_s: float) -> None:
-        pass
 
     def driving(self) -> None:
         self.hear("driving")

@@ -13,8 +13,8 @@ from mbot_workstation.fleet.telemetry.output import JsonLines, LiveView, PlainLi
 from mbot_workstation.fleet.telemetry.stream import LinkState, Sample
 from mbot_workstation.learn.evaluation.provenance import digest, provenance
 from mbot_workstation.learn.learning.git_state import GitState
-from mbot_workstation.measure.maneuvers.display import PlainDisplay, TerminalDisplay
 from mbot_workstation.measure.maneuvers.plan import Order, plan
+from mbot_workstation.measure.maneuvers.terminal import PlainDisplay, TerminalDisplay
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS
 from mbot_workstation.virtual.child import Child
 

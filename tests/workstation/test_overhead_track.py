@@ -21,21 +21,35 @@ from hypothesis import strategies as st
 
 from mbot_protocol.drive.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError, UnreachableError
-from mbot_workstation.measure.tracking.floor_plane import FloorPlane, pixel_rays
-from mbot_workstation.measure.tracking.marker_detection import MarkerDetector, to_grey
-from mbot_workstation.measure.tracking.openvr_recording import record_poses
+from mbot_workstation.measure.targets.marker_detection import (
+    MarkerDetector,
+    refine_corners,
+    to_grey,
+)
+from mbot_workstation.measure.targets.specifications import MARKER_DICTIONARY, ROBOT_MARKER_ID
+from mbot_workstation.measure.tracking.floor_plane import (
+    FloorPlane,
+    pixel_rays,
+    plane_from_board,
+    plane_from_corners,
+)
+from mbot_workstation.measure.tracking.marker_track import floor_finder, watch_marker
 from mbot_workstation.measure.tracking.openvr_tracker import (
     OpenVrTracker,
     load_openvr,
     quaternion_of,
+    record_poses,
 )
-from mbot_workstation.measure.tracking.overhead_track import Sight, overhead_track
-from mbot_workstation.measure.tracking.plane_from_marker import plane_from_marker
-from mbot_workstation.measure.tracking.track_file import TrackFile
-from mbot_workstation.measure.tracks.track_files import read_track
-from mbot_workstation.sim.track import Array, Track
+from mbot_workstation.measure.tracking.overhead_camera import camera_for
+from mbot_workstation.measure.tracking.overhead_track import (
+    MarkerSight,
+    overhead_track,
+    plane_from_marker,
+)
+from mbot_workstation.measure.tracks.track import Array, Track
+from mbot_workstation.measure.tracks.track_file import TrackFile, read_track
 
-from .overhead_film import Overhead, drive, film, sheet_corners, webcam
+from .overhead_film import Overhead, drive, film, marker_sheet, sheet_corners, webcam
 
 WORKSTATION = (sys.executable, "-c", "from mbot_workstation.main import main; main()")
 LIMIT_S = 100
@@ -115,9 +129,11 @@ def test_a_plane_maps_known_points() -> None:
     assert np.allclose(straight_down.raised(0.5).places_m(rays)[1], [0.75, 0])
 
 
-def sights(count: int, edge_px: float = 40.0) -> list[Sight]:
+def sights(count: int, edge_px: float = 40.0) -> list[MarkerSight]:
     square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float64) * edge_px
-    return [Sight(row / 30, square + np.array([300 + row, 200 + row % 7])) for row in range(count)]
+    return [
+        MarkerSight(row / 30, square + np.array([300 + row, 200 + row % 7])) for row in range(count)
+    ]
 
 
 def test_too_little_is_refused() -> None:
@@ -283,7 +299,7 @@ def test_ctrl_c_ends_a_live_camera_and_keeps_the_track(eight: Path, tmp_path: Pa
         (("0", "--corners", "1", "1", "--board-mm", "60"), 2, "exclude each other"),
         (("0", "--corners", "1", "-1"), 2, "expected 0.1 to 20"),
         (("0", "--camera", "nowhere"), 2, "no calibration folder"),
-        (("openvr",), 2, "pip install -e '.[tracking]'"),
+        (("openvr",), 2, "'.[measure,tracking]'"),
     ],
 )
 def test_nonsense_is_refused(
@@ -311,11 +327,57 @@ def test_what_exists_is_not_overwritten(eight: Path, tmp_path: Path) -> None:
     assert (tmp_path / "t.tum").read_text() == "years of work"
 
 
+def picture_with_marker(left: float, top: float, side: float) -> tuple[np.ndarray, np.ndarray]:
+    """A marker on a light floor, seen straight from above; and its corners."""
+    sheet = marker_sheet()
+    height, width = sheet.shape
+    reach = side * 0.5  # of paper around it
+    source = np.array([[0, 0], [width, 0], [width, height]], np.float32)
+    first, last = (left - reach, top - reach), (left + side + reach, top + side + reach)
+    place = np.array([first, (last[0], first[1]), last], np.float32)
+    turned = cv2.getAffineTransform(source, place)
+    grey = cv2.warpAffine(sheet, turned, (640, 480), borderValue=(200,))
+    detector = cv2.aruco.ArucoDetector(
+        cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, MARKER_DICTIONARY))
+    )
+    corners, _, _ = detector.detectMarkers(grey)
+    return grey, np.asarray(corners[0], np.float64).reshape(4, 2)
+
+
+def test_corners_become_sharper_than_they_were_found() -> None:
+    grey, found = picture_with_marker(200.25, 150.75, 120.0)
+    edge = np.linalg.norm(np.diff(np.vstack([found, found[:1]]), axis=0), axis=1).mean()
+    moved = found + np.random.default_rng(0).uniform(-0.7, 0.7, (4, 2))
+    refined = refine_corners(grey, moved)
+    assert refined.shape == (4, 2)
+    assert np.abs(refined - found).max() < 0.8
+    sides = np.linalg.norm(np.diff(np.vstack([refined, refined[:1]]), axis=0), axis=1)
+    assert np.ptp(sides) < 0.02 * edge
+
+
+def test_a_floor_without_what_marks_it_is_not_found() -> None:
+    camera = webcam()
+    blank = np.full((camera.height_px, camera.width_px), 128, np.uint8)
+    assert plane_from_board(camera, blank, 25.0) is None
+    assert plane_from_corners(camera, {}, 3.0, 3.0) is None
+
+
+def test_a_film_without_the_marker_shows_none() -> None:
+    frames = iter([(0.1 * i, np.full((240, 320, 3), 90, np.uint8)) for i in range(5)])
+
+    def camera_for(width_px: int, height_px: int) -> CameraModel:
+        return CameraModel.from_field_of_view(width_px, height_px, 60.0, 47.0)
+
+    watches = list(watch_marker(frames, ROBOT_MARKER_ID, camera_for, None))
+    assert watches[-1].pictures == 5
+    assert len(watches[-1].sights) == 0
+
+
 def test_the_detector_gives_corners_from_the_upper_left_clockwise(view: Overhead) -> None:
     pose = np.array([0.2, 0.1, np.pi / 2])  # its upper edge away from the camera: up in the picture
     path_quads = view.pixels(sheet_corners(pose, 0.16, 0.11))
     canvas = np.full((540, 960), 140, np.uint8)
-    from .overhead_film import lay, marker_sheet
+    from .overhead_film import lay
 
     lay(canvas, marker_sheet(), view.pixels(sheet_corners(pose, 0.16 * 8 / 6, 0.11)))
     found = MarkerDetector().find(to_grey(np.repeat(canvas[..., None], 3, axis=2)))
@@ -479,3 +541,19 @@ def test_every_rotation_has_its_quaternion(values: tuple[float, float, float, fl
     assert abs(found @ [w, x, y, z]) == pytest.approx(1)
     assert quaternion_of(matrix * [1, 1, -1]) is None
     assert quaternion_of(matrix * 1.1) is None
+
+
+def test_a_camera_without_calibration_is_guessed_from_its_view(tmp_path: Path) -> None:
+    model = camera_for(None, 60.0)(640, 480)
+    assert (model.width_px, model.height_px) == (640, 480)
+    assert model.focal_x_px == pytest.approx(320 / np.tan(np.radians(30)))
+    assert model.focal_y_px == pytest.approx(model.focal_x_px)
+    with pytest.raises(ConfigurationError):
+        camera_for(tmp_path, 60.0)
+
+
+def test_the_floor_is_looked_for_by_what_lies_on_it() -> None:
+    assert floor_finder(None, None) is None
+    by_corners = floor_finder((1.8, 1.2), None)
+    assert by_corners is not None
+    assert by_corners(camera_for(None, 60.0)(640, 480), np.zeros((480, 640), np.uint8), {}) is None

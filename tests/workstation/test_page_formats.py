@@ -8,13 +8,11 @@ import pytest
 
 from mbot_protocol.drive.camera_model import nominal_pi_camera
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.measure.rehearsal.photograph import Hold, Sheet, photograph
+from mbot_workstation.measure.rehearsal.photographs import Hold, Sheet, photograph
 from mbot_workstation.measure.targets.layouts import board_page
-from mbot_workstation.measure.targets.page_file import save_page
-from mbot_workstation.measure.targets.pdf import to_pdf
+from mbot_workstation.measure.targets.page_file import save_page, to_pdf, to_svg
 from mbot_workstation.measure.targets.sheet import PAPERS
 from mbot_workstation.measure.targets.specifications import Board
-from mbot_workstation.measure.targets.svg_page import to_svg
 from mbot_workstation.sim.camera.sensor_noise import SensorNoise
 
 PAGE = board_page(Board(9, 6, 25.0), PAPERS["a4"])

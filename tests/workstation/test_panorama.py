@@ -13,10 +13,10 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.cli.calibrate import panorama as panorama_command
 from mbot_workstation.measure.calibration.room.panorama_checks import PanoramaTags, read_tags
 from mbot_workstation.measure.calibration.room.panorama_import import prepare_room
-from mbot_workstation.measure.calibration.room.panorama_tilt import find_tilt
-from mbot_workstation.measure.calibration.room.panorama_turn import (
+from mbot_workstation.measure.calibration.room.panorama_level import (
     camera_tilt,
     directions,
+    find_tilt,
     level,
     look_at,
     tilt_of,

@@ -1,6 +1,6 @@
 """A recording's folder: read back as written, and every way it can be wrong is named."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,15 +9,22 @@ import pytest
 
 from mbot_protocol.drive.actions import MotorMap, WheelMaps
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.measure.tracks.axes_check import check_frame
 from mbot_workstation.measure.tracks.commands_csv import CommandedRun, write_commands
+from mbot_workstation.measure.tracks.direction_check import check_directions
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS, maneuver_named
+from mbot_workstation.measure.tracks.motion import DrivenRun
+from mbot_workstation.measure.tracks.plausibility import check_runs
 from mbot_workstation.measure.tracks.recording_folder import (
     COMMANDS_FILE,
-    read_recording,
-    write_recording,
+    read_maneuvers,
+    write_maneuvers,
 )
-from mbot_workstation.measure.tracks.run import CommandSeries, Run
-from mbot_workstation.sim.track import Array, Track
+from mbot_workstation.measure.tracks.run import CommandSeries, Run, UnusableRunError
+from mbot_workstation.measure.tracks.session_track import find_tracker_ahead_s, parts_of
+from mbot_workstation.measure.tracks.track import Array, Track
+from mbot_workstation.measure.tracks.track_format import TrackFormat
+from mbot_workstation.measure.tracks.unit_check import check_units
 
 from .driven_robot import Robot, Tracker, session, track_of
 
@@ -39,7 +46,7 @@ quaternion_order = "w-first"
 
 def csv_recording(folder: Path, runs: Sequence[Run], change=None, track_toml: str = MAP) -> Path:
     """As a stranger writes it; `change` takes a run and its table of 8 columns, and spoils it."""
-    write_recording(folder, "mbot-1", runs)
+    write_maneuvers(folder, "mbot-1", runs)
     for run in runs:
         (folder / f"track-{run.number}.tum").unlink()
         track = run.track
@@ -56,8 +63,8 @@ def runs() -> tuple[Run, ...]:
 
 def test_a_recording_reads_back_as_it_was_written(tmp_path: Path, runs: tuple[Run, ...]) -> None:
     maps = WheelMaps(MotorMap(True, 0.9, 45), MotorMap(False, 1.0, 50))
-    write_recording(tmp_path, "mbot-7", runs, wheel_maps=maps, made_on="2026-11-21")
-    found = read_recording(tmp_path)
+    write_maneuvers(tmp_path, "mbot-7", runs, wheel_maps=maps, made_on="2026-11-21")
+    found = read_maneuvers(tmp_path)
     assert (found.robot_id, found.wheel_maps) == ("mbot-7", maps)
     assert found.tracker_ahead_s is None
     assert len(found.runs) == len(runs) == 24
@@ -74,11 +81,11 @@ def test_a_recording_reads_back_as_it_was_written(tmp_path: Path, runs: tuple[Ru
 
 
 def test_a_minimal_recording_has_nominal_motors(tmp_path: Path, runs: tuple[Run, ...]) -> None:
-    write_recording(tmp_path, "mbot-1", runs)
+    write_maneuvers(tmp_path, "mbot-1", runs)
     (tmp_path / "recording.toml").write_text('robot_id = "mbot-1"\n')
-    assert read_recording(tmp_path).wheel_maps == WheelMaps()
+    assert read_maneuvers(tmp_path).wheel_maps == WheelMaps()
     (tmp_path / "recording.toml").write_text('robot_id = "mbot-1"\n[left]\ntrim = 0.9\n')
-    assert read_recording(tmp_path).wheel_maps.left == MotorMap(True, 0.9, 40)
+    assert read_maneuvers(tmp_path).wheel_maps.left == MotorMap(True, 0.9, 40)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -86,8 +93,8 @@ def test_one_track_of_the_whole_session_is_cut_into_its_runs(tmp_path: Path, see
     runs = session(repetitions=2, duration_s=3.0)
     ahead_s = -7000.0
     whole = track_of(Robot(), [run.commands for run in runs], seed, carried=True)
-    write_recording(tmp_path, "mbot-1", runs, session_track=whole)
-    found = read_recording(tmp_path)
+    write_maneuvers(tmp_path, "mbot-1", runs, session_track=whole)
+    found = read_maneuvers(tmp_path)
     assert found.tracker_ahead_s == pytest.approx(ahead_s, abs=0.15)
     assert [run.number for run in found.runs] == [run.number for run in runs]
     for run in found.runs:
@@ -101,24 +108,24 @@ def test_a_session_track_that_is_another_ones_is_refused(tmp_path: Path) -> None
     runs = session(repetitions=1, duration_s=3.0)
     other = session(repetitions=2, duration_s=1.3, maneuvers=MANEUVERS[::-1])
     whole = track_of(Robot(), [run.commands for run in other], 0, carried=True)
-    write_recording(tmp_path, "mbot-1", runs, session_track=whole)
+    write_maneuvers(tmp_path, "mbot-1", runs, session_track=whole)
     with pytest.raises(ConfigurationError, match="nowhere to be found in the track"):
-        read_recording(tmp_path)
+        read_maneuvers(tmp_path)
 
 
 def test_a_session_track_that_ends_early_names_the_run(tmp_path: Path) -> None:
     runs = session(repetitions=2, duration_s=3.0)
     whole = track_of(Robot(), [run.commands for run in runs], 0, carried=True)
     part = whole.between(whole.time_s[0], float(whole.time_s[-1]) - 10.5)
-    write_recording(tmp_path, "mbot-1", runs, session_track=part)
+    write_maneuvers(tmp_path, "mbot-1", runs, session_track=part)
     with pytest.raises(ConfigurationError, match=r"nothing of run 16 .*leave_out"):
-        read_recording(tmp_path)
+        read_maneuvers(tmp_path)
     text = (tmp_path / "recording.toml").read_text()
     (tmp_path / "recording.toml").write_text("leave_out = [16]\n" + text)
     with pytest.raises(ConfigurationError, match=r"run 15 .*cut short"):
-        read_recording(tmp_path)
+        read_maneuvers(tmp_path)
     (tmp_path / "recording.toml").write_text("leave_out = [15, 16]\n" + text)
-    assert len(read_recording(tmp_path).runs) == 14
+    assert len(read_maneuvers(tmp_path).runs) == 14
 
 
 # Bad input: each is a file that reads perfectly well.
@@ -126,14 +133,14 @@ def test_a_session_track_that_ends_early_names_the_run(tmp_path: Path) -> None:
 
 def refused(folder: Path) -> str:
     with pytest.raises(ConfigurationError) as caught:
-        read_recording(folder)
+        read_maneuvers(folder)
     text = str(caught.value)
     assert "\n" not in text
     return text
 
 
 def test_a_declared_csv_is_read(tmp_path: Path, runs: tuple[Run, ...]) -> None:
-    found = read_recording(csv_recording(tmp_path, runs))
+    found = read_maneuvers(csv_recording(tmp_path, runs))
     assert np.allclose(found.runs[5].track.position_m, runs[5].track.position_m, atol=1e-6)
 
 
@@ -144,7 +151,7 @@ def test_positions_in_another_unit_are_named(
     text = refused(csv_recording(tmp_path, runs, lambda _run, t: scaled(t, factor)))
     assert "m/s, expected about 0.4" in text
     assert f'set position_unit = "{unit}"' in text
-    read_recording(
+    read_maneuvers(
         csv_recording(
             tmp_path, runs, lambda _run, t: scaled(t, factor), MAP + f'position_unit = "{unit}"'
         )
@@ -193,7 +200,7 @@ def test_a_session_that_changes_its_unit_half_way_is_named(tmp_path: Path) -> No
     whole = track_of(Robot(), [run.commands for run in runs], 3, carried=True)
     position = whole.position_m.copy()
     position[len(position) // 2 :] *= 1000
-    write_recording(tmp_path, "mbot-1", runs, session_track=replace(whole, position_m=position))
+    write_maneuvers(tmp_path, "mbot-1", runs, session_track=replace(whole, position_m=position))
     text = refused(tmp_path)
     assert "the others differ" in text or "part of the time" in text
     assert "mm" in text
@@ -213,7 +220,7 @@ def test_a_wrong_up_axis_is_named(tmp_path: Path, runs: tuple[Run, ...], up: str
     text = refused(csv_recording(tmp_path, runs, change))
     assert f"axis {up} of the tracker's frame is the one that points up" in text
     assert f'set up = "{up}"' in text
-    read_recording(csv_recording(tmp_path, runs, change, MAP + f'up = "{up}"'))
+    read_maneuvers(csv_recording(tmp_path, runs, change, MAP + f'up = "{up}"'))
 
 
 @pytest.mark.parametrize("mount", [(1.0, 0.0, 0.0, 0.0), (0.8, 0.5, -0.3, 0.1)])
@@ -230,8 +237,8 @@ def test_quaternions_of_another_order_are_named(
     assert "up axis" not in text
     text = refused(csv_recording(tmp_path, runs, None, MAP.replace("w-first", "w-last")))
     assert 'set quaternion_order = "w-first"' in text
-    read_recording(csv_recording(tmp_path, runs))
-    read_recording(csv_recording(tmp_path, runs, last, MAP.replace("w-first", "w-last")))
+    read_maneuvers(csv_recording(tmp_path, runs))
+    read_maneuvers(csv_recording(tmp_path, runs, last, MAP.replace("w-first", "w-last")))
 
 
 def test_both_wrong_at_once_are_named(tmp_path: Path, runs: tuple[Run, ...]) -> None:
@@ -256,7 +263,7 @@ def test_a_mirrored_frame_is_found_but_not_told_from_swapped_plugs(
     text = refused(csv_recording(tmp_path, runs, mirrored))
     for cause in ("turns the other way than told", "plugs exchanged", "mirrored", "can't tell"):
         assert cause in text
-    read_recording(csv_recording(tmp_path, runs, mirrored, MAP + 'handedness = "left"'))
+    read_maneuvers(csv_recording(tmp_path, runs, mirrored, MAP + 'handedness = "left"'))
 
 
 def test_swapped_motors_are_found(tmp_path: Path, runs: tuple[Run, ...]) -> None:
@@ -265,14 +272,14 @@ def test_swapped_motors_are_found(tmp_path: Path, runs: tuple[Run, ...]) -> None
         series = CommandSeries(run.commands.time_s, run.commands.right, run.commands.left)
         return replace(run, maneuver=f"{right}-{left}", commands=series)
 
-    write_recording(tmp_path, "mbot-1", [swapped(run) for run in runs])
+    write_maneuvers(tmp_path, "mbot-1", [swapped(run) for run in runs])
     assert "plugs exchanged" in refused(tmp_path)
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_a_reversed_motor_is_found(tmp_path: Path, side: str) -> None:
     reversed_robot = Robot(left_mps=-0.4) if side == "left" else Robot(right_mps=-0.4)
-    write_recording(tmp_path, "mbot-1", session(reversed_robot, 1, 2.0))
+    write_maneuvers(tmp_path, "mbot-1", session(reversed_robot, 1, 2.0))
     assert f"the {side} motor runs backwards" in refused(tmp_path)
 
 
@@ -285,50 +292,80 @@ def test_a_mirrored_position_alone_is_found(tmp_path: Path, runs: tuple[Run, ...
 
 
 def test_a_weak_motor_is_no_bad_input(tmp_path: Path) -> None:
-    write_recording(tmp_path, "mbot-1", session(Robot(right_mps=0.2), 2, 3.0))
-    assert len(read_recording(tmp_path).runs) == 16
+    write_maneuvers(tmp_path, "mbot-1", session(Robot(right_mps=0.2), 2, 3.0))
+    assert len(read_maneuvers(tmp_path).runs) == 16
 
 
-def test_a_run_cut_short_is_named(tmp_path: Path, runs: tuple[Run, ...]) -> None:
-    short = cut(runs[9], runs[9].track.time_s[0], runs[9].track.time_s[0] + 1.5)
-    write_recording(tmp_path, "mbot-1", [short if run is runs[9] else run for run in runs])
-    assert "run 10 (forward-neutral, repetition 2) was cut short" in refused(tmp_path)
+def shortened(run: Run) -> Track:
+    return cut(run, run.track.time_s[0], run.track.time_s[0] + 1.5).track
+
+
+def with_hole(run: Run) -> Track:
+    return run.track.where(np.abs(run.track.time_s - run.track.time_s[0] - 2.0) >= 0.35)
+
+
+def standing(run: Run) -> Track:
+    return track_of(Robot(left_mps=0, right_mps=0), [run.commands], 1)
+
+
+@pytest.mark.parametrize(
+    ("number", "spoil", "words"),
+    [
+        (10, shortened, r"run 10 \(forward-neutral, repetition 2\) was cut short"),
+        (5, with_hole, "the tracker was lost for 0.7 s"),
+        (7, standing, "never moves"),
+    ],
+)
+def test_a_run_without_a_whole_track_is_named(
+    tmp_path: Path,
+    runs: tuple[Run, ...],
+    number: int,
+    spoil: Callable[[Run], Track],
+    words: str,
+) -> None:
+    spoilt = replace(runs[number - 1], track=spoil(runs[number - 1]))
+    write_maneuvers(tmp_path, "mbot-1", [spoilt if r.number == number else r for r in runs])
+    with pytest.raises(UnusableRunError, match=words) as caught:
+        read_maneuvers(tmp_path)
+    assert (caught.value.number, caught.value.kind) == (number, "run-spoilt")
+    assert str(caught.value).startswith(f"{tmp_path}: ")
 
 
 def test_a_track_that_ends_while_the_robot_drives_is_named(tmp_path: Path) -> None:
     runs = list(session(repetitions=1, duration_s=5.0))
     early = runs[2].track.time_s[0]
     runs[2] = cut(runs[2], early, early + 4.9)
-    write_recording(tmp_path, "mbot-1", runs)
-    text = refused(tmp_path)
-    assert "run 3" in text
-    assert "still drives when the track ends" in text
-
-
-def test_a_lost_tracker_is_named(tmp_path: Path, runs: tuple[Run, ...]) -> None:
-    track = runs[4].track
-    lost = np.abs(track.time_s - track.time_s[0] - 2.0) < 0.35
-    spoilt = replace(runs[4], track=track.where(~lost))
-    write_recording(tmp_path, "mbot-1", [spoilt if run is runs[4] else run for run in runs])
-    text = refused(tmp_path)
-    assert "run 5" in text
-    assert "the tracker was lost for 0.7 s" in text
+    write_maneuvers(tmp_path, "mbot-1", runs)
+    with pytest.raises(UnusableRunError, match="still drives when the track ends") as caught:
+        read_maneuvers(tmp_path)
+    assert caught.value.number == 3
 
 
 def test_a_wrongly_labelled_run_is_named(tmp_path: Path, runs: tuple[Run, ...]) -> None:
     by_number = {run.number: run for run in runs}
     spoilt = replace(by_number[2], track=by_number[4].track)
-    write_recording(tmp_path, "mbot-1", [spoilt if run is runs[1] else run for run in runs])
-    assert "run 2 (forward-neutral, repetition 1) turns at" in refused(tmp_path)
+    write_maneuvers(tmp_path, "mbot-1", [spoilt if run is runs[1] else run for run in runs])
+    with pytest.raises(UnusableRunError, match="turns at") as caught:
+        read_maneuvers(tmp_path)
+    assert caught.value.number == 2
 
 
-def test_a_robot_that_stood_is_named(tmp_path: Path, runs: tuple[Run, ...]) -> None:
-    still = track_of(Robot(left_mps=0, right_mps=0), [runs[6].commands], 1)
-    spoilt = replace(runs[6], track=still)
-    write_recording(tmp_path, "mbot-1", [spoilt if run is runs[6] else run for run in runs])
-    text = refused(tmp_path)
-    assert "run 7" in text
-    assert "never moves" in text
+def test_what_a_robot_drove_passes_every_check(runs: tuple[Run, ...]) -> None:
+    check_runs(Path("recording"), runs, TrackFormat())
+    driven = [DrivenRun.of(run) for run in runs]
+    check_units(driven, "m")
+    check_frame(driven, TrackFormat())
+    check_directions(driven)
+
+
+def test_runs_are_found_in_one_long_track() -> None:
+    made = session(repetitions=1, duration_s=3.0)
+    told = [CommandedRun(r.number, r.maneuver, r.repetition, r.commands) for r in made]
+    whole = track_of(Robot(), [run.commands for run in made], 0, carried=True)
+    ahead_s = find_tracker_ahead_s(told, whole)
+    for run, part in zip(made, parts_of(whole, told, ahead_s), strict=True):
+        assert part is not None
+        assert part.time_s[0] < run.commands.start_s + ahead_s < part.time_s[-1]
 
 
 # commands.csv and the folder itself
@@ -336,7 +373,7 @@ def test_a_robot_that_stood_is_named(tmp_path: Path, runs: tuple[Run, ...]) -> N
 
 def test_what_is_missing_is_named(tmp_path: Path, runs: tuple[Run, ...]) -> None:
     assert "is not a recording" in refused(tmp_path)
-    write_recording(tmp_path, "mbot-1", runs[:2])
+    write_maneuvers(tmp_path, "mbot-1", runs[:2])
     (tmp_path / "track-2.tum").unlink()
     assert "no track of run 2" in refused(tmp_path)
     (tmp_path / "track-1.tum").unlink()
@@ -381,18 +418,18 @@ def test_bad_commands_are_named(tmp_path: Path, lines: str, words: str) -> None:
 def test_a_bad_recording_toml_is_named(
     tmp_path: Path, runs: tuple[Run, ...], text: str, words: str
 ) -> None:
-    write_recording(tmp_path, "mbot-1", runs[:1])
+    write_maneuvers(tmp_path, "mbot-1", runs[:1])
     (tmp_path / "recording.toml").write_text(text)
     assert words in refused(tmp_path)
 
 
 def test_two_runs_of_the_same_repetition_are_named(tmp_path: Path, runs: tuple[Run, ...]) -> None:
-    write_recording(tmp_path, "mbot-1", [runs[0], replace(runs[8], repetition=1)])
+    write_maneuvers(tmp_path, "mbot-1", [runs[0], replace(runs[8], repetition=1)])
     assert "runs 1 and 9 are both forward-forward, repetition 1" in refused(tmp_path)
 
 
 def test_several_tracks_of_the_same_run_are_refused(tmp_path: Path, runs: tuple[Run, ...]) -> None:
-    write_recording(tmp_path, "mbot-1", runs[:2])
+    write_maneuvers(tmp_path, "mbot-1", runs[:2])
     (tmp_path / "track-01.csv").write_text("1,2,3\n")
     assert "are both the track of run 1" in refused(tmp_path)
     (tmp_path / "track-01.csv").rename(tmp_path / "track.csv")
@@ -445,7 +482,7 @@ def test_the_documents_example_is_a_recording(
     program = page.read_text().split("```python\n")[1].split("```")[0]
     monkeypatch.chdir(tmp_path)
     exec(program, {})
-    found = read_recording(tmp_path / "ideal")
+    found = read_maneuvers(tmp_path / "ideal")
     assert len(found.runs) == 16
     assert {run.maneuver for run in found.runs} == {one.name for one in MANEUVERS}
     assert found.tracker_ahead_s == pytest.approx(7000, abs=0.15)

@@ -8,8 +8,8 @@ import pytest
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.identification.fit import identify
-from mbot_workstation.measure.identification.handicap import handicap
-from mbot_workstation.measure.identification.model import simulate_paths
+from mbot_workstation.measure.identification.motor_trim import trim_choice
+from mbot_workstation.measure.identification.rollout import simulate_paths
 from mbot_workstation.measure.maneuvers.plan import Order, plan, room_needed_m
 from mbot_workstation.measure.tracks.commands_csv import CommandedRun, read_commands, write_commands
 from mbot_workstation.measure.tracks.maneuver import BEAT_S, MANEUVERS, SLOW, maneuver_named
@@ -89,7 +89,7 @@ def test_slow_runs_tell_dead_bands_to_5_of_255() -> None:
             assert _simulated_starting_duty(found.robot, side, sign) == pytest.approx(
                 begins, abs=5 / 255
             )
-    maps = handicap(found, recording.wheel_maps).straight
+    maps = trim_choice(found, recording.wheel_maps).straight
     assert maps.left.dead_band == int(255 * estimates["left_dead_band"].value)
     assert maps.right.dead_band == int(255 * estimates["right_dead_band"].value)
 

@@ -8,13 +8,13 @@ from scipy.spatial.transform import Rotation
 
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS
 from mbot_workstation.measure.tracks.motion import motion
+from mbot_workstation.measure.tracks.track import Array, Track
 from mbot_workstation.measure.tracks.track_cleaning import (
     clean,
     frozen_poses,
     noise,
     outlying_poses,
 )
-from mbot_workstation.sim.track import Array, Track
 
 from .driven_robot import Robot, Tracker, commands, track_of
 

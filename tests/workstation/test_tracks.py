@@ -17,16 +17,17 @@ from mcap_protobuf.schema import register_schema
 from scipy.spatial.transform import Rotation
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.measure.tracks.track_files import read_track
+from mbot_workstation.measure.tracks.raw_track import from_euler, to_file_frame, to_our_frame
+from mbot_workstation.measure.tracks.track import Array, Track
+from mbot_workstation.measure.tracks.track_file import read_track, write_tum
 from mbot_workstation.measure.tracks.track_format import (
     PRESETS,
     TrackFormat,
     read_track_format,
     track_format,
 )
-from mbot_workstation.measure.tracks.track_frame import from_euler, to_file_frame, to_our_frame
-from mbot_workstation.measure.tracks.track_tum import write_tum
-from mbot_workstation.sim.track import Array, Track
+from mbot_workstation.measure.tracks.track_mcap import read_mcap
+from mbot_workstation.measure.tracks.track_table import read_table
 
 UPS = ("x", "y", "z", "-x", "-y", "-z")
 
@@ -534,6 +535,10 @@ def test_files_that_are_none_are_named(tmp_path: Path) -> None:
     path.write_text("# only a comment\n\n")
     assert "is empty" in bad(path)
     assert "ends in '.bag'" in bad(tmp_path / "a.bag")
+    with pytest.raises(ConfigurationError, match=r"a\.tum"):
+        read_table(path, TrackFormat())
+    with pytest.raises(ConfigurationError, match=r"a\.tum"):
+        read_mcap(path)
 
 
 def test_a_csv_file_without_a_declaration_is_refused(tmp_path: Path) -> None:

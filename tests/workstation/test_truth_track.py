@@ -9,11 +9,11 @@ from scipy.spatial.transform import Rotation
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.tracks.track_cleaning import noise
-from mbot_workstation.measure.tracks.track_files import read_track
+from mbot_workstation.measure.tracks.track_file import read_track
 from mbot_workstation.measure.tracks.track_format import PRESETS
 from mbot_workstation.sim.simulation import SceneState
 from mbot_workstation.virtual.scene_history import SceneHistory
-from mbot_workstation.virtual.truth_track import FRAME, TrackerSettings, TruthTrack
+from mbot_workstation.virtual.truth_track import FRAME_YAW_RAD, TrackerSettings, TruthTrack
 
 NO_NOISE = TrackerSettings(position_noise_m=0, angle_noise_rad=0)
 
@@ -60,7 +60,8 @@ def test_the_angles_for_people_are_those_of_openvr(
     path = tmp_path / "a.csv"
     with TruthTrack(path, NO_NOISE) as track:
         # Turned back by what the tracker turns the arena.
-        wanted = FRAME.inv() * Rotation.from_rotvec(np.radians(20) * np.array(axis))
+        back = Rotation.from_euler("z", -FRAME_YAW_RAD)
+        wanted = back * Rotation.from_rotvec(np.radians(20) * np.array(axis))
         track.add(0.0, np.zeros(3), wanted.as_quat(scalar_first=True))
     header, row = path.read_text().splitlines()
     seen = dict(zip(header.split(","), map(float, row.split(",")), strict=True))

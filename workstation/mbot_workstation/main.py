@@ -4,7 +4,10 @@
 import errno
 import sys
 
-TRAINING_LIBRARIES = {"gymnasium", "joblib", "stable_baselines3", "torch"}
+EXTRAS = dict.fromkeys(("gymnasium", "joblib", "stable_baselines3", "torch"), "train") | {
+    "scipy": "measure"
+}
+"""Of pyproject.toml, by the library that is missing without each."""
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 USAGE, INTERRUPTED = 2, 130
@@ -22,10 +25,11 @@ def main() -> None:
         what = f"can't write {error.filename}" if error.filename else "can't write any more"
         code = _said(f"{what}: {error.strerror}; make room on the disk", 1)
     except ModuleNotFoundError as error:
-        if error.name not in TRAINING_LIBRARIES:
+        library = (error.name or "").partition(".")[0]
+        if library not in EXTRAS:
             raise
-        remedy = "pip install -e '.[train]' in the checkout"
-        code = _said(f"this command needs {error.name}: {remedy}", 1)
+        remedy = f"pip install -c constraints.txt -e '.[{EXTRAS[library]}]' in the checkout"
+        code = _said(f"this command needs {library}: {remedy}", 1)
     sys.exit(code)
 
 

@@ -22,7 +22,7 @@ from mbot_workstation.cli.presenter import Answer, plain
 if TYPE_CHECKING:
     from mbot_workstation.measure.calibration.body.body_check import Finding
     from mbot_workstation.measure.calibration.body.mass_properties import MassProperties
-    from mbot_workstation.measure.calibration.room.panorama_import import Room
+    from mbot_workstation.measure.calibration.room.panorama_import import ImportedRoom
 
 app = typer.Typer(
     help="Measure one robot; simulation, training and the daemon then use what is written.",
@@ -71,8 +71,7 @@ def body(options: BodyOptions) -> Answer | None:
     from mbot_protocol.files.toml_file import read_toml
     from mbot_workstation.measure.calibration.body.body_check import examine
     from mbot_workstation.measure.calibration.body.body_drawing import draw_body
-    from mbot_workstation.measure.calibration.body.body_example import example_file
-    from mbot_workstation.measure.calibration.body.body_mjcf import write_mjcf
+    from mbot_workstation.measure.calibration.body.body_files import example_file, write_mjcf
     from mbot_workstation.measure.calibration.body.mass_properties import mass_properties
     from mbot_workstation.sim.calibrated.body_calibration import BodyCalibration
     from mbot_workstation.sim.calibrated.calibration_folder import (
@@ -237,7 +236,7 @@ class PanoramaOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class ImportedRoom:
+class RoomAnswer:
     """A room of the calibration, and how its photo was levelled."""
 
     pitch_deg: float
@@ -284,7 +283,7 @@ def panorama(options: PanoramaOptions) -> Answer:
         whole=not options.force,
     )
     height_px, width_px = room.picture.shape[:2]
-    imported = ImportedRoom(
+    imported = RoomAnswer(
         room.pitch_deg,
         room.roll_deg,
         room.tilt.edges if room.tilt else 0,
@@ -303,7 +302,7 @@ def panorama(options: PanoramaOptions) -> Answer:
     return Answer(imported, said)
 
 
-def _levelled(room: "Room", *, given: bool) -> str:
+def _levelled(room: "ImportedRoom", *, given: bool) -> str:
     tilt = f"pitch {room.pitch_deg:+.1f}, roll {room.roll_deg:+.1f} degrees"
     if given:
         return f"levelled by {tilt}, as given"

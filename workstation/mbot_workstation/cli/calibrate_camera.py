@@ -172,8 +172,7 @@ def _boards(options: CameraOptions) -> list[Board]:
 def _collect(source: str, boards: list[Board], folder: Path, count: int) -> list[Path]:
     from rich.console import Console
 
-    from mbot_workstation.measure.calibration.camera.board_collector import Verdict
-    from mbot_workstation.measure.calibration.camera.camera_live import collect
+    from mbot_workstation.measure.calibration.camera.camera_live import FrameVerdict, collect
 
     console = Console(stderr=True)
     looked_for = boards or [Board(charuco=True), Board()]  # the one that is quicker to rule out
@@ -185,11 +184,11 @@ def _collect(source: str, boards: list[Board], folder: Path, count: int) -> list
     )
     with console.status("waiting for the camera") as status:
 
-        def tell(verdict: Verdict, taken: int, empty: tuple[str, ...]) -> None:
+        def tell(verdict: FrameVerdict, taken: int, empty: tuple[str, ...]) -> None:
             missing = f"; still empty: {', '.join(empty)}" if empty else ""
             words = f"{taken} of {count} pictures, {verdict.value}{missing}"
             status.update(words)
-            if verdict is Verdict.TAKEN and not console.is_terminal:
+            if verdict is FrameVerdict.TAKEN and not console.is_terminal:
                 console.print(words, highlight=False, soft_wrap=True)
 
         taken = collect(source, looked_for, folder, count, tell)

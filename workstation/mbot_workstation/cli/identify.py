@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from mbot_workstation.learn.evaluation.trim_trial import TrimTrial
-    from mbot_workstation.measure.identification.handicap import Handicap
+    from mbot_workstation.measure.identification.motor_trim import TrimChoice
     from mbot_workstation.measure.identification.result import Identification
     from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
     from mbot_workstation.sim.calibrated.motion_calibration import MotionCalibration
@@ -83,10 +83,10 @@ def identify(options: IdentifyOptions) -> Answer:
     # bring, and the simulations want the cores.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from mbot_workstation.measure.identification.fit import identify as fit
-    from mbot_workstation.measure.identification.handicap import handicap
     from mbot_workstation.measure.identification.motion_file import motion_calibration
+    from mbot_workstation.measure.identification.motor_trim import trim_choice
     from mbot_workstation.measure.identification.result_words import as_fields
-    from mbot_workstation.measure.tracks.recording_folder import read_recording
+    from mbot_workstation.measure.tracks.recording_folder import read_maneuvers
     from mbot_workstation.measure.tracks.run import common_robot, common_wheel_maps
     from mbot_workstation.sim.calibrated.calibration_folder import write_motion
 
@@ -96,7 +96,7 @@ def identify(options: IdentifyOptions) -> Answer:
         from mbot_workstation.learn.drivers.contestants import read_policy
 
         read_policy(options.policy)  # now, not after the fit
-    read = [read_recording(folder) for folder in options.recordings]
+    read = [read_maneuvers(folder) for folder in options.recordings]
     robot_id = options.robot or common_robot(read)
     folder = options.calibration or Path("calibration") / robot_id
     files = _known(folder)
@@ -105,7 +105,7 @@ def identify(options: IdentifyOptions) -> Answer:
         found = fit(
             read, files.robot, robot_id=robot_id, same_clock=options.same_clock, advance=advance
         )
-    uneven = handicap(found, common_wheel_maps(read))
+    uneven = trim_choice(found, common_wheel_maps(read))
     tried: TrimTrial | None = None
     written: list[str] = []
     if not found.is_worse:
@@ -147,14 +147,14 @@ def _tried(
 
 def _identified_words(
     found: "Identification",
-    uneven: "Handicap",
+    uneven: "TrimChoice",
     tried: "TrimTrial | None",
     written: "Sequence[str]",
 ) -> "Iterator[RenderableType]":
     from mbot_workstation.measure.identification import result_words
-    from mbot_workstation.measure.identification.left_out import grouped
+    from mbot_workstation.measure.identification.exclusion import grouped
 
-    for line in grouped(found.left_out):
+    for line in grouped(found.excluded):
         yield f"left out: {line}"
     yield f"{found.robot_id}: fitted {found.fitted} runs, {len(found.errors)} held out\n"
     yield result_words.parameter_table(found)
@@ -168,7 +168,7 @@ def _identified_words(
     yield result_words.error_table(found)
     yield from result_words.error_lines(found)
     yield ""
-    yield from result_words.handicap_lines(uneven)
+    yield from result_words.trim_lines(uneven)
     yield from result_words.backward_lines(found)
     if tried is not None:
         yield tried.line()

@@ -132,8 +132,8 @@ def run(options: RunManeuversOptions) -> None:
     import time
 
     from mbot_protocol.drive.actions import WheelMaps
+    from mbot_workstation.measure.maneuvers.maneuver_drive import measure_robot_time
     from mbot_workstation.measure.maneuvers.maneuver_session import SessionSettings, check_ready
-    from mbot_workstation.measure.maneuvers.robot_time import measure_robot_time
     from mbot_workstation.measure.maneuvers.session_journal import Journal
     from mbot_workstation.sim.calibrated.motion_calibration import read_motion
 
@@ -190,10 +190,14 @@ def _drive(
 
     from rich.console import Console
 
-    from mbot_workstation.measure.maneuvers.display import PlainDisplay, TerminalDisplay
-    from mbot_workstation.measure.maneuvers.keyboard import Keyboard, NoKeys
     from mbot_workstation.measure.maneuvers.maneuver_session import Session
     from mbot_workstation.measure.maneuvers.telemetry_recorder import TelemetryRecorder
+    from mbot_workstation.measure.maneuvers.terminal import (
+        Keyboard,
+        NoKeys,
+        PlainDisplay,
+        TerminalDisplay,
+    )
 
     before = len(journal.runs)
     recorder = TelemetryRecorder(link, journal.telemetry_path()) if telemetry else None

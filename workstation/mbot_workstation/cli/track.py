@@ -92,7 +92,7 @@ def track(options: TrackOptions) -> None:
     - `workstation track 0 --corners 1.80 1.20`
     - `workstation track openvr --output recordings/mbot-1-2026-11-21/track.tum`
     """
-    from mbot_workstation.measure.tracking.track_file import check_new
+    from mbot_workstation.measure.tracks.track_file import check_new
 
     if options.corners is not None and options.board_mm is not None:
         raise ConfigurationError("--corners and --board-mm exclude each other")
@@ -110,8 +110,11 @@ def track(options: TrackOptions) -> None:
 
 
 def _track_marker(options: TrackOptions, stop: "threading.Event") -> None:
-    from mbot_workstation.measure.tracking.floor_reference import floor_finder
-    from mbot_workstation.measure.tracking.marker_track import MarkerSettings, track_marker
+    from mbot_workstation.measure.tracking.marker_track import (
+        MarkerSettings,
+        floor_finder,
+        track_marker,
+    )
     from mbot_workstation.measure.tracking.overhead_camera import camera_for
 
     settings = MarkerSettings(
@@ -147,9 +150,12 @@ def _track_marker(options: TrackOptions, stop: "threading.Event") -> None:
 def _record_openvr(
     output: Path, serial: str | None, rate_hz: float, stop: "threading.Event"
 ) -> None:
-    from mbot_workstation.measure.tracking.openvr_recording import record_poses
-    from mbot_workstation.measure.tracking.openvr_tracker import OpenVrTracker, load_openvr
-    from mbot_workstation.measure.tracking.track_file import TrackFile
+    from mbot_workstation.measure.tracking.openvr_tracker import (
+        OpenVrTracker,
+        load_openvr,
+        record_poses,
+    )
+    from mbot_workstation.measure.tracks.track_file import TrackFile
 
     reporter = _Reporter()
     recorded, lost = 0, 0

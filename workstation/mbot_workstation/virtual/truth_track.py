@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from numpy.typing import NDArray
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.pacer import Pacer
-from mbot_workstation.sim.track import Array
+from mbot_workstation.sim.engine import mujoco
 from mbot_workstation.virtual.scene_history import SceneHistory
+
+Array = NDArray[np.float64]
 
 RATE_HZ = 90.0
 """SteamVR's, as in the paper."""
@@ -22,7 +24,7 @@ HEIGHT_M = 0.12
 """Of the tracker: on top of the robot."""
 
 ORIGIN_M = np.array([1.3, -0.4, 0.0])
-FRAME = Rotation.from_euler("z", 0.6)
+FRAME_YAW_RAD = 0.6
 """Of the arena in the tracker's own frame: any, but not none, so that nobody relies on it."""
 
 LOOK_BACK_S = 0.03
@@ -126,13 +128,35 @@ class TruthTrack:
         """As the tracker reports it, z up."""
         settings = self._settings
         arm = np.array([settings.ahead_m, settings.left_m, HEIGHT_M])
-        attitude = Rotation.from_quat(quaternion_wxyz, scalar_first=True)
-        place = FRAME.apply(position_m + attitude.apply(arm)) + ORIGIN_M
+        frame = _turn(np.array([0, 0, FRAME_YAW_RAD]))
+        place = _rotated(frame, position_m + _rotated(quaternion_wxyz, arm)) + ORIGIN_M
         place = place + self._random.normal(0, settings.position_noise_m, 3)
-        wobble = Rotation.from_rotvec(self._random.normal(0, settings.angle_noise_rad, 3))
-        return place, (FRAME * attitude * wobble).as_quat(scalar_first=True)
+        wobble = _turn(self._random.normal(0, settings.angle_noise_rad, 3))
+        return place, _product(_product(frame, quaternion_wxyz), wobble)
+
+
+def _turn(rotation_vector: Array) -> Array:
+    """Quaternion, shape (4,)."""
+    quaternion, angle = np.empty(4), float(np.linalg.norm(rotation_vector))
+    mujoco.mju_axisAngle2Quat(quaternion, rotation_vector / max(angle, 1e-12), angle)
+    return quaternion
+
+
+def _rotated(quaternion: Array, vector: Array) -> Array:
+    result = np.empty(3)
+    mujoco.mju_rotVecQuat(result, vector, quaternion)
+    return result
+
+
+def _product(first: Array, second: Array) -> Array:
+    result = np.empty(4)
+    mujoco.mju_mulQuat(result, first, second)
+    return result
 
 
 def _angles_deg(quaternion_wxyz: Array) -> Array:
     """Yaw, pitch, roll with y up, shape (3,). For people: readers take the quaternion."""
-    return Rotation.from_quat(quaternion_wxyz, scalar_first=True).as_euler("YXZ", degrees=True)
+    w, x, y, z = quaternion_wxyz
+    yaw = np.arctan2(2 * (w * y + x * z), 1 - 2 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2 * (w * x - y * z), -1, 1))
+    return np.degrees([yaw, pitch, np.arctan2(2 * (w * z + x * y), 1 - 2 * (x * x + z * z))])

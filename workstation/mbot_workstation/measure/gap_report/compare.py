@@ -6,19 +6,19 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import savgol_filter
 
-from mbot_workstation.measure.identification.data import prepare
-from mbot_workstation.measure.identification.fit import aligned, begins_s
-from mbot_workstation.measure.identification.held_out import driven, is_held_out
-from mbot_workstation.measure.identification.increments import Observed
-from mbot_workstation.measure.identification.left_out import LeftOut
-from mbot_workstation.measure.identification.model import drive_plans
-from mbot_workstation.measure.identification.stray import stray_runs
-from mbot_workstation.measure.tracks.run import Recording
+from mbot_workstation.measure.identification.dataset import prepare
+from mbot_workstation.measure.identification.exclusion import Exclusion
+from mbot_workstation.measure.identification.fit import align, start_delays_s
+from mbot_workstation.measure.identification.observed_run import ObservedRun
+from mbot_workstation.measure.identification.outliers import outlying_runs
+from mbot_workstation.measure.identification.rollout import rollouts
+from mbot_workstation.measure.identification.validation import axle_path, is_held_out
+from mbot_workstation.measure.tracks.run import ManeuverRecording
+from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.sim.body.parameter_table import with_values
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
 from mbot_workstation.sim.engine import TIMESTEP_S
-from mbot_workstation.sim.track import Array
 
 MEASURED, CALIBRATED, NOMINAL = PATHS = ("measured", "calibrated", "nominal")
 
@@ -101,10 +101,10 @@ class Comparison:
     held_out: tuple[ComparedRun, ...]
     first: ComparedRun | None
     words: str
-    left_out: dict[str, LeftOut]
+    excluded: dict[str, Exclusion]
 
 
-def compare(recordings: Sequence[Recording], files: CalibrationFiles) -> Comparison:
+def compare(recordings: Sequence[ManeuverRecording], files: CalibrationFiles) -> Comparison:
     """Align every run and simulate it twice.
 
     Where the tracker sits and how its clock is off is found from the fitted runs alone; each run
@@ -123,39 +123,39 @@ def compare(recordings: Sequence[Recording], files: CalibrationFiles) -> Compari
     calibrated = files.robot.discharged(MIDDLE)
     robot = with_values(data.robot, data.guessed) if files.motion is None else calibrated
     away = np.array(is_held_out(data.runs))
-    problem, solution = aligned(data, robot, np.flatnonzero(~away).tolist())
+    problem, solution = align(data, robot, np.flatnonzero(~away).tolist())
     chosen, words = away, "Every other repetition of each maneuver: those that were held out."
     if files.motion is None or not away.any():
         chosen, words = np.ones_like(away), "All runs: nothing was fitted to them."
         if files.motion is not None:
             words = "All runs: none was repeated, so none could be held out of the fit."
     # As `identify` does: a run with a blocked wheel or a hand on the robot is no measurement.
-    stray = {} if files.motion is None else stray_runs(problem, solution)
-    shown = [index for index in np.flatnonzero(chosen).tolist() if index not in stray]
+    outliers = {} if files.motion is None else outlying_runs(problem, solution)
+    shown = [index for index in np.flatnonzero(chosen).tolist() if index not in outliers]
     first = min(range(len(away)), key=lambda i: data.runs[i].flat.run.commands.start_s)
     # Apart: a batch takes robots of the same parts only.
-    paths = [drive_plans([one], problem.plans)[0] for one in (calibrated, RobotParameters())]
-    later_s, settings = begins_s(problem, solution), solution.state.settings
+    paths = [rollouts([one], problem.plans)[0] for one in (calibrated, RobotParameters())]
+    delay_s, settings = start_delays_s(problem, solution), solution.state.settings
 
     def beside(index: int) -> ComparedRun:
         run = data.runs[index]
         setting, plan = settings[run.flat.recording], problem.which[index]
-        return _beside(run, setting, float(later_s[index]), *(path[plan] for path in paths))
+        return _beside(run, setting, float(delay_s[index]), *(path[plan] for path in paths))
 
     is_first = data.runs[first].flat.run.number == recordings[0].runs[0].number
     return Comparison(
         tuple(beside(index) for index in shown),
         beside(first) if is_first else None,
         words,
-        data.left_out | {data.named(data.runs[index]): why for index, why in stray.items()},
+        data.excluded | data.by_name(outliers),
     )
 
 
 def _beside(
-    observed: Observed, setting: Array, later_s: float, calibrated: Array, nominal: Array
+    observed: ObservedRun, setting: Array, delay_s: float, calibrated: Array, nominal: Array
 ) -> ComparedRun:
     run = observed.flat.run
-    axle, heading, when_s = driven(observed, setting, later_s)
+    axle, heading, when_s = axle_path(observed, setting, delay_s)
     # The track may end before the drive does, by a little: see `data.LEAST_COVERED`.
     until_s = min(observed.drive_s, float(when_s[-1]))
     time_s = np.linspace(0, until_s, max(2, round(until_s / GRID_S) + 1))

@@ -12,9 +12,9 @@ from mbot_workstation.measure.gap_report.compare import (
     ComparedRun,
     Rate,
 )
-from mbot_workstation.measure.identification.held_out import heading_share
+from mbot_workstation.measure.identification.validation import heading_share
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS
-from mbot_workstation.sim.track import Array
+from mbot_workstation.measure.tracks.track import Array
 
 STEP_S = 0.05
 """Between the moments at which errors are given."""

@@ -15,7 +15,7 @@ from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.files.text_file import read_text
 from mbot_workstation.measure.gap_report.compare import ComparedRun
-from mbot_workstation.measure.gap_report.simulated_view import Place, RealFrame
+from mbot_workstation.measure.gap_report.simulated_view import FramePlace, RealFrame
 from mbot_workstation.measure.tracks.recording_folder import TELEMETRY_FILE
 from mbot_workstation.pictures.picture_file import observation, read_picture
 from mbot_workstation.sim.pose import ORIGIN, Pose
@@ -82,7 +82,7 @@ def _frame(folder: Path, where: str, row: Mapping[str, str | None]) -> RealFrame
     if width > LARGEST_WIDTH_PX:
         size = LARGEST_WIDTH_PX, round(height * LARGEST_WIDTH_PX / width)
         picture = cast(Picture, cv2.resize(picture, size, interpolation=cv2.INTER_AREA))
-    return RealFrame(title, picture, Place(robot, cube), False)
+    return RealFrame(title, picture, FramePlace(robot, cube), False)
 
 
 def _pose(where: str, row: Mapping[str, str | None], names: tuple[str, str, str]) -> Pose:
@@ -130,7 +130,7 @@ def telemetry_frames(folder: Path, first: ComparedRun, start_s: float) -> tuple[
         if since_s > 0:
             title = f"{since_s:.1f} s into {first.maneuver}"
             pose = Pose(*(float(np.interp(since_s, first.time_s, c)) for c in first.measured.T))
-        frames.append(RealFrame(title, seen[before[-1]], Place(pose), is_observation=True))
+        frames.append(RealFrame(title, seen[before[-1]], FramePlace(pose), is_observation=True))
     return tuple(frames)
 
 

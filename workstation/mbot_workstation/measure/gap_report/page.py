@@ -16,7 +16,7 @@ from mbot_workstation.measure.gap_report.compare import CALIBRATED, NOMINAL, PAT
 from mbot_workstation.measure.gap_report.figures import Driving, at_end, path_error
 from mbot_workstation.measure.gap_report.report import GapReport
 from mbot_workstation.measure.gap_report.verdict import HALF_WAY, Word
-from mbot_workstation.measure.identification.left_out import grouped
+from mbot_workstation.measure.identification.exclusion import grouped
 from mbot_workstation.pictures.picture_file import encode_picture
 from mbot_workstation.sim.body.parameter_table import PARAMETERS, value
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
@@ -45,7 +45,7 @@ def page(report: GapReport) -> str:
         known={one.quantity.deviation: one.quantity for one in report.judged},
         worst=worst(report),
         verdict_lines=verdict_lines(report),
-        left_out=grouped(report.left_out),
+        left_out=grouped(report.excluded),
         turned_deg=math.degrees(report.driving.turned_rad),
         end_rows=end_rows(report.driving),
         rate_rows=list(rate_rows(report.driving)),
@@ -78,7 +78,7 @@ def printed(report: GapReport) -> Iterator[str]:
     if report.files.motion and report.driving.not_helped:
         yield f"the calibration did not help with {', '.join(report.driving.not_helped)}"
     yield from (f"{title}: {words}" for title, words in verdict_lines(report))
-    yield from (f"left out: {line}" for line in grouped(report.left_out))
+    yield from (f"left out: {line}" for line in grouped(report.excluded))
     yield from (f"missing: {one.what}: {one.command}" for one in report.missing)
 
 

@@ -21,7 +21,7 @@ from mbot_workstation.measure.gap_report.compare import (
 )
 from mbot_workstation.measure.gap_report.figures import path_error
 from mbot_workstation.measure.gap_report.quantities import Quantity
-from mbot_workstation.sim.track import Array
+from mbot_workstation.measure.tracks.track import Array
 
 COLOURS = {MEASURED: "#1c1c1e", CALIBRATED: "#2f6fb2", NOMINAL: "#d9772b"}
 """Dark for what is real, blue for the calibrated simulation, orange for the nominal one; the style

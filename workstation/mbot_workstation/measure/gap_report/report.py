@@ -22,10 +22,10 @@ from mbot_workstation.measure.gap_report.figures import Driving, driving, path_e
 from mbot_workstation.measure.gap_report.frames import read_frames, telemetry_frames
 from mbot_workstation.measure.gap_report.quantities import TITLES, quantities
 from mbot_workstation.measure.gap_report.simulated_view import FramePair, frame_pairs
-from mbot_workstation.measure.gap_report.verdict import Judged, judge
-from mbot_workstation.measure.identification.left_out import LeftOut, reasons
+from mbot_workstation.measure.gap_report.verdict import JudgedQuantity, judge
+from mbot_workstation.measure.identification.exclusion import Exclusion
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS
-from mbot_workstation.measure.tracks.recording_folder import read_recording
+from mbot_workstation.measure.tracks.recording_folder import read_maneuvers
 from mbot_workstation.sim.calibrated.body_calibration import BODY_FILE
 from mbot_workstation.sim.calibrated.calibration_folder import (
     CalibrationFiles,
@@ -70,7 +70,7 @@ class GapReport:
         made_on: ISO date.
         recorded_runs: in all recordings.
         held_out_words: which runs were held out.
-        left_out: runs that could not be used, by name, and why.
+        excluded: runs that could not be used, by name.
         driving: figures of the held-out runs.
         given_frames: of the frames those from marked places, first; the others are telemetry's.
 
@@ -81,10 +81,10 @@ class GapReport:
     recordings: tuple[str, ...]
     recorded_runs: int
     held_out_words: str
-    left_out: dict[str, LeftOut]
+    excluded: dict[str, Exclusion]
     files: CalibrationFiles
     driving: Driving
-    judged: tuple[Judged, ...]
+    judged: tuple[JudgedQuantity, ...]
     tolerances: Tolerances | None
     frames: tuple[FramePair, ...]
     given_frames: int
@@ -115,7 +115,7 @@ def build(
     given = read_frames(frames) if frames else ()
     files = read_files(calibration) if calibration else None
     tell("reading the recordings")
-    folder, read = recordings[0], [read_recording(one) for one in recordings]
+    folder, read = recordings[0], [read_maneuvers(one) for one in recordings]
     robot_id = read[0].robot_id
     for other, recording in zip(recordings, read, strict=True):
         if recording.robot_id != robot_id:
@@ -137,7 +137,7 @@ def build(
         recordings=tuple(str(one) for one in recordings),
         recorded_runs=sum(len(one.runs) for one in read),
         held_out_words=comparison.words,
-        left_out=comparison.left_out,
+        excluded=comparison.excluded,
         files=files,
         driving=driven,
         judged=tuple(judge(one, tolerances) for one in quantities(files, driven.runs)),
@@ -211,7 +211,7 @@ def as_fields(report: GapReport) -> dict[str, Any]:
         "recordings": report.recordings,
         "recorded_runs": report.recorded_runs,
         "held_out_runs": len(driven.runs),
-        "left_out": reasons(report.left_out),
+        "left_out": {name: one.why for name, one in report.excluded.items()},
         "after_s": round(driven.driven_s, 3),
         "turned_deg": float(np.degrees(driven.turned_rad)),
         "calibrated": asdict(driven.calibrated),

@@ -28,7 +28,7 @@ FREE_FLOOR_M = 100.0
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class FramePlace:
     """Where robot and object are, in the arena: its origin is where the panorama was taken, and x
     points to the panorama's middle.
     """
@@ -45,7 +45,7 @@ class RealFrame:
 
     title: str
     picture: Picture
-    place: Place
+    place: FramePlace
     is_observation: bool
 
 
@@ -71,7 +71,7 @@ def simulated_view(
     *,
     walls: bool = True,
     quality: Quality = SHOW,
-) -> Iterator[Callable[[Place], Picture]]:
+) -> Iterator[Callable[[FramePlace], Picture]]:
     """Something that draws pictures, shape (height, width, 3), RGB; it holds an OpenGL context.
 
     Args:
@@ -90,7 +90,7 @@ def simulated_view(
     isp = IspSettings(gains=isp_settings(files.effects).gains)
     with CameraRenderer(simulation, *size, quality, isp=isp) as renderer:
 
-        def picture(place: Place) -> Picture:
+        def picture(place: FramePlace) -> Picture:
             simulation.place_object(place.cube or NOWHERE)
             simulation.place_robot(place.robot)
             simulation.step(0.2)  # the soft contacts take the weight

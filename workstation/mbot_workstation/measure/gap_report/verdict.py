@@ -9,7 +9,7 @@ import numpy as np
 
 from mbot_workstation.learn.studies.tolerance_file import MapAxis, RewardMap, Tolerances
 from mbot_workstation.measure.gap_report.quantities import Quantity
-from mbot_workstation.sim.track import Array
+from mbot_workstation.measure.tracks.track import Array
 
 HALF_WAY = 0.5
 """Of the way to the border: the other half is for what adds up, and for the map's own noise."""
@@ -66,7 +66,7 @@ class ToleratedRange:
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class ToleranceVerdict:
     """On one value of one quantity.
 
     Attributes:
@@ -86,22 +86,22 @@ class Verdict:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Judged:
+class JudgedQuantity:
     """A quantity, what the policy bears of it, and the verdicts on a policy trained on the nominal
     robot and on one trained on this robot's calibration.
     """
 
     quantity: Quantity
     tolerated: ToleratedRange | None
-    uncalibrated: Verdict
-    calibrated: Verdict
+    uncalibrated: ToleranceVerdict
+    calibrated: ToleranceVerdict
 
 
-def judge(quantity: Quantity, tolerances: Tolerances | None) -> Judged:
+def judge(quantity: Quantity, tolerances: Tolerances | None) -> JudgedQuantity:
     """Hold a quantity against the maps, if there are any."""
     tolerated = None if tolerances is None else tolerated_range(tolerances, quantity.deviation)
     why = "no tolerance map" if tolerances is None else "no map knows it"
-    return Judged(
+    return JudgedQuantity(
         quantity,
         tolerated,
         _verdict(quantity.uncalibrated, tolerated, "not measured", why),
@@ -111,15 +111,17 @@ def judge(quantity: Quantity, tolerances: Tolerances | None) -> Judged:
 
 def _verdict(
     value: float | None, tolerated: ToleratedRange | None, without_value: str, without_map: str
-) -> Verdict:
+) -> ToleranceVerdict:
     if value is None or tolerated is None:
-        return Verdict(Word.UNKNOWN, value, why=without_value if value is None else without_map)
+        return ToleranceVerdict(
+            Word.UNKNOWN, value, why=without_value if value is None else without_map
+        )
     used = tolerated.used(value)
     word = Word.FINE if used <= HALF_WAY else Word.BORDERLINE if used <= 1 else Word.WILL_NOT_HOLD
     why = ""
     if used > 1 and not tolerated.is_charted(value):
         word, why = Word.BORDERLINE, "beyond the map's end"
-    return Verdict(
+    return ToleranceVerdict(
         word, value, used if used < math.inf else None, tolerated.reward_share(value), why
     )
 

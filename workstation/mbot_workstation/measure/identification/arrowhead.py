@@ -1,8 +1,8 @@
-"""What each run has to itself and what its maneuver's runs share, solved for inside a larger fit.
+"""Projection onto what a maneuver's nuisance parameters can't explain.
 
-In the columns of a maneuver each run's own stand in a block below one another, and the shared ones
-reach over all of them: an arrowhead matrix. Its basis is found block by block, and the shared
-columns' last.
+Their Jacobian A = [diag(A_1, ..., A_k), B] has a block of columns a run, and columns B that runs
+share, above their prior: an arrowhead matrix. With Q_i from A_i = Q_i R_i, and Q from
+(I - diag(Q_i Q_i^T)) B = Q R, the matrix [diag(Q_i), Q] is an orthonormal basis of A's columns.
 """
 
 from collections.abc import Sequence
@@ -12,13 +12,12 @@ from typing import Self
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from mbot_workstation.sim.track import Array
+from mbot_workstation.measure.tracks.track import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Block:
-    """One run's rows: a basis of its own columns, what makes it of them (an upper triangle), and
-    how much of it stands in each shared column."""
+    """One run's rows: Q_i, R_i and Q_i^T B_i."""
 
     rows: slice
     basis: Array
@@ -54,15 +53,18 @@ class Arrowhead:
             row += len(own)
         return cls(tuple(blocks), *np.linalg.qr(np.concatenate([*left, prior])))
 
-    def without(self, rows: Array) -> Array:
-        """What no such column can explain. Shape (rows,) or (rows, n), as is what comes back."""
+    def project_out(self, rows: Array) -> Array:
+        """(I - A A^+) rows, which is (I - Q Q^T) (I - diag(Q_i Q_i^T)) rows.
+
+        Shape (rows,) or (rows, n), as is what comes back.
+        """
         left = rows.copy()
         for block in self.blocks:
             left[block.rows] -= block.basis @ (block.basis.T @ rows[block.rows])
         return left - self.basis @ (self.basis.T @ left)
 
     def solve(self, rows: Array) -> tuple[Array, Array]:
-        """How much of each column is in some rows: the shared ones', and each run's own.
+        """The least-squares coefficients A^+ rows, by back substitution: shared ones, then runs'.
 
         Args:
             rows: shape (rows,).

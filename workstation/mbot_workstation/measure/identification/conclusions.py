@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from mbot_workstation.measure.identification.data import Data
-from mbot_workstation.measure.identification.model import STEADY_S, Plan, drive_plans
-from mbot_workstation.measure.identification.prediction import OWN
-from mbot_workstation.measure.identification.result import Estimate, SteadyRate
-from mbot_workstation.measure.identification.solver import Problem, Scatter, Solution
+from mbot_workstation.measure.identification.dataset import Dataset
+from mbot_workstation.measure.identification.prediction import NUISANCE
+from mbot_workstation.measure.identification.result import ParameterEstimate, SteadyRate
+from mbot_workstation.measure.identification.rollout import STEADY_S, Plan, rollouts
+from mbot_workstation.measure.identification.solver import Problem, Solution, VarianceComponents
+from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.sim.body.parameter_table import (
     BY_NAME,
     PARAMETERS,
@@ -16,7 +17,6 @@ from mbot_workstation.sim.body.parameter_table import (
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.effects.presets import KNOWN
 from mbot_workstation.sim.engine import TIMESTEP_S
-from mbot_workstation.sim.track import Array
 
 QUANTILE_95 = 1.96
 
@@ -39,11 +39,11 @@ def estimates(
     robot: RobotParameters,
     before: RobotParameters,
     fade: float,
-) -> tuple[Estimate, ...]:
+) -> tuple[ParameterEstimate, ...]:
     """Of all parameters.
 
     Args:
-        solution: judged, so that its covariance holds what the model misses.
+        solution: evaluated, so that its covariance holds what the model misses.
         problem: what was solved.
         robot: what it came to, with a fresh battery.
         before: as it was known.
@@ -51,22 +51,26 @@ def estimates(
 
     """
     sd = np.sqrt(np.diag(solution.covariance))
-    result: list[Estimate] = []
+    result: list[ParameterEstimate] = []
     for known in PARAMETERS:
         found, was = value(robot, known.name), value(before, known.name)
         if known.name == "battery_fade":
             # Of a standard deviation from n numbers, 1 in the root of 2 n; the rest is its shape.
             half = QUANTILE_95 * fade / np.sqrt(len(problem.runs) / 2)
-            result.append(Estimate(known.name, fade, was, max(fade - half, 0.0), fade + half))
+            result.append(
+                ParameterEstimate(known.name, fade, was, max(fade - half, 0.0), fade + half)
+            )
         elif known.name not in problem.names:
-            result.append(Estimate(known.name, found, was, why_not=known.fixed_because))
+            result.append(ParameterEstimate(known.name, found, was, why_not=known.fixed_because))
         elif sd[(index := problem.names.index(known.name))] > TOLD_SHARE:
             why = _why_not(solution.covariance, index, problem.names)
-            result.append(Estimate(known.name, found, was, why_not=why))
+            result.append(ParameterEstimate(known.name, found, was, why_not=why))
         else:
             half = QUANTILE_95 * float(sd[index]) * known.spread
             low, high = max(found - half, known.low), min(found + half, known.high)
-            result.append(Estimate(known.name, found, was, min(low, found), max(high, found)))
+            result.append(
+                ParameterEstimate(known.name, found, was, min(low, found), max(high, found))
+            )
     return tuple(result)
 
 
@@ -85,7 +89,9 @@ def _why_not(covariance: Array, index: int, names: tuple[str, ...]) -> str:
     return "it changes too little in these runs"
 
 
-def latency(solution: Solution, problem: Problem, data: Data, *, same_clock: bool) -> Estimate:
+def latency(
+    solution: Solution, problem: Problem, data: Dataset, *, same_clock: bool
+) -> ParameterEstimate:
     """From command to wheel [s], if the clocks were one."""
     before = KNOWN.action_latency_ms / 1000
     if not same_clock:
@@ -93,18 +99,22 @@ def latency(solution: Solution, problem: Problem, data: Data, *, same_clock: boo
             "a tracker whose clock is not the robot's shows the sum of this delay and the clocks' "
             "difference; record with one clock and give --same-clock"
         )
-        return Estimate("latency_ms", before, before, why_not=why)
+        return ParameterEstimate("latency_ms", before, before, why_not=why)
     guessed = {run.flat.recording: run.ahead_s for run in data.runs}
     found = [solution.state.settings[index, 0] + ahead_s for index, ahead_s in guessed.items()]
-    moment = solution.state.own[:, OWN.index("later")]
+    delays_s = solution.state.nuisance[:, NUISANCE.index("delay")]
     middle = max(float(np.mean(found)), 0.0)
-    scatter = float(moment.std()) / np.sqrt(max(len(problem.runs) - 1, 1))
+    scatter = float(delays_s.std()) / np.sqrt(max(len(problem.runs) - 1, 1))
     half = QUANTILE_95 * float(np.hypot(solution.setting_sd[0, 0], scatter))
-    return Estimate("latency_ms", middle, before, max(middle - half, 0.0), middle + half)
+    return ParameterEstimate("latency_ms", middle, before, max(middle - half, 0.0), middle + half)
 
 
 def steady_rates(
-    solution: Solution, problem: Problem, robot: RobotParameters, scatter: Scatter, fade: float
+    solution: Solution,
+    problem: Problem,
+    robot: RobotParameters,
+    variances: VarianceComponents,
+    fade: float,
 ) -> tuple[SteadyRate, ...]:
     """What the robot does in maneuvers of a single command, and how far a drive may be off."""
     chosen = [i for i, plan in enumerate(problem.plans) if _is_held(plan)]
@@ -116,18 +126,18 @@ def steady_rates(
         with_values(robot, {n: value(robot, n) + DERIVATIVE_STEP * BY_NAME[n].spread})
         for n in problem.names
     ]
-    driven = drive_plans([robot, *steps], plans)
+    driven = rollouts([robot, *steps], plans)
     rates = np.array(
         [[steady_rate(*one) for one in zip(paths, plans, strict=True)] for paths in driven]
     )
-    slopes = (rates[1:] - rates[0]) / DERIVATIVE_STEP
-    fitted = np.einsum("ipr,ij,jpr->pr", slopes, solution.covariance, slopes)
+    jacobian = (rates[1:] - rates[0]) / DERIVATIVE_STEP
+    fitted = np.einsum("ipr,ij,jpr->pr", jacobian, solution.covariance, jacobian)
     result: list[SteadyRate] = []
     for row, index in enumerate(chosen):
         speed, turn = rates[0, row]
         wheels = np.array([speed - turn * robot.track_m / 2, speed + turn * robot.track_m / 2])
-        missed = scatter.misfit * np.abs(wheels).max()
-        each = float(missed**2 * 2 + (scatter.motor**2 * wheels**2).sum())
+        missed = variances.misfit * np.abs(wheels).max()
+        each = float(missed**2 * 2 + (variances.motor**2 * wheels**2).sum())
         charge = fade / np.sqrt(12)
         speed_sd = np.sqrt(fitted[row, 0] + each / 4 + (charge * speed) ** 2)
         turn_sd = np.sqrt(fitted[row, 1] + each / robot.track_m**2 + (charge * turn) ** 2)

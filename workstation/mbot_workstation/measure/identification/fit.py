@@ -3,33 +3,41 @@ half, and solved for all.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.identification.conclusions import estimates, latency, steady_rates
-from mbot_workstation.measure.identification.data import Data, prepare
-from mbot_workstation.measure.identification.held_out import errors, is_held_out, repeatability
-from mbot_workstation.measure.identification.prediction import OWN, Noise
+from mbot_workstation.measure.identification.dataset import Dataset, prepare
+from mbot_workstation.measure.identification.outliers import outlying_runs
+from mbot_workstation.measure.identification.prediction import NUISANCE, Noise
 from mbot_workstation.measure.identification.result import Identification, Misfit
-from mbot_workstation.measure.identification.scatter import learn_misfit, learn_noise, learn_scatter
 from mbot_workstation.measure.identification.solver import (
     Problem,
-    Scatter,
     Solution,
     Solver,
     State,
-    begun,
+    VarianceComponents,
+    initial_state,
     spreads,
 )
-from mbot_workstation.measure.identification.stray import stray_runs
-from mbot_workstation.measure.tracks.run import Recording
+from mbot_workstation.measure.identification.validation import (
+    held_out_errors,
+    is_held_out,
+    repeatability,
+)
+from mbot_workstation.measure.identification.variance_components import (
+    estimate_misfit,
+    estimate_noise,
+    estimate_variances,
+)
+from mbot_workstation.measure.tracks.run import ManeuverRecording
+from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.sim.body.parameter_table import TOLD_BY_DRIVING, usual, with_values
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
-from mbot_workstation.sim.track import Array
 
-MOST_ROUNDS = 8
+MOST_ITERATIONS = 8
 """Of fitting, learning the scatter, and fitting again; those tried settled in 2 to 6. So that a fit
 ends that goes to and fro."""
 
@@ -61,7 +69,7 @@ Advance = Callable[[float], None]
 
 
 def identify(
-    recordings: Sequence[Recording],
+    recordings: Sequence[ManeuverRecording],
     nominal: RobotParameters,
     *,
     robot_id: str,
@@ -82,87 +90,89 @@ def identify(
         ConfigurationError: the recordings can't be fitted; the text says why.
 
     """
-    bar = _Bar(advance)
+    progress = _Progress(advance)
     data = prepare(recordings, nominal, same_clock=same_clock)
     away = np.array(is_held_out(data.runs))
     _check_enough(data, away)
-    half = _Fit.begin(data, _indices(~away), bar)
-    whole = _Fit.go_on(data, half, bar)
-    stray = stray_runs(whole.problem, whole.solution)
-    if stray:
-        data = data.without(stray)
+    half = _Fit.multistart(data, _indices(~away), progress)
+    whole = _Fit.warm_start(data, half, progress)
+    outliers = outlying_runs(whole.problem, whole.solution)
+    if outliers:
+        data = data.without(outliers)
         away = np.array(is_held_out(data.runs))
         _check_enough(data, away)
-        half = _Fit.go_on(data, whole, bar, _indices(~away))
-        whole = _Fit.go_on(data, half, bar)
+        half = _Fit.warm_start(data, whole, progress, _indices(~away))
+        whole = _Fit.warm_start(data, half, progress)
     return _conclude(robot_id, data, half, whole, _indices(away), same_clock=same_clock)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """A problem, solved or about to be, with the scatter and the noise that it taught."""
+    """A solved problem, with the variances and the noise estimated from it."""
 
-    def __init__(
-        self,
-        problem: Problem,
-        state: State,
-        scatter: Scatter,
-        noise: list[Noise],
-        solution: Solution | None = None,
-    ) -> None:
-        self.problem, self._state, self._solution = problem, state, solution
-        self.scatter, self.noise = scatter, noise
-
-    @property
-    def solution(self) -> Solution:
-        if self._solution is None:
-            raise ValueError("nothing has been solved yet")
-        return self._solution
+    problem: Problem
+    solution: Solution
+    variances: VarianceComponents
+    noise: list[Noise]
 
     @classmethod
-    def begin(cls, data: Data, chosen: Sequence[int], bar: "_Bar") -> "_Fit":
+    def multistart(cls, data: Dataset, chosen: Sequence[int], progress: "_Progress") -> "_Fit":
         """Fit some runs from each of the starts; the likeliest robot wins."""
         problem, noise = data.problem(chosen, TOLD_BY_DRIVING), data.noise()
         middle = {name: usual(data.robot, name) for name in TOLD_BY_DRIVING} | dict(data.guessed)
         found: list[_Fit] = []
         for differs, grip in STARTS:
             start = middle | differs | {"wheel_friction": grip * middle["wheel_friction"]}
-            state = begun(problem, with_values(data.robot, start))
-            found.append(cls(problem, state, Scatter(), noise)._settled(bar))
-        alike = Solver(problem, Scatter(), noise)  # each has learned a scatter of its own
-        return min(found, key=lambda one: alike.judge(one.solution.state).cost)
+            state = initial_state(problem, with_values(data.robot, start))
+            found.append(cls._converged(problem, state, VarianceComponents(), noise, progress))
+        alike = Solver(problem, VarianceComponents(), noise)  # each has variances of its own
+        return min(found, key=lambda one: alike.evaluate(one.solution.state).cost)
 
     @classmethod
-    def go_on(
-        cls, data: Data, before: "_Fit", bar: "_Bar", chosen: Sequence[int] | None = None
+    def warm_start(
+        cls,
+        data: Dataset,
+        before: "_Fit",
+        progress: "_Progress",
+        chosen: Sequence[int] | None = None,
     ) -> "_Fit":
         """Fit other runs of the same robot from where a fit has come."""
         everything = range(len(data.runs)) if chosen is None else chosen
         problem = data.problem(everything, TOLD_BY_DRIVING)
         came = before.solution.state
-        state = replace(begun(problem, came.robot), settings=came.settings)
-        return cls(problem, state, before.scatter, before.noise)._settled(bar)
+        state = replace(initial_state(problem, came.robot), settings=came.settings)
+        return cls._converged(problem, state, before.variances, before.noise, progress)
 
-    def _settled(self, bar: "_Bar") -> "_Fit":
-        state, scatter, noise, solution = self._state, self.scatter, self.noise, self._solution
-        for done in range(MOST_ROUNDS):
-            solution = Solver(self.problem, scatter, noise).solve(state, 1)
-            moved = spreads(self.problem, solution.state.robot) - spreads(self.problem, state.robot)
+    @classmethod
+    def _converged(
+        cls,
+        problem: Problem,
+        state: State,
+        variances: VarianceComponents,
+        noise: list[Noise],
+        progress: "_Progress",
+    ) -> "_Fit":
+        left = MOST_ITERATIONS
+        while True:
+            solution = Solver(problem, variances, noise).solve(state, 1)
+            moved = spreads(problem, solution.state.robot) - spreads(problem, state.robot)
             state = solution.state
-            scatter = learn_scatter(self.problem.runs, solution)
-            noise = learn_noise(self.problem.runs, solution, noise)
-            if (np.abs(moved) < SETTLED * np.sqrt(np.diag(solution.covariance))).all():
-                bar.count(MOST_ROUNDS - done)
-                break
-            bar.count()
-        return _Fit(self.problem, state, scatter, noise, solution)
+            variances = estimate_variances(problem.runs, solution)
+            noise = estimate_noise(problem.runs, solution, noise)
+            settled = (np.abs(moved) < SETTLED * np.sqrt(np.diag(solution.covariance))).all()
+            if settled or left == 1:
+                progress.count(left)
+                return cls(problem, solution, variances, noise)
+            progress.count()
+            left -= 1
 
 
-class _Bar:
+class _Progress:
     """Work done, counted in rounds."""
 
     def __init__(self, advance: Advance | None) -> None:
         self._advance, self._done = advance, 0
-        self._all = (len(STARTS) + 1) * MOST_ROUNDS
+        self._all = (len(STARTS) + 1) * MOST_ITERATIONS
 
     def count(self, rounds: int = 1) -> None:
         self._done += rounds
@@ -174,10 +184,10 @@ def _indices(chosen: Array) -> list[int]:
     return np.flatnonzero(chosen).tolist()
 
 
-def _check_enough(data: Data, away: Array) -> None:
+def _check_enough(data: Dataset, away: Array) -> None:
     if away.any() and not away.all():
         return
-    without = f" without the {len(data.left_out)} that can't be used" if data.left_out else ""
+    without = f" without the {len(data.excluded)} that can't be used" if data.excluded else ""
     raise ConfigurationError(
         f"{len(data.runs)} runs{without}, and no maneuver twice: half of the repetitions "
         "is held out to judge the result; drive each maneuver at least twice"
@@ -185,14 +195,14 @@ def _check_enough(data: Data, away: Array) -> None:
 
 
 def _conclude(
-    robot_id: str, data: Data, half: _Fit, whole: _Fit, away: Sequence[int], *, same_clock: bool
+    robot_id: str, data: Dataset, half: _Fit, whole: _Fit, away: Sequence[int], *, same_clock: bool
 ) -> Identification:
     state = whole.solution.state
     told = float((1 - np.diag(whole.solution.covariance).clip(0, 1)).sum())
-    scatter = replace(whole.scatter, misfit=learn_misfit(whole.solution, told))
+    variances = replace(whole.variances, misfit=estimate_misfit(whole.solution, told))
     # From here on, what the model gets wrong in a maneuver counts as what it may get wrong.
-    judged = Solver(whole.problem, scatter, whole.noise).judge(state)
-    fade = FADE_OF_SCATTER * _common_scatter(whole, scatter)
+    evaluated = Solver(whole.problem, variances, whole.noise).evaluate(state)
+    fade = FADE_OF_SCATTER * _common_scatter(whole, variances)
     mean = state.robot
     fresh = with_values(
         mean,
@@ -203,40 +213,40 @@ def _conclude(
         },
     )
     known = half.solution.state
-    problem, held = _begun_all(data, away, known, half.scatter, half.noise)
+    problem, held = _fit_delays(data, away, known, half.variances, half.noise)
     plans = (problem.plans, problem.which)
-    later = begins_s(problem, held)
+    delays_s = start_delays_s(problem, held)
     return Identification(
         robot_id,
         data.robot,
         fresh,
-        estimates(judged, whole.problem, fresh, data.robot, fade),
-        latency(judged, whole.problem, data, same_clock=same_clock),
+        estimates(evaluated, whole.problem, fresh, data.robot, fade),
+        latency(evaluated, whole.problem, data, same_clock=same_clock),
         tuple(float(setting[1]) for setting in state.settings),
         tuple((float(s[2]), float(s[3]), float(s[4])) for s in state.settings),
-        scatter,
+        variances,
         tuple(
             Misfit(name, *(float(share) for share in shares[:3]))
             for name, shares in state.misfit.items()
         ),
-        steady_rates(judged, whole.problem, fresh, scatter, fade),
-        errors(problem.runs, *plans, known.settings, later, data.robot, known.robot),
-        repeatability(data.runs, state.settings, state.own[:, OWN.index("later")]),
+        steady_rates(evaluated, whole.problem, fresh, variances, fade),
+        held_out_errors(problem.runs, *plans, known.settings, delays_s, data.robot, known.robot),
+        repeatability(data.runs, state.settings, state.nuisance[:, NUISANCE.index("delay")]),
         len(data.runs),
-        data.left_out,
+        data.excluded,
     )
 
 
-def _common_scatter(fit: _Fit, scatter: Scatter) -> float:
+def _common_scatter(fit: _Fit, variances: VarianceComponents) -> float:
     """Of both motors' strength alike over the session, what ran down with time included."""
     drained = [
         fit.solution.state.settings[run.flat.recording, 5] * run.since_others_s
         for run in fit.problem.runs
     ]
-    return float(np.hypot(scatter.battery, np.std(drained)))
+    return float(np.hypot(variances.battery, np.std(drained)))
 
 
-def aligned(data: Data, robot: RobotParameters, fitted: Sequence[int]) -> tuple[Problem, Solution]:
+def align(data: Dataset, robot: RobotParameters, fitted: Sequence[int]) -> tuple[Problem, Solution]:
     """Find the recordings' settings from some runs, and when all of them began; no parameter.
 
     Args:
@@ -246,24 +256,28 @@ def aligned(data: Data, robot: RobotParameters, fitted: Sequence[int]) -> tuple[
 
     """
     problem = data.problem(fitted, ())
-    scatter, noise = Scatter(), data.noise()
-    settled = Solver(problem, scatter, noise).solve(begun(problem, robot), 2)
-    return _begun_all(data, range(len(data.runs)), settled.state, scatter, noise)
+    variances, noise = VarianceComponents(), data.noise()
+    settled = Solver(problem, variances, noise).solve(initial_state(problem, robot), 2)
+    return _fit_delays(data, range(len(data.runs)), settled.state, variances, noise)
 
 
-def _begun_all(
-    data: Data, chosen: Sequence[int], known: State, scatter: Scatter, noise: list[Noise]
+def _fit_delays(
+    data: Dataset,
+    chosen: Sequence[int],
+    known: State,
+    variances: VarianceComponents,
+    noise: list[Noise],
 ) -> tuple[Problem, Solution]:
     """When runs began, with everything else as it is known."""
     free = data.problem(chosen, ())
     held = replace(free, free=np.zeros_like(free.free), guess=known.settings)
-    return held, Solver(held, scatter, noise).solve(begun(held, known.robot), 2)
+    return held, Solver(held, variances, noise).solve(initial_state(held, known.robot), 2)
 
 
-def begins_s(problem: Problem, solution: Solution) -> Array:
+def start_delays_s(problem: Problem, solution: Solution) -> Array:
     """How much later each run began than its clock says. Shape (runs,).
 
     A run on a shared clock began when it says, as far as anybody may know beforehand.
     """
-    own = solution.state.own[:, OWN.index("later")]
-    return np.where([run.own_clock for run in problem.runs], own, 0.0)
+    delays_s = solution.state.nuisance[:, NUISANCE.index("delay")]
+    return np.where([run.own_clock for run in problem.runs], delays_s, 0.0)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.measure.tracks.run import Recording, Run
+from mbot_workstation.measure.tracks.run import ManeuverRecording, Run
+from mbot_workstation.measure.tracks.track import Array, Track
 from mbot_workstation.measure.tracks.track_cleaning import clean
-from mbot_workstation.sim.track import Array, Track
 
 Plane: TypeAlias = NDArray[np.complex128]
 """Points of the plane, x + iy."""
@@ -52,7 +52,7 @@ class FlatRun:
         return f"run {self.run.number} ({self.run.maneuver}, repetition {self.run.repetition})"
 
 
-def flatten(recording: Recording, index: int = 0) -> tuple[FlatRun, ...]:
+def flatten(recording: ManeuverRecording, index: int = 0) -> tuple[FlatRun, ...]:
     """All runs of a recording on its floor, without what the tracker did wrong.
 
     Raises:

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.linalg import cholesky_banded, solve_banded
 
 from mbot_workstation.measure.identification.floor import Plane
-from mbot_workstation.measure.identification.increments import STARTING_S, Observed
+from mbot_workstation.measure.identification.observed_run import STARTING_S, ObservedRun
+from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.sim.engine import TIMESTEP_S
-from mbot_workstation.sim.track import Array
 
 SETTING = ("clock", "drift", "ahead", "left", "yaw", "drain")
 """Of a recording: its clock's offset beyond the guess [s] and drift, the tracker's place on the
@@ -24,9 +24,10 @@ SETTING_SPREAD = np.array([0.1, 1e-4, 0.1, 0.1, 1.0, 3e-5])
 """How far they may be from the first guess: far, but a clock off by 1e-4 or a battery that loses a
 tenth in an hour is one in three."""
 
-OWN = ("left", "right", "sideways", "later")
-"""What a run has to itself: both wheels' speeds, as shares; a sideways motion, as a share of the
-faster wheel's speed; and how much later it began [s]."""
+NUISANCE = ("left", "right", "sideways", "delay")
+"""A run's nuisance parameters: both wheels' speeds, as shares; a sideways motion, as a share of the
+faster wheel's speed; and how much later it
+began [s]."""
 
 MISFIT = ("left", "right", "sideways", "left at the start", "right at the start")
 """What the model gets wrong in all runs of a maneuver, as shares of the faster wheel's speed: the
@@ -53,63 +54,65 @@ def simulated_at(path: Array, moments_s: Array) -> tuple[Plane, Array]:
     return found[..., 0] + 1j * found[..., 1], found[..., 2]
 
 
-def moments_s(run: Observed, setting: Array, later_s: float) -> Array:
+def moments_s(run: ObservedRun, setting: Array, delay_s: float) -> Array:
     """When the samples were taken, since the first command took effect. Shape (n,).
 
     Args:
         run: whose samples they are.
         setting: of the recording, shape (6,), see `SETTING`.
-        later_s: than the other runs.
+        delay_s: than the other runs.
 
     """
-    return run.sample_s - setting[0] - setting[1] * run.since_middle_s - later_s
+    return run.sample_s - setting[0] - setting[1] * run.since_middle_s - delay_s
 
 
-def predicted(run: Observed, path: Array, setting: Array, later_s: float) -> Array:
+def predicted(run: ObservedRun, path: Array, setting: Array, delay_s: float) -> Array:
     """The increments that this run's tracker would have shown.
 
     Args:
         run: whose samples are used.
         path: simulated, shape (..., steps + 1, 3).
         setting: of the recording, shape (6,).
-        later_s: than the other runs.
+        delay_s: than the other runs.
 
     Returns:
         Shape (..., 3, bins - 1).
 
     """
-    place, yaw = simulated_at(path, moments_s(run, setting, later_s))
+    place, yaw = simulated_at(path, moments_s(run, setting, delay_s))
     tracked = place + np.exp(1j * yaw) * complex(setting[2], setting[3])
     found = run.bins.increments(tracked, yaw) * (1 - setting[5] * run.since_others_s)
     return _turned(found, setting[4])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Slopes:
-    """How a run's predicted increments move; shapes (k, 3, bins - 1).
+class Jacobians:
+    """Derivatives of a run's predicted increments; shapes (k, 3, bins - 1).
 
     Attributes:
-        settings: with the recording's settings.
-        own: with what the run has to itself, see `OWN`.
-        misfit: with what the model gets wrong, see `MISFIT`.
+        settings: by the recording's settings.
+        nuisance: by what the run has to itself, see `NUISANCE`.
+        misfit: by what the model gets wrong, see `MISFIT`.
 
     """
 
     settings: Array
-    own: Array
+    nuisance: Array
     misfit: Array
 
 
-def slopes(run: Observed, path: Array, setting: Array, later_s: float, track_m: float) -> Slopes:
-    """Analytic but for the moment, in which a path is only piecewise smooth.
+def jacobians(
+    run: ObservedRun, path: Array, setting: Array, delay_s: float, track_m: float
+) -> Jacobians:
+    """Analytic but for the delay, in which a path is only piecewise smooth.
 
     The arguments are those of `predicted`, for one path: shape (steps + 1, 3).
     """
-    here = predicted(run, path, setting, later_s)
-    late = predicted(run, path, setting, later_s + MOMENT_STEP_S)
-    early = predicted(run, path, setting, later_s - MOMENT_STEP_S)
+    here = predicted(run, path, setting, delay_s)
+    late = predicted(run, path, setting, delay_s + MOMENT_STEP_S)
+    early = predicted(run, path, setting, delay_s - MOMENT_STEP_S)
     by_moment = (late - early) / (2 * MOMENT_STEP_S)
-    place, yaw = simulated_at(path, moments_s(run, setting, later_s))
+    place, yaw = simulated_at(path, moments_s(run, setting, delay_s))
     turning = np.exp(1j * yaw)
     # A tracker further ahead or to the left shows more of the turn, and no other heading.
     offset = [run.bins.increments(turning * way, yaw) * _ONLY_PLACE for way in (1, 1j)]
@@ -135,7 +138,7 @@ def slopes(run: Observed, path: Array, setting: Array, later_s: float, track_m: 
         return np.stack([way.real, way.imag, turn_rad])
 
     still = np.zeros_like(forward)
-    own = np.stack(
+    nuisance = np.stack(
         [
             moved(wheels[0] / 2, -wheels[0] / track_m, still),
             moved(wheels[1] / 2, wheels[1] / track_m, still),
@@ -153,7 +156,7 @@ def slopes(run: Observed, path: Array, setting: Array, later_s: float, track_m: 
             moved(starting / 2, starting / track_m, still),
         ]
     )
-    return Slopes(settings, own, misfit)
+    return Jacobians(settings, nuisance, misfit)
 
 
 _ONLY_PLACE = np.array([1.0, 1.0, 0.0])[:, None]
@@ -189,7 +192,7 @@ class Whitener:
     chance is not. Such a covariance has two bands, and so has its root.
     """
 
-    def __init__(self, run: Observed, noise: Noise) -> None:
+    def __init__(self, run: ObservedRun, noise: Noise) -> None:
         of_place = _root(run, noise.place_m, noise.place_walk)
         of_heading = _root(run, noise.heading_rad, noise.heading_walk)
         self._roots = of_place, of_place, of_heading
@@ -211,7 +214,7 @@ class Whitener:
         return np.asarray(result, np.float64)
 
 
-def _root(run: Observed, single: float, walk: float) -> Array:
+def _root(run: ObservedRun, single: float, walk: float) -> Array:
     """Of the covariance of n increments: its diagonal and the one below. Shape (2, n)."""
     of_bins = single**2 / run.bins.count
     bands = np.zeros((2, of_bins.size - 1))

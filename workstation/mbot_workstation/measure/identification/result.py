@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass
 
-from mbot_workstation.measure.identification.left_out import LeftOut
-from mbot_workstation.measure.identification.solver import Scatter
+from mbot_workstation.measure.identification.exclusion import Exclusion
+from mbot_workstation.measure.identification.solver import VarianceComponents
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class ParameterEstimate:
     """One parameter.
 
     Attributes:
@@ -116,30 +116,30 @@ class Identification:
         latency: from command to wheel [s]; undetermined unless the clocks were one.
         clock_drift: of each recording's tracker against the robot's clock.
         tracker: of each recording: ahead [m], to the left [m], turned to the left [rad].
-        scatter: of the runs about the simulation.
+        variances: of the runs about the simulation.
         misfits: of each maneuver.
         steady: predicted, of each maneuver that was driven at one command.
         errors: of the runs that were held out when half of them were fitted.
         repeatability: of each maneuver.
         fitted: how many runs were fitted in the end: all that can be used.
-        left_out: runs that were not used, and why.
+        excluded: runs that were not used, by name.
 
     """
 
     robot_id: str
     before: RobotParameters
     robot: RobotParameters
-    estimates: tuple[Estimate, ...]
-    latency: Estimate
+    estimates: tuple[ParameterEstimate, ...]
+    latency: ParameterEstimate
     clock_drift: tuple[float, ...]
     tracker: tuple[tuple[float, float, float], ...]
-    scatter: Scatter
+    variances: VarianceComponents
     misfits: tuple[Misfit, ...]
     steady: tuple[SteadyRate, ...]
     errors: tuple[RunError, ...]
     repeatability: tuple[Repeatability, ...]
     fitted: int
-    left_out: dict[str, LeftOut]
+    excluded: dict[str, Exclusion]
 
     @property
     def is_worse(self) -> bool:

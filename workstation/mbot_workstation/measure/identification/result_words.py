@@ -10,10 +10,13 @@ from rich.markup import escape
 from rich.table import Table
 
 from mbot_workstation.measure.identification.conclusions import QUANTILE_95
-from mbot_workstation.measure.identification.handicap import Handicap
-from mbot_workstation.measure.identification.held_out import LEAST_TURNS_RAD, heading_share
-from mbot_workstation.measure.identification.left_out import reasons
-from mbot_workstation.measure.identification.result import Estimate, Identification, RunError
+from mbot_workstation.measure.identification.motor_trim import TrimChoice
+from mbot_workstation.measure.identification.result import (
+    Identification,
+    ParameterEstimate,
+    RunError,
+)
+from mbot_workstation.measure.identification.validation import LEAST_TURNS_RAD, heading_share
 from mbot_workstation.sim.body.parameter_table import BY_NAME
 
 NOTEWORTHY_MISFIT = 0.02
@@ -102,7 +105,7 @@ def undetermined_lines(found: Identification) -> list[str]:
     return lines
 
 
-def _value_words(one: Estimate) -> str:
+def _value_words(one: ParameterEstimate) -> str:
     factor = BY_NAME[one.name].shown_factor
     verb = "stays" if math.isclose(one.value, one.before) else "is taken as"
     return f"{verb} {factor * one.value:.4g}"
@@ -143,7 +146,7 @@ def misfit_lines(found: Identification) -> list[str]:
     ]
 
 
-def handicap_lines(uneven: Handicap) -> list[str]:
+def trim_lines(uneven: TrimChoice) -> list[str]:
     """What the daemon can do about uneven motors, and what each way costs."""
     left, right = uneven.straight.left, uneven.straight.right
     if left.trim == right.trim:
@@ -182,19 +185,19 @@ def backward_lines(found: Identification) -> list[str]:
     ]
 
 
-def as_fields(found: Identification, uneven: Handicap, written: Sequence[str]) -> dict[str, Any]:
+def as_fields(found: Identification, uneven: TrimChoice, written: Sequence[str]) -> dict[str, Any]:
     """For programs. Units are in the names, or the parameters' own as in `RobotParameters`."""
     return {
         "robot": found.robot_id,
         "runs_fitted": found.fitted,
         "runs_held_out": len(found.errors),
-        "left_out": reasons(found.left_out),
+        "left_out": {name: one.why for name, one in found.excluded.items()},
         "parameters": {one.name: _fields(one) for one in found.estimates},
         "latency_s": _fields(found.latency),
         "steady": [asdict(one) for one in found.steady],
         "misfit": [asdict(one) for one in found.misfits],
         "uneven_motors": asdict(uneven),
-        "scatter": asdict(found.scatter),
+        "scatter": asdict(found.variances),
         "clock_drift": found.clock_drift,
         "tracker_ahead_left_yaw": found.tracker,
         "held_out": [asdict(error) for error in found.errors],
@@ -203,7 +206,7 @@ def as_fields(found: Identification, uneven: Handicap, written: Sequence[str]) -
     }
 
 
-def _fields(one: Estimate) -> dict[str, Any]:
+def _fields(one: ParameterEstimate) -> dict[str, Any]:
     return {
         "value": one.value,
         "before": one.before,

@@ -1,9 +1,8 @@
-"""One least-squares problem: parameters and recordings' settings, all that runs have to themselves
-solved for inside.
+"""One least-squares problem in parameters and settings; nuisance parameters are projected out.
 
-A run's own deviations, and what the model gets wrong in all runs of a maneuver, enter the
-increments linearly and only there; projecting them out leaves a problem in some twenty unknowns,
-whatever the number of runs (variable projection: Golub and Pereyra 1973; Kaufman's Jacobian).
+Those are a run's own deviations and what the model gets wrong in all runs of a maneuver. They enter
+the increments linearly; projecting them out leaves a problem in some twenty unknowns, whatever the
+number of runs (variable projection: Golub and Pereyra 1973; Kaufman's Jacobian).
 """
 
 from collections.abc import Sequence
@@ -15,21 +14,21 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from mbot_workstation.measure.identification.arrowhead import Arrowhead
-from mbot_workstation.measure.identification.increments import Observed, maneuvers
-from mbot_workstation.measure.identification.model import Plan, drive_plans
+from mbot_workstation.measure.identification.observed_run import ObservedRun, maneuvers
 from mbot_workstation.measure.identification.prediction import (
     MISFIT,
-    OWN,
+    NUISANCE,
     SETTING,
     SETTING_SPREAD,
     Noise,
     Whitener,
+    jacobians,
     predicted,
-    slopes,
 )
+from mbot_workstation.measure.identification.rollout import Plan, rollouts
+from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.sim.body.parameter_table import BY_NAME, usual, value, with_values
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
-from mbot_workstation.sim.track import Array
 
 Indices: TypeAlias = NDArray[np.intp]
 
@@ -43,22 +42,22 @@ OWN_CLOCK_S = 0.1
 SLOW_CLOCK_S = 0.5
 """Likewise of a slow run, which moves from a command on that nobody knows yet."""
 
-STEPS_A_ROUND = 8
-"""Of the solver, before what was linearised is looked at anew."""
+MOST_EVALUATIONS = 8
+"""Of the residuals in one iteration, before the nuisance parameters are linearised anew."""
 
 
-_NO_MISFIT = np.zeros((len(OWN), len(MISFIT)))
+_NO_MISFIT = np.zeros((len(NUISANCE), len(MISFIT)))
 
 
 @dataclass(frozen=True, slots=True)
-class Scatter:
-    """Standard deviations of what runs and maneuvers have to themselves.
+class VarianceComponents:
+    """Prior standard deviations of the nuisance parameters and of the misfit.
 
     Attributes:
         battery: of both wheels' speeds alike, from run to run, as a share.
         motor: of each wheel's speed by itself, from run to run, as a share.
         sideways: from run to run, as a share of the faster wheel's speed.
-        moment_s: of a run's beginning, where the clocks are one.
+        moment_s: of the delay of a run's beginning, where the clocks are one.
         misfit: of what the model gets wrong in all runs of a maneuver, as a share of the faster
             wheel's speed.
         start: likewise while the robot gets going: no model has quite the curve of a real start.
@@ -72,12 +71,12 @@ class Scatter:
     misfit: float = 0.005
     start: float = 0.03
 
-    def of_misfit(self) -> Array:
+    def misfit_sd(self) -> Array:
         """Of `prediction.MISFIT`. Shape (5,)."""
         return np.array([*[self.misfit] * 3, *[self.start] * 2])
 
-    def own_root(self, run: Observed) -> Array:
-        """Inverse root of the covariance of a run's own deviations. Shape (4, 4)."""
+    def nuisance_root(self, run: ObservedRun) -> Array:
+        """Inverse Cholesky root of the prior covariance of a run's nuisance. Shape (4, 4)."""
         guessed_s = SLOW_CLOCK_S if run.flat.run.is_slow else OWN_CLOCK_S
         moment_s = guessed_s if run.own_clock else self.moment_s
         covariance = np.diag([self.motor**2, self.motor**2, self.sideways**2, moment_s**2])
@@ -99,7 +98,7 @@ class Problem:
 
     """
 
-    runs: tuple[Observed, ...]
+    runs: tuple[ObservedRun, ...]
     plans: tuple[Plan, ...]
     which: tuple[int, ...]
     robot: RobotParameters
@@ -115,14 +114,14 @@ class State:
     Attributes:
         robot: with the parameters as they are now.
         settings: shape (recordings, 6).
-        own: of each run, see `prediction.OWN`; shape (runs, 4).
+        nuisance: of each run, see `prediction.NUISANCE`; shape (runs, 4).
         misfit: of each maneuver, see `prediction.MISFIT`.
 
     """
 
     robot: RobotParameters
     settings: Array
-    own: Array
+    nuisance: Array
     misfit: dict[str, Array]
 
 
@@ -194,100 +193,120 @@ class _Unknowns:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Group:
-    """The runs of one maneuver, and all that is theirs alone. In its rows each run's increments
-    are followed by the priors of its own, and what the maneuver's share is last."""
+class _ManeuverGroup:
+    """The runs of one maneuver, and the columns of its nuisance parameters. In its rows each run's
+    increments are followed by the priors of its nuisance, and those of the misfit come last."""
 
     runs: tuple[int, ...]
-    theirs: Arrowhead
+    nuisance: Arrowhead
 
 
 class Solver:
-    """Solves one problem from some state on, with given scatter and noise."""
+    """Variable projection of one problem, for given variance components and noise.
 
-    def __init__(self, problem: Problem, scatter: Scatter, noise: Sequence[Noise]) -> None:
-        self.problem, self._scatter = problem, scatter
+    With p the parameters and free settings in units of their prior's standard deviation, n the
+    nuisance parameters and misfits, W the whitening of increments and priors: minimise
+
+        |p|^2 + |W (seen - predicted(p)) - A n|^2.
+
+    For given p the best n is a linear least squares, so what remains is
+
+        |p|^2 + |P W (seen - predicted(p))|^2,  P = I - A A^+,
+
+    whose Jacobian is [I; -P W d predicted / dp] (Kaufman's, P held).
+    """
+
+    def __init__(
+        self, problem: Problem, variances: VarianceComponents, noise: Sequence[Noise]
+    ) -> None:
+        self.problem, self._variances = problem, variances
         self._unknowns = _Unknowns(problem)
-        self._white = [Whitener(run, noise[run.flat.recording]) for run in problem.runs]
+        self._whiteners = [Whitener(run, noise[run.flat.recording]) for run in problem.runs]
 
-    def solve(self, state: State, rounds: int) -> Solution:
-        """Descend; each round linearises anew what runs have to themselves."""
+    def solve(self, state: State, iterations: int) -> Solution:
+        """Descend in the parameters; each iteration linearises the nuisance parameters anew."""
         result = None
-        for _ in range(rounds):
-            later = state.own[:, OWN.index("later")]
+        for _ in range(iterations):
+            delays_s = state.nuisance[:, NUISANCE.index("delay")]
             groups = self._groups(state)
             if not self._unknowns.low.size:
-                state, residuals = self._state(np.zeros(0), groups, later)
+                state, residuals = self._state(np.zeros(0), groups, delays_s)
                 result = self._solution(state, 0.0, np.zeros((0, 0)), residuals)
                 continue
             found = least_squares(
-                lambda u, g=groups, later=later: self._rows(u, g, later),
+                lambda u, g=groups, delays_s=delays_s: self._residuals(u, g, delays_s),
                 np.clip(self._unknowns.of(state), self._unknowns.low, self._unknowns.high),
-                jac=lambda u, g=groups, later=later: self._slopes(u, g, later),  # pyright: ignore
+                jac=lambda u, g=groups, delays_s=delays_s: self._jacobian(u, g, delays_s),  # pyright: ignore
                 bounds=(self._unknowns.low, self._unknowns.high),
-                max_nfev=STEPS_A_ROUND,
+                max_nfev=MOST_EVALUATIONS,
                 xtol=1e-4,
                 ftol=1e-5,
                 x_scale=1.0,
             )
-            state, residuals = self._state(found.x, groups, later)
+            state, residuals = self._state(found.x, groups, delays_s)
             result = self._solution(state, float(found.cost), found.jac, residuals)
         if result is None:
-            raise ValueError(f"rounds is {rounds}, expected at least 1")
+            raise ValueError(f"iterations is {iterations}, expected at least 1")
         return result
 
-    def _groups(self, state: State) -> list[_Group]:
-        (paths,) = drive_plans([state.robot], self.problem.plans)
-        groups: list[_Group] = []
+    def _groups(self, state: State) -> list[_ManeuverGroup]:
+        (paths,) = rollouts([state.robot], self.problem.plans)
+        groups: list[_ManeuverGroup] = []
         for members in maneuvers(self.problem.runs).values():
             columns: list[tuple[Array, Array]] = []
             for index in members:
                 run = self.problem.runs[index]
-                found = slopes(
+                found = jacobians(
                     run,
                     paths[self.problem.which[index]],
                     state.settings[run.flat.recording],
-                    float(state.own[index, -1]),
+                    float(state.nuisance[index, -1]),
                     state.robot.track_m,
                 )
-                own = self._whiten(index, found.own).T
+                nuisance = self._whiten(index, found.nuisance).T
                 shared = self._whiten(index, found.misfit).T
-                prior = self._scatter.own_root(run)
-                columns.append((np.vstack([own, prior]), np.vstack([shared, _NO_MISFIT])))
-            shared_prior = np.diag(1 / self._scatter.of_misfit())
-            groups.append(_Group(tuple(members), Arrowhead.of(columns, shared_prior)))
+                prior = self._variances.nuisance_root(run)
+                columns.append((np.vstack([nuisance, prior]), np.vstack([shared, _NO_MISFIT])))
+            shared_prior = np.diag(1 / self._variances.misfit_sd())
+            groups.append(_ManeuverGroup(tuple(members), Arrowhead.of(columns, shared_prior)))
         return groups
 
     def _whiten(self, index: int, increments: Array) -> Array:
         """Of shape (..., 3, n) to (..., 3 n)."""
-        white = self._white[index].whiten(increments)
+        white = self._whiteners[index].whiten(increments)
         return white.reshape(*white.shape[:-2], white.shape[-2] * white.shape[-1])
 
-    def _rows(self, unknowns: Array, groups: Sequence[_Group], later: Array) -> Array:
-        whole = self._aims(unknowns, groups, later)
-        parts = [group.theirs.without(aim) for group, aim in zip(groups, whole, strict=True)]
+    def _residuals(
+        self, unknowns: Array, groups: Sequence[_ManeuverGroup], delays_s: Array
+    ) -> Array:
+        whole = self._whitened_residuals(unknowns, groups, delays_s)
+        parts = [g.nuisance.project_out(rows) for g, rows in zip(groups, whole, strict=True)]
         return np.concatenate([unknowns, *parts])
 
-    def _aims(self, unknowns: Array, groups: Sequence[_Group], later: Array) -> list[Array]:
-        """Of each group what is left of its rows before anything is explained."""
-        (paths,) = drive_plans([self._unknowns.robot(unknowns)], self.problem.plans)
+    def _whitened_residuals(
+        self, unknowns: Array, groups: Sequence[_ManeuverGroup], delays_s: Array
+    ) -> list[Array]:
+        """Of each group, before the projection. Shape (rows,) each."""
+        (paths,) = rollouts([self._unknowns.robot(unknowns)], self.problem.plans)
         settings = self._unknowns.settings(unknowns)
-        aims: list[Array] = []
+        whitened: list[Array] = []
         for group in groups:
             parts: list[Array] = []
             for index in group.runs:
                 run = self.problem.runs[index]
                 path, setting = paths[self.problem.which[index]], settings[run.flat.recording]
-                off = run.seen - predicted(run, path, setting, float(later[index]))
-                now = np.array([0, 0, 0, later[index]])
-                parts += [self._whiten(index, off), -self._scatter.own_root(run) @ now]
-            aims.append(np.concatenate([*parts, np.zeros(len(MISFIT))]))
-        return aims
+                off = run.seen - predicted(run, path, setting, float(delays_s[index]))
+                now = np.array([0, 0, 0, delays_s[index]])
+                parts += [self._whiten(index, off), -self._variances.nuisance_root(run) @ now]
+            whitened.append(np.concatenate([*parts, np.zeros(len(MISFIT))]))
+        return whitened
 
-    def _slopes(self, unknowns: Array, groups: Sequence[_Group], later: Array) -> Array:
+    def _jacobian(
+        self, unknowns: Array, groups: Sequence[_ManeuverGroup], delays_s: Array
+    ) -> Array:
         names, robot = self._unknowns.names, self._unknowns.robot(unknowns)
         settings = self._unknowns.settings(unknowns)
-        # Away from a limit.
+        # One-sided differences, away from a limit.
         signs = [
             -1.0 if unknowns[i] + STEP > self._unknowns.high[i] else 1.0 for i in range(len(names))
         ]
@@ -295,7 +314,7 @@ class Solver:
             self._unknowns.robot(unknowns + sign * STEP * np.eye(unknowns.size)[i])
             for i, sign in enumerate(signs)
         ]
-        driven = drive_plans([robot, *moved], self.problem.plans)
+        driven = rollouts([robot, *moved], self.problem.plans)
         stacked = [np.stack(paths) for paths in zip(*driven, strict=True)]
         parts = [np.eye(unknowns.size)]
         for group in groups:
@@ -303,38 +322,38 @@ class Solver:
             for index in group.runs:
                 run = self.problem.runs[index]
                 recording = run.flat.recording
-                setting, moment = settings[recording], float(later[index])
+                setting, delay_s = settings[recording], float(delays_s[index])
                 paths = stacked[self.problem.which[index]]
-                found = predicted(run, paths, setting, moment)
+                found = predicted(run, paths, setting, delay_s)
                 by_name = (found[1:] - found[0]) / (STEP * np.array(signs)[:, None, None])
-                by_setting = slopes(run, paths[0], setting, moment, robot.track_m).settings
+                by_setting = jacobians(run, paths[0], setting, delay_s, robot.track_m).settings
                 chosen, places = self._unknowns.chosen_settings(recording)
                 mine = np.zeros((unknowns.size, by_name.shape[-2] * by_name.shape[-1]))
                 mine[: len(names)] = self._whiten(index, by_name)
                 scaled = by_setting[chosen] * SETTING_SPREAD[chosen][:, None, None]
                 mine[places] = self._whiten(index, scaled)
-                rows += [-mine.T, np.zeros((len(OWN), unknowns.size))]
+                rows += [-mine.T, np.zeros((len(NUISANCE), unknowns.size))]
             rows.append(np.zeros((len(MISFIT), unknowns.size)))
-            parts.append(group.theirs.without(np.concatenate(rows)))
+            parts.append(group.nuisance.project_out(np.concatenate(rows)))
         return np.concatenate(parts)
 
     def _state(
-        self, unknowns: Array, groups: Sequence[_Group], later: Array
+        self, unknowns: Array, groups: Sequence[_ManeuverGroup], delays_s: Array
     ) -> tuple[State, tuple[Array, ...]]:
-        own = np.zeros((len(self.problem.runs), len(OWN)))
+        nuisance = np.zeros((len(self.problem.runs), len(NUISANCE)))
         misfit: dict[str, Array] = {}
-        residuals: list[Array] = [np.zeros(0)] * len(own)
-        aims = self._aims(unknowns, groups, later)
-        for group, aim in zip(groups, aims, strict=True):
-            shared, solved = group.theirs.solve(aim)
+        residuals: list[Array] = [np.zeros(0)] * len(nuisance)
+        whitened = self._whitened_residuals(unknowns, groups, delays_s)
+        for group, rows in zip(groups, whitened, strict=True):
+            shared, solved = group.nuisance.solve(rows)
             misfit[self.problem.runs[group.runs[0]].maneuver] = shared
-            left = group.theirs.without(aim)
-            for block, index, mine in zip(group.theirs.blocks, group.runs, solved, strict=True):
-                own[index] = mine + np.array([0, 0, 0, later[index]])
-                of_run = left[block.rows][: -len(OWN)].reshape(3, -1)
-                residuals[index] = self._white[index].undo(of_run)
+            left = group.nuisance.project_out(rows)
+            for block, index, mine in zip(group.nuisance.blocks, group.runs, solved, strict=True):
+                nuisance[index] = mine + np.array([0, 0, 0, delays_s[index]])
+                of_run = left[block.rows][: -len(NUISANCE)].reshape(3, -1)
+                residuals[index] = self._whiteners[index].undo(of_run)
         robot, settings = self._unknowns.robot(unknowns), self._unknowns.settings(unknowns)
-        return State(robot, settings, own, misfit), tuple(residuals)
+        return State(robot, settings, nuisance, misfit), tuple(residuals)
 
     def _solution(
         self, state: State, cost: float, jacobian: Array, residuals: tuple[Array, ...]
@@ -352,17 +371,17 @@ class Solver:
             residuals,
         )
 
-    def judge(self, state: State) -> Solution:
-        """The same state with the covariance that this solver's scatter and noise make of it."""
-        later, groups = state.own[:, OWN.index("later")], self._groups(state)
+    def evaluate(self, state: State) -> Solution:
+        """The same state with the covariance that this solver's variances and noise make of it."""
+        delays_s, groups = state.nuisance[:, NUISANCE.index("delay")], self._groups(state)
         unknowns = self._unknowns.of(state)
-        cost = 0.5 * float((self._rows(unknowns, groups, later) ** 2).sum())
-        jacobian = self._slopes(unknowns, groups, later)
-        _, residuals = self._state(unknowns, groups, later)
+        cost = 0.5 * float((self._residuals(unknowns, groups, delays_s) ** 2).sum())
+        jacobian = self._jacobian(unknowns, groups, delays_s)
+        _, residuals = self._state(unknowns, groups, delays_s)
         return self._solution(state, cost, jacobian, residuals)
 
 
-def begun(problem: Problem, robot: RobotParameters) -> State:
+def initial_state(problem: Problem, robot: RobotParameters) -> State:
     """The state before anything is fitted."""
     runs = len(problem.runs)
-    return State(robot, problem.guess.copy(), np.zeros((runs, len(OWN))), {})
+    return State(robot, problem.guess.copy(), np.zeros((runs, len(NUISANCE))), {})

@@ -4,16 +4,19 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from mbot_protocol.errors import MbotError, RefusedError, UnreachableError
 from mbot_workstation.fleet.link.remote_control import RemoteControl
 from mbot_workstation.fleet.link.robot_link import RobotLink
-from mbot_workstation.measure.maneuvers.keyboard import Keys
-from mbot_workstation.measure.maneuvers.maneuver_drive import SpoiltRunError, drive_maneuver
+from mbot_workstation.measure.maneuvers.maneuver_drive import (
+    RobotTime,
+    SpoiltRunError,
+    drive_maneuver,
+    measure_robot_time,
+)
 from mbot_workstation.measure.maneuvers.plan import Planned
-from mbot_workstation.measure.maneuvers.robot_time import RobotTime, measure_robot_time
 from mbot_workstation.measure.maneuvers.session_journal import Journal
+from mbot_workstation.measure.maneuvers.terminal import Keyboard, NoKeys, PlainDisplay
 from mbot_workstation.measure.tracks.maneuver import maneuver_named
 
 LOOK_S = 0.05
@@ -24,30 +27,6 @@ SPOILT_AT_MOST = 3
 
 CLOCK_JUMP_NS = 1_000_000_000
 """A drifting clock moves by milliseconds between runs; one that began anew by far more."""
-
-
-class Display(Protocol):
-    """Who is told what goes on."""
-
-    def next_run(self, run: Planned, done: int, total: int) -> None:
-        """This run comes next."""
-        ...
-
-    def countdown(self, left_s: float) -> None:
-        """It begins in so long."""
-        ...
-
-    def driving(self) -> None:
-        """It has begun."""
-        ...
-
-    def recorded(self, run: Planned, number: int) -> None:
-        """It is over and kept."""
-        ...
-
-    def say(self, text: str) -> None:
-        """Something a person should read."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,8 +59,8 @@ class Session:
         journal: Journal,
         plan: Sequence[Planned],
         settings: SessionSettings,
-        keys: Keys,
-        display: Display,
+        keys: NoKeys | Keyboard,
+        display: PlainDisplay,
     ) -> None:
         self._link = link
         self._control = RemoteControl(link)

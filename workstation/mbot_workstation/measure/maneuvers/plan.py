@@ -11,8 +11,6 @@ from mbot_workstation.measure.tracks.maneuver import Maneuver
 FULL_SPEED_MPS = 0.41
 """120 rpm on wheels of 32.5 mm (paper, derived)."""
 
-WHEELS_APART_M = 0.115
-
 OUTER_REACH_M = 0.15
 """From the axle's centre to the robot's farthest corner, with a tracker or marker on it."""
 
@@ -63,6 +61,8 @@ def room_needed_m(maneuver: Maneuver, seconds: float) -> tuple[float, float]:
 
     Straight runs need their whole way, turning ones the circle they turn in. Generous.
     """
+    from mbot_workstation.sim.body.robot_parameters import RobotParameters  # numpy: `--help` waits
+
     robot_m = 2 * OUTER_REACH_M
     if maneuver.is_slow:  # about either wheel in turn
         return 2 * robot_m, 2 * robot_m
@@ -70,7 +70,7 @@ def room_needed_m(maneuver: Maneuver, seconds: float) -> tuple[float, float]:
         way_m = FULL_SPEED_MPS * seconds
         return way_m * 1.1 + robot_m, way_m * 0.5 + robot_m
     forward = abs(maneuver.left + maneuver.right) / 2
-    turn = abs(maneuver.right - maneuver.left) / WHEELS_APART_M
+    turn = abs(maneuver.right - maneuver.left) / RobotParameters().track_m
     circle_m = 2 * forward / turn * SPREAD + robot_m
     return circle_m, circle_m
 

@@ -10,14 +10,20 @@ from rich.console import Console
 
 from mbot_protocol.drive.picture import Picture
 from mbot_workstation.fresh_folder import make_fresh
-from mbot_workstation.measure.rehearsal.board_photos import board_photos
-from mbot_workstation.measure.rehearsal.card_photos import HEIGHT_PX, WIDTH_PX, card_photos
 from mbot_workstation.measure.rehearsal.command_line import CommandLine
-from mbot_workstation.measure.rehearsal.drive_session import drive_session
-from mbot_workstation.measure.rehearsal.frame_photos import take_frames
-from mbot_workstation.measure.rehearsal.leave_out import leave_out_spoilt
+from mbot_workstation.measure.rehearsal.driving import (
+    ROBOT_ID,
+    drive_session,
+    leave_out_spoilt,
+    robot_pair,
+)
 from mbot_workstation.measure.rehearsal.outcome import Row, outcome
-from mbot_workstation.measure.rehearsal.robot_pair import ROBOT_ID, robot_pair
+from mbot_workstation.measure.rehearsal.photographs import (
+    CARD_PHOTO_PX,
+    board_photos,
+    card_photos,
+    take_frames,
+)
 from mbot_workstation.measure.rehearsal.truth import (
     BODY,
     MOTION,
@@ -127,7 +133,7 @@ def _weigh(line: CommandLine) -> None:
 def _photograph_board(line: CommandLine, afternoon: Afternoon) -> None:
     words = f"{afternoon.photos} photographs of the board by the robot's own camera."
     line.step("3. The lens", words)
-    camera = TRUTH.robot.camera.scaled_to(WIDTH_PX, HEIGHT_PX)
+    camera = TRUTH.robot.camera.scaled_to(*CARD_PHOTO_PX)
     _save_all(line, "board", board_photos(camera, afternoon.photos, afternoon.seed))
     line.run("workstation", "calibrate", "camera", "photos/board", *INTO)
 

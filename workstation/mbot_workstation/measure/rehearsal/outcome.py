@@ -11,12 +11,12 @@ from rich.table import Table
 
 from mbot_protocol.drive.actions import WheelMaps
 from mbot_workstation.measure.gap_report.compare import Rate, steady_rate
-from mbot_workstation.measure.identification.model import simulate_run
+from mbot_workstation.measure.identification.rollout import simulate_run
 from mbot_workstation.measure.tracks.maneuver import maneuver_named
 from mbot_workstation.measure.tracks.run import CommandSeries, Run
+from mbot_workstation.measure.tracks.track import Track
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
-from mbot_workstation.sim.track import Track
 
 DRIVE_S = 5.0
 
@@ -103,29 +103,21 @@ def _error_words(row: Row, value: float | None) -> str:
 
 def _driving(truth: CalibrationFiles, found: CalibrationFiles) -> list[Row]:
     robots = truth.robot, RobotParameters(), found.robot
-    known = found.motion is not None
     straight = [_rate(robot, "forward-forward") for robot in robots]
     spin = [_rate(robot, "backward-forward") for robot in robots]
-
-    row = partial(_row, known=known)
-
-    rows = [
+    drift = [math.degrees(rate.turn_radps) for rate in straight]
+    lags = {
+        side: [1000 * getattr(robot, f"{side}_motor").time_constant_s for robot in robots]
+        for side in ("left", "right")
+    }
+    row = partial(_row, known=found.motion is not None)
+    return [
         row("straight on, m/s", [rate.speed_mps for rate in straight], digits=4),
-        row(
-            "drift straight on, °/s",
-            [math.degrees(rate.turn_radps) for rate in straight],
-            relative=False,
-            digits=2,
-        ),
+        row("drift straight on, °/s", drift, relative=False, digits=2),
         row("on the spot, °/s", [math.degrees(rate.turn_radps) for rate in spin], digits=1),
         row("track, mm", [1000 * robot.track_m for robot in robots], digits=1),
+        *(row(f"{side} time constant, ms", values, digits=0) for side, values in lags.items()),
     ]
-    for side in ("left", "right"):
-        motors = [getattr(robot, f"{side}_motor") for robot in robots]
-        rows.append(
-            row(f"{side} time constant, ms", [1000 * m.time_constant_s for m in motors], digits=0)
-        )
-    return rows
 
 
 def _camera(truth: CalibrationFiles, found: CalibrationFiles) -> list[Row]:
@@ -134,28 +126,22 @@ def _camera(truth: CalibrationFiles, found: CalibrationFiles) -> list[Row]:
         robot.camera.scaled_to(width, round(width * robot.camera.height_px / robot.camera.width_px))
         for robot in (truth.robot, RobotParameters(), found.robot)
     ]
-    known = found.camera is not None
-
-    row = partial(_row, known=known)
-
+    row = partial(_row, known=found.camera is not None, relative=False)
     return [
         row("focal length, px of 1000", [m.focal_x_px for m in models], relative=True, digits=2),
-        row("axis, px from the left", [m.principal_x_px for m in models], relative=False, digits=2),
-        row("axis, px from the top", [m.principal_y_px for m in models], relative=False, digits=2),
-        row("distortion k1", [m.distortion[0] for m in models], relative=False, digits=4),
-        row("distortion k2", [m.distortion[1] for m in models], relative=False, digits=4),
+        row("axis, px from the left", [m.principal_x_px for m in models], digits=2),
+        row("axis, px from the top", [m.principal_y_px for m in models], digits=2),
+        row("distortion k1", [m.distortion[0] for m in models], digits=4),
+        row("distortion k2", [m.distortion[1] for m in models], digits=4),
     ]
 
 
 def _light(truth: CalibrationFiles, found: CalibrationFiles) -> list[Row]:
-    known = found.light is not None
-    effects = truth.effects, CalibrationFiles().effects, found.effects
-    lights = [files.scene.light for files in (truth, CalibrationFiles(), found)]
+    seen = truth, CalibrationFiles(), found
+    effects, lights = [files.effects for files in seen], [files.scene.light for files in seen]
     way = np.array(lights[0].direction)
     angles = [_angle_deg(way, np.array(light.direction)) for light in lights]
-
-    row = partial(_row, known=known)
-
+    row = partial(_row, known=found.light is not None)
     return [
         row("exposure", [one.exposure_gain for one in effects]),
         row("red against green", [one.red_gain for one in effects]),

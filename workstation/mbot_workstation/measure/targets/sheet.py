@@ -35,7 +35,7 @@ PAPERS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
+class FilledShape:
     """Polygons filled with one grey; those of one shape touch without a seam.
 
     Attributes:
@@ -78,12 +78,12 @@ class Page:
     width_mm: float
     height_mm: float
     title: str
-    shapes: list[Shape] = field(default_factory=list[Shape])
+    shapes: list[FilledShape] = field(default_factory=list[FilledShape])
     texts: list[Text] = field(default_factory=list[Text])
 
     def fill(self, polygons: Iterable[Sequence[Point]], grey: float = BLACK) -> None:
         """Add polygons."""
-        self.shapes.append(Shape(tuple(tuple(polygon) for polygon in polygons), grey))
+        self.shapes.append(FilledShape(tuple(tuple(polygon) for polygon in polygons), grey))
 
     def write(self, at: Point, words: str, size_mm: float = 3.2) -> None:
         """Add a line of text."""

@@ -1,14 +1,62 @@
-"""A SteamVR tracker through the `openvr` package, which only some machines have."""
+"""Records a SteamVR tracker through the `openvr` package, which only some machines have."""
 
 import importlib
-from typing import Any, Self
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Protocol, Self
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mbot_protocol.errors import ConfigurationError, UnreachableError
-from mbot_workstation.measure.tracks.track_frame import to_our_frame
-from mbot_workstation.sim.track import Array
+from mbot_workstation.measure.tracks.raw_track import to_our_frame
+from mbot_workstation.measure.tracks.track import Array
+from mbot_workstation.measure.tracks.track_file import TrackFile
+from mbot_workstation.pacer import Pacer
+
+
+class PoseSource(Protocol):
+    """Something that knows where the tracker is."""
+
+    def pose(self) -> tuple[Array, Array] | None:
+        """Position (3,) and attitude (4,), z up; None while lost."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How it goes.
+
+    Attributes:
+        recorded, lost: poses so far; lost ones are left out of the file.
+        lost_for_s: how long the tracker has been lost now; 0: it is seen.
+
+    """
+
+    recorded: int
+    lost: int
+    lost_for_s: float
+
+
+def record_poses(
+    source: PoseSource, file: TrackFile, rate_hz: float, stop: threading.Event
+) -> Iterator[Progress]:
+    """Record until stopped; yields after every pose. Times are this machine's monotonic clock."""
+    pacer = Pacer(1 / rate_hz, 1)
+    lost = 0
+    seen_s = time.monotonic()
+    while pacer.wait(stop) > 0:
+        now_s = time.monotonic()
+        pose = source.pose()
+        if pose is None:
+            lost += 1
+        else:
+            seen_s = now_s
+            file.add(now_s, *pose)
+        yield Progress(file.poses, lost, now_s - seen_s)
+
 
 UP = "y"
 """OpenVR is right-handed: x right, y up, -z forward."""
@@ -28,8 +76,8 @@ def load_openvr() -> Any:
         return importlib.import_module("openvr")
     except ImportError:
         raise ConfigurationError(
-            "SteamVR tracking needs the openvr package: pip install -e '.[tracking]' in the "
-            "checkout, on the machine SteamVR runs on"
+            "SteamVR tracking needs the openvr package: pip install -c constraints.txt -e "
+            "'.[measure,tracking]' in the checkout, on the machine SteamVR runs on"
         ) from None
 
 

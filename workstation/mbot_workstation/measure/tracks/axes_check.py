@@ -7,10 +7,10 @@ import msgspec
 import numpy as np
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.measure.tracks.driven_run import DrivenRun
+from mbot_workstation.measure.tracks.motion import DrivenRun
+from mbot_workstation.measure.tracks.raw_track import to_file_frame, to_our_frame
+from mbot_workstation.measure.tracks.track import Array, Track
 from mbot_workstation.measure.tracks.track_format import TrackFormat
-from mbot_workstation.measure.tracks.track_frame import to_file_frame, to_our_frame
-from mbot_workstation.sim.track import Array, Track
 
 LARGEST_TILT_DEG = 15.0
 """Away from the mean, which is how the tracker is mounted. A robot on the floor tilts by 2."""

@@ -5,9 +5,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.measure.tracks.driven_run import DrivenRun, numbers_of
 from mbot_workstation.measure.tracks.maneuver import Maneuver
-from mbot_workstation.measure.tracks.run_check import spoilt
+from mbot_workstation.measure.tracks.motion import DrivenRun, numbers_of
+from mbot_workstation.measure.tracks.run import UnusableRunError
 
 TURNING_RADPS = 1.0
 """Below this nothing is concluded from a turn: a seventh of a full spin."""
@@ -96,11 +96,10 @@ def _check_repetitions(runs: Sequence[DrivenRun]) -> None:
         usual = float(np.median([run.yaw_radps for run in group]))
         odd = [run for run in group if abs(run.yaw_radps - usual) > ODD_SHARE * fastest]
         if odd and fastest > TURNING_RADPS:
-            raise spoilt(
+            raise UnusableRunError.of(
                 odd[0].run.number,
                 f"{odd[0].name} turns at {odd[0].yaw_radps:.1f} rad/s, the other repetitions at "
                 f"{usual:.1f}: another maneuver, or spoilt ({numbers_of(odd)} in all)",
-                "add",
             )
 
 

@@ -13,13 +13,11 @@ from mbot_workstation.measure.tracks.recording_toml import (
     read_info,
     write_info,
 )
-from mbot_workstation.measure.tracks.run import Recording, Run
-from mbot_workstation.measure.tracks.run_check import spoilt
+from mbot_workstation.measure.tracks.run import ManeuverRecording, Run, UnusableRunError
 from mbot_workstation.measure.tracks.session_track import find_tracker_ahead_s, parts_of
-from mbot_workstation.measure.tracks.track_files import TRACK_SUFFIXES, read_track
+from mbot_workstation.measure.tracks.track import Track
+from mbot_workstation.measure.tracks.track_file import TRACK_SUFFIXES, read_track, write_tum
 from mbot_workstation.measure.tracks.track_format import TrackFormat, read_track_format
-from mbot_workstation.measure.tracks.track_tum import write_tum
-from mbot_workstation.sim.track import Track
 
 COMMANDS_FILE = "commands.csv"
 TELEMETRY_FILE = "telemetry.mcap"
@@ -27,7 +25,7 @@ TELEMETRY_FILE = "telemetry.mcap"
 _RUN_TRACK = re.compile(r"track-0*([0-9]+)")
 
 
-def read_recording(folder: Path) -> Recording:
+def read_maneuvers(folder: Path) -> ManeuverRecording:
     """All runs of a folder with their tracks, checked but not cleaned.
 
     Raises:
@@ -54,10 +52,10 @@ def read_recording(folder: Path) -> Recording:
     else:
         runs = _match(folder, tracks, form, commanded)
     check_runs(folder, runs, form or TrackFormat())
-    return Recording(info.robot_id, info.wheel_maps, runs, tracker_ahead_s)
+    return ManeuverRecording(info.robot_id, info.wheel_maps, runs, tracker_ahead_s)
 
 
-def write_recording(
+def write_maneuvers(
     folder: Path,
     robot_id: str,
     runs: Sequence[Run],
@@ -135,7 +133,7 @@ def _cut(
     runs: list[Run] = []
     for run, part in zip(commanded, parts_of(track, commanded, ahead_s), strict=True):
         if part is None:
-            raise spoilt(
+            raise UnusableRunError.of(
                 run.number,
                 f"{path} has nothing of run {run.number} ({run.maneuver}, repetition "
                 f"{run.repetition}): the tracker began late, ended early or was lost",

@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from mbot_protocol.drive.actions import WheelMaps
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.tracks.maneuver import SLOW
-from mbot_workstation.sim.track import Array, Track
+from mbot_workstation.measure.tracks.track import Array, Track
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,8 +98,25 @@ class Run:
         return self.maneuver == SLOW.name
 
 
+class UnusableRunError(ConfigurationError):
+    """One run of a recording can't be used; without it the others may be."""
+
+    kind = "run-spoilt"
+
+    @classmethod
+    def of(cls, number: int, what: str) -> Self:
+        """What is wrong with this run, with the remedy."""
+        remedy = f"record it again, or add {number} to leave_out in recording.toml"
+        return cls(what, remedy=remedy, run=number)
+
+    @property
+    def number(self) -> int:
+        """Of the run, for `leave_out` in recording.toml."""
+        return self.facts["run"]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Recording:
+class ManeuverRecording:
     """All runs of a folder.
 
     Attributes:
@@ -117,7 +135,7 @@ class Recording:
     tracker_ahead_s: float | None = None
 
 
-def common_robot(recordings: Sequence[Recording]) -> str:
+def common_robot(recordings: Sequence[ManeuverRecording]) -> str:
     """Whose all recordings are; raises ConfigurationError if they differ."""
     names = list(dict.fromkeys(recording.robot_id for recording in recordings))
     if len(names) > 1:
@@ -130,7 +148,7 @@ def common_robot(recordings: Sequence[Recording]) -> str:
     return names[0]
 
 
-def common_wheel_maps(recordings: Sequence[Recording]) -> WheelMaps:
+def common_wheel_maps(recordings: Sequence[ManeuverRecording]) -> WheelMaps:
     """The latest recording's; raises ConfigurationError if they differ in a motor's direction."""
     maps = [recording.wheel_maps for recording in recordings]
     if len({(one.left.reversed, one.right.reversed) for one in maps}) > 1:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.tracks.commands_csv import CommandedRun
 from mbot_workstation.measure.tracks.motion import STEP_S, motion
-from mbot_workstation.sim.track import Array, Track
+from mbot_workstation.measure.tracks.track import Array, Track
 
 MARGIN_S = 1.0
 """Of standing still, compared and kept before and after each run."""

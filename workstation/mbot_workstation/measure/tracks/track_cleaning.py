@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mbot_workstation.sim.track import Array, Track, running_windows, without_sign_flips
+from mbot_workstation.measure.tracks.track import Array, Track, running_windows, without_sign_flips
 
 Mask = NDArray[np.bool_]
 

@@ -11,10 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.files.text_file import read_text
-from mbot_workstation.measure.tracks.raw_track import RawTrack
+from mbot_workstation.measure.tracks.raw_track import RawTrack, from_euler
+from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.measure.tracks.track_format import Column, TrackFormat
-from mbot_workstation.measure.tracks.track_frame import from_euler
-from mbot_workstation.sim.track import Array
 
 MOST_HEADER_LINES = 20
 """Vicon's have 5, Motive's 7, Qualisys' 11."""

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.measure.tracks.driven_run import DrivenRun, numbers_of
+from mbot_workstation.measure.tracks.motion import DrivenRun, numbers_of
 from mbot_workstation.measure.tracks.track_cleaning import noise
 from mbot_workstation.measure.tracks.track_format import METRES
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
 
 USUAL_MPS = 0.4
 """120 rpm on wheels of 32.5 mm, less the load."""
@@ -47,12 +48,12 @@ def check_units(runs: Sequence[DrivenRun], declared: str) -> None:
     if wrong:
         raise ConfigurationError(_message(runs, wrong, declared))
     apart_m = _wheels_apart_m(runs)
-    low, high = WHEELS_APART_M
+    usual_m, (low, high) = RobotParameters().track_m, WHEELS_APART_M
     if apart_m is not None and not low <= apart_m <= high:
-        unit = _unit_that_fits(declared, 0.115 / apart_m)
+        unit = _unit_that_fits(declared, usual_m / apart_m)
         raise ConfigurationError(
             f"speeds and turn rates together mean wheels {apart_m:.3f} m apart, expected about "
-            f"0.115: positions declared in {declared} {_advice(unit)}"
+            f"{usual_m:g}: positions declared in {declared} {_advice(unit)}"
         )
 
 

@@ -17,8 +17,8 @@ from mbot_protocol.drive.lens import folds_within
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.measure.calibration.camera.board_detection import Sighting
 from mbot_workstation.measure.calibration.camera.picture_sizes import (
+    ScaledBoard,
     Values,
-    View,
     check_aspects,
     check_zooms,
     commonest_size,
@@ -132,7 +132,7 @@ def fit_camera(sightings: Sequence[Sighting], *, keep_outliers: bool = False) ->
         )
     check_aspects(sightings)
     width_px, height_px = max(sighting.size for sighting in sightings)
-    views = [View.of(sighting, width_px, height_px) for sighting in sightings]
+    views = [ScaledBoard.of(sighting, width_px, height_px) for sighting in sightings]
     camera = _rough_camera(sightings, views, width_px, height_px)
     kept, limit = np.ones(len(views), bool), np.inf
     if not keep_outliers:
@@ -155,7 +155,7 @@ def fit_camera(sightings: Sequence[Sighting], *, keep_outliers: bool = False) ->
 
 
 def _unfolded(
-    views: Sequence[View], start: CameraModel, *, coarser: bool
+    views: Sequence[ScaledBoard], start: CameraModel, *, coarser: bool
 ) -> tuple[CameraModel, Values, int]:
     """In place of one whose picture folds over: a camera, its deviations, OpenCV's flags for it.
 
@@ -180,7 +180,9 @@ def _unfolded(
     return (good or tried)[0][1:]
 
 
-def solve(views: Sequence[View], start: CameraModel, flags: int = 0) -> tuple[CameraModel, Values]:
+def solve(
+    views: Sequence[ScaledBoard], start: CameraModel, flags: int = 0
+) -> tuple[CameraModel, Values]:
     """The camera that fits all corners best, by OpenCV.
 
     Args:
@@ -215,7 +217,7 @@ def solve(views: Sequence[View], start: CameraModel, flags: int = 0) -> tuple[Ca
 
 
 def _rough_camera(
-    sightings: Sequence[Sighting], views: Sequence[View], width_px: int, height_px: int
+    sightings: Sequence[Sighting], views: Sequence[ScaledBoard], width_px: int, height_px: int
 ) -> CameraModel:
     """A camera to start from, after a look whether pictures of all sizes show the same view."""
     up = height_px / width_px
@@ -235,7 +237,7 @@ def _rough_camera(
     return solve(views, guess, _FINER[0])[0]
 
 
-def _believed(views: Sequence[View], start: CameraModel) -> tuple[NDArray[np.bool_], float]:
+def _believed(views: Sequence[ScaledBoard], start: CameraModel) -> tuple[NDArray[np.bool_], float]:
     """Which views fit the others, shape (n,), and the error in pixels above which one does not.
 
     Fitted to all, the camera is pulled by the spoilt ones, but they still stand out; without them
@@ -255,7 +257,7 @@ def _believed(views: Sequence[View], start: CameraModel) -> tuple[NDArray[np.boo
     return kept, limit
 
 
-def _by_pictures(views: Sequence[View], camera: CameraModel, flags: int) -> Values:
+def _by_pictures(views: Sequence[ScaledBoard], camera: CameraModel, flags: int) -> Values:
     """Standard deviations by how much the camera moves without some of the pictures (jackknife).
 
     Corners of a picture err together, where the board is bent or blurred, so that the scatter of
@@ -270,7 +272,7 @@ def _by_pictures(views: Sequence[View], camera: CameraModel, flags: int) -> Valu
     return np.sqrt((parts - 1) * values.var(axis=0))
 
 
-def _judge(view: View, camera: CameraModel, sighting: Sighting, kept: bool) -> PictureFit:
+def _judge(view: ScaledBoard, camera: CameraModel, sighting: Sighting, kept: bool) -> PictureFit:
     pose = pose_of(view, camera)
     apart = residuals(view, camera, pose) / view.scale
     error = float(np.sqrt((apart**2).sum(axis=1).mean()))

@@ -36,7 +36,7 @@ CLEARLY_BETTER = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
+class ScaledBoard:
     """A board in a picture as if that were as large as the largest one.
 
     Attributes:
@@ -51,13 +51,13 @@ class View:
     scale: float
 
     @classmethod
-    def of(cls, sighting: Sighting, width_px: int, height_px: int) -> "View":
+    def of(cls, sighting: Sighting, width_px: int, height_px: int) -> "ScaledBoard":
         """A sighting, in a picture of this size."""
         corners = scaled_corners(sighting, width_px, height_px)
         return cls(sighting.board.points_m.astype(float), corners, width_px / sighting.size[0])
 
 
-def pose_of(view: View, camera: CameraModel) -> Values:
+def pose_of(view: ScaledBoard, camera: CameraModel) -> Values:
     """The board's rotation vector and translation, refined. Shape (6,); NaN if there is none."""
     known = view.points_m, view.corners_px, camera.matrix, np.array(camera.distortion)
     try:
@@ -70,14 +70,14 @@ def pose_of(view: View, camera: CameraModel) -> Values:
     return np.concatenate([turn.ravel(), place.ravel()]).astype(np.float64)
 
 
-def residuals(view: View, camera: CameraModel, pose: Values) -> Values:
+def residuals(view: ScaledBoard, camera: CameraModel, pose: Values) -> Values:
     """Projected minus seen corners. Shape (n, 2)."""
     lens = np.array(camera.distortion)
     seen, _ = cv2.projectPoints(view.points_m, pose[:3], pose[3:], camera.matrix, lens)
     return np.asarray(seen, np.float64).reshape(-1, 2) - view.corners_px
 
 
-def error_px(view: View, camera: CameraModel) -> float:
+def error_px(view: ScaledBoard, camera: CameraModel) -> float:
     """Root mean square distance in pixels between seen corners and those of the best pose."""
     apart = residuals(view, camera, pose_of(view, camera))
     return float(np.sqrt((apart**2).sum(axis=1).mean()))
@@ -124,7 +124,7 @@ def check_zooms(sightings: Sequence[Sighting], camera: CameraModel) -> None:
     """
     for size in {sighting.size for sighting in sightings} - {commonest_size(sightings)}:
         views = [
-            View.of(sighting, camera.width_px, camera.height_px)
+            ScaledBoard.of(sighting, camera.width_px, camera.height_px)
             for sighting in sightings
             if sighting.size == size
         ]

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from mbot_protocol.drive.camera_model import CameraModel
 from mbot_protocol.drive.picture import Picture
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.measure.calibration.light.card_frame import find_framed_card
-from mbot_workstation.measure.calibration.light.plain_card import find_plain_card
+from mbot_workstation.measure.calibration.light.card_outline import (
+    find_framed_card,
+    find_plain_card,
+)
 
 INNER_SHARE = 0.6
 """Of the card's edges: what is measured keeps away from fingers, edges and the frame."""

@@ -20,8 +20,8 @@ TOWARDS_ROBOT = np.array([-1.0, 0.0, 0.0])
 
 ASPECT_TOLERANCE = 0.02
 
-WHITE_SHARE, BLACK_SHARE = 0.90, 0.04
-"""Reflectance of the other two patches of a usual three-patch card."""
+BLACK_SHARE = 0.04
+"""Reflectance of the black patch of a usual three-patch card."""
 
 
 @dataclass(frozen=True, slots=True)

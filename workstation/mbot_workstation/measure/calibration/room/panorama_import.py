@@ -12,8 +12,7 @@ from mbot_workstation.measure.calibration.room.panorama_checks import (
     check_projection,
     read_tags,
 )
-from mbot_workstation.measure.calibration.room.panorama_tilt import Tilt, find_tilt
-from mbot_workstation.measure.calibration.room.panorama_turn import level, tilt_of
+from mbot_workstation.measure.calibration.room.panorama_level import Tilt, find_tilt, level, tilt_of
 from mbot_workstation.pictures.picture_file import read_picture, write_picture
 from mbot_workstation.sim.calibrated.calibration_folder import ROOMS_FOLDER
 from mbot_workstation.sim.scene.room import LARGEST_WIDTH_PX, fit_room
@@ -30,7 +29,7 @@ MOST_BLACK_DEG = 12.0
 
 
 @dataclass(frozen=True, slots=True)
-class Room:
+class ImportedRoom:
     """A panorama made ready.
 
     Attributes:
@@ -55,7 +54,7 @@ def prepare_room(
     heading_deg: float = 0.0,
     tilt_deg: tuple[float, float] | None = None,
     whole: bool = True,
-) -> Room:
+) -> ImportedRoom:
     """Check, level, turn and resize a panorama.
 
     Args:
@@ -91,7 +90,7 @@ def prepare_room(
             tilt_deg = tilt_of(tilt.vertical)
     width = width_px or suiting_width(picture.shape[1])
     turned = level(picture, width, *tilt_deg, heading_deg)
-    return Room(turned, *tilt_deg, tilt, notes)
+    return ImportedRoom(turned, *tilt_deg, tilt, notes)
 
 
 def suiting_width(width_px: int) -> int:

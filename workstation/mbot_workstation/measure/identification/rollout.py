@@ -14,11 +14,11 @@ import numpy as np
 
 from mbot_protocol.drive.actions import WheelMaps, to_steps
 from mbot_workstation.measure.tracks.run import CommandSeries, Run
+from mbot_workstation.measure.tracks.track import Array, Track
 from mbot_workstation.sim.body.motor import pwm_duties, wheel_voltages
 from mbot_workstation.sim.body.robot_mjcf import add_floor_contacts, add_robot
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.engine import TIMESTEP_S, MjModel, mujoco
-from mbot_workstation.sim.track import Array, Track
 
 STOPPING_S = 0.6
 """Simulated beyond the last command: any motor of up to 200 ms has stopped nearly by then."""
@@ -51,7 +51,7 @@ def simulate_run(robot: RobotParameters, run: Run, wheel_maps: WheelMaps) -> Tra
     Returns:
         The axle's centre on the floor, every 5 ms from the first command until 0.6 s after the
         last. Its clock is the robot's, as if the wheels answered at once; it begins in the
-        origin, heading along +x. `run_view.RunView.end` gives what was measured in that frame.
+        origin, heading along +x. `validation.axle_path` gives what was measured in that frame.
 
     """
     steps = step_count(run.commands)
@@ -134,7 +134,7 @@ def _since(commands: CommandSeries) -> Array:
     return commands.time_s - commands.start_s
 
 
-def drive_plans(robots: Sequence[RobotParameters], plans: Sequence[Plan]) -> list[list[Array]]:
+def rollouts(robots: Sequence[RobotParameters], plans: Sequence[Plan]) -> list[list[Array]]:
     """Every robot drives every plan up to its last command.
 
     A command that is held for longer than SETTLED_S is driven that long; from there the robot goes

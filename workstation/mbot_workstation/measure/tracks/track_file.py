@@ -1,5 +1,6 @@
-"""A track that grows: what was written survives whatever ends the program."""
+"""Track files: read by their ending; written in TUM format, whole or pose by pose."""
 
+import io
 import time
 from pathlib import Path
 from typing import Self
@@ -7,8 +8,58 @@ from typing import Self
 import numpy as np
 
 from mbot_protocol.errors import ConfigurationError
-from mbot_workstation.measure.tracks.track_tum import HEADER
-from mbot_workstation.sim.track import Array
+from mbot_protocol.files import atomic_file
+from mbot_workstation.measure.tracks.track import Array, Track
+from mbot_workstation.measure.tracks.track_format import PRESETS, TrackFormat
+
+TRACK_SUFFIXES = (".csv", ".tum", ".txt", ".mcap")
+
+
+def read_track(path: Path, form: TrackFormat | None = None) -> Track:
+    """Poses in our frame and units, on the tracker's clock; nothing is cleaned yet.
+
+    Args:
+        path: .csv with a declared column map, .tum or .txt in TUM format, .mcap.
+        form: as track.toml declares; None: TUM's. A CSV file needs one.
+
+    Raises:
+        ConfigurationError: the file can't be read as declared; with the place.
+
+    """
+    suffix = path.suffix.lower()
+    if suffix not in TRACK_SUFFIXES:
+        raise ConfigurationError(
+            f"{path} ends in {suffix!r}, expected one of {', '.join(TRACK_SUFFIXES)}"
+        )
+    if suffix == ".mcap":
+        from mbot_workstation.measure.tracks.track_mcap import read_mcap
+
+        form = form or TrackFormat()
+        return read_mcap(path, form.topic).to_track(form)
+    if suffix == ".csv" and form is None:
+        raise ConfigurationError(
+            f"{path} needs a track.toml beside it that says what its columns are, such as "
+            'preset = "triad-openvr"; see docs/recordings.md'
+        )
+    from mbot_workstation.measure.tracks.track_table import read_table
+
+    form = form or PRESETS["tum"]
+    return read_table(path, form).to_track(form)
+
+
+HEADER = "time_s x_m y_m z_m qx qy qz qw"
+
+
+def write_tum(path: Path, track: Track) -> None:
+    """Write the whole track, or leave the file as it was; raises ConfigurationError."""
+    table = np.column_stack(
+        [track.time_s, track.position_m, np.roll(track.quaternion_wxyz, -1, axis=1)]
+    )
+    formats = ["%.6f", *["%.6f"] * 3, *["%.9f"] * 4]
+    text = io.BytesIO()
+    np.savetxt(text, table, fmt=formats, header=HEADER)
+    atomic_file.save(path, text.getvalue())
+
 
 FLUSH_EVERY_S = 0.5
 

@@ -1,8 +1,12 @@
-"""The file a person starts from: the nominal robot's components, with what each line means."""
+"""A robot's body as files: an example to fill in, and MJCF for other programs."""
 
 import json
+from pathlib import Path
 
+from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.sim.body.robot_mjcf import add_robot
 from mbot_workstation.sim.body.robot_parameters import BoxBody, RobotParameters
+from mbot_workstation.sim.engine import mujoco
 
 NOMINAL_UNCERTAINTY = 0.2
 """Of an assumed mass, as a share."""
@@ -95,3 +99,27 @@ def _component(body: BoxBody) -> str:
 
 def _numbers(values: tuple[float, ...]) -> str:
     return f"[{', '.join(repr(float(value)) for value in values)}]"
+
+
+def robot_mjcf(robot: RobotParameters) -> str:
+    """The robot, its camera and its motors as XML; masses and inertias follow from its boxes."""
+    spec = mujoco.MjSpec()
+    spec.modelname = "mbot"
+    add_robot(spec, robot)
+    spec.compile()
+    text: str = spec.to_xml()
+    return text
+
+
+def write_mjcf(robot: RobotParameters, path: Path) -> None:
+    """Write it.
+
+    Raises:
+        ConfigurationError: it can't be written.
+
+    """
+    text = robot_mjcf(robot)
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ConfigurationError(f"can't write {path}: {error.strerror}") from None

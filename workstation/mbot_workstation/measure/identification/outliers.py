@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from mbot_workstation.measure.identification.increments import maneuvers
-from mbot_workstation.measure.identification.left_out import Fault, LeftOut
-from mbot_workstation.measure.identification.scatter import ROBUST
+from mbot_workstation.measure.identification.exclusion import Exclusion, Fault
+from mbot_workstation.measure.identification.observed_run import maneuvers
 from mbot_workstation.measure.identification.solver import Problem, Solution
-from mbot_workstation.sim.track import Array
+from mbot_workstation.measure.identification.variance_components import ROBUST
+from mbot_workstation.measure.tracks.track import Array
 
 FAR = 6.0
 """Standard deviations from the other repetitions."""
@@ -19,12 +19,12 @@ LEAST_PLACE_M, LEAST_HEADING_RAD = 0.015, 0.05
 """A simulation that is nearer than this all the time explains a run well enough."""
 
 
-def stray_runs(problem: Problem, solution: Solution) -> dict[int, LeftOut]:
-    """Why a run is stray, by its index in the problem."""
-    strength = solution.state.own[:, :2]
+def outlying_runs(problem: Problem, solution: Solution) -> dict[int, Exclusion]:
+    """Why a run is an outlier, by its index in the problem."""
+    strength = solution.state.nuisance[:, :2]
     misfit = np.array([_misfit(rows) for rows in solution.residuals])
     usual = np.median(misfit, axis=0)
-    found: dict[int, LeftOut] = {}
+    found: dict[int, Exclusion] = {}
     for members in maneuvers(problem.runs).values():
         # Straight on, what a robot does by chance takes it further.
         usual_here = np.maximum(usual, np.median(misfit[members], axis=0))
@@ -43,28 +43,28 @@ def _misfit(increments: Array) -> tuple[float, float]:
     return float(np.quantile(np.hypot(ahead, left), 0.9)), float(np.quantile(np.abs(turned), 0.9))
 
 
-def _odd_strength(strength: Array, index: int, group: NDArray[np.intp]) -> LeftOut | None:
+def _odd_strength(strength: Array, index: int, group: NDArray[np.intp]) -> Exclusion | None:
     off = strength[group] - np.median(strength[group], axis=0)
     mine = strength[index] - np.median(strength[group], axis=0)
     usual = ROBUST * np.median(np.abs(off), axis=0)
     for side, name in enumerate(("left", "right")):
         if abs(mine[side]) > max(LEAST_STRENGTH, FAR * usual[side]):
             more = "stronger" if mine[side] > 0 else "weaker"
-            return LeftOut(
-                Fault.ODD_LEFT_MOTOR if side == 0 else Fault.ODD_RIGHT_MOTOR,
+            why = (
                 f"its {name} motor was {100 * abs(mine[side]):.0f} % {more} than in the other "
-                "repetitions",
+                "repetitions"
             )
+            return Exclusion(Fault.ODD_MOTOR, why)
     return None
 
 
-def _odd_misfit(misfit: Array, usual: Array) -> LeftOut | None:
+def _odd_misfit(misfit: Array, usual: Array) -> Exclusion | None:
     place_m, heading_rad = misfit
     if place_m > max(LEAST_PLACE_M, FAR * usual[0]) or heading_rad > max(
         LEAST_HEADING_RAD, FAR * usual[1]
     ):
-        return LeftOut(
-            Fault.UNEXPLAINED,
+        return Exclusion(
+            Fault.UNLIKE_MODEL,
             f"no such robot drives like this: off by {100 * place_m:.0f} cm or "
             f"{np.degrees(heading_rad):.0f} degrees within the run, where others are off by "
             f"{100 * usual[0]:.1f} cm and {np.degrees(usual[1]):.1f} degrees",

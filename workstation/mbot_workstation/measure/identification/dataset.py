@@ -7,16 +7,21 @@ import numpy as np
 
 from mbot_protocol.drive.actions import WheelMaps
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.measure.identification.exclusion import Exclusion, Fault
 from mbot_workstation.measure.identification.floor import flatten
-from mbot_workstation.measure.identification.increments import Observed, observe
-from mbot_workstation.measure.identification.initial import Kinematics, clocks, gain_of, kinematics
-from mbot_workstation.measure.identification.left_out import Fault, LeftOut
-from mbot_workstation.measure.identification.model import plans_of
+from mbot_workstation.measure.identification.initial_guess import (
+    KinematicGuess,
+    clocks,
+    gain_of,
+    kinematic_guess,
+)
+from mbot_workstation.measure.identification.observed_run import ObservedRun, observe
 from mbot_workstation.measure.identification.prediction import SETTING, Noise
+from mbot_workstation.measure.identification.rollout import plans_of
 from mbot_workstation.measure.identification.solver import Problem
-from mbot_workstation.measure.tracks.run import Recording
+from mbot_workstation.measure.tracks.run import ManeuverRecording
+from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
-from mbot_workstation.sim.track import Array
 
 LEAST_COVERED = 0.85
 """Of a run's driving that its track must cover."""
@@ -29,7 +34,7 @@ PLACE_WALK, HEADING_WALK = 0.002, 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Data:
+class Dataset:
     """Runs of all recordings.
 
     Attributes:
@@ -39,17 +44,17 @@ class Data:
         settings: first guess of each recording's, shape (recordings, 6).
         free: which of them may move, same shape.
         wheel_maps: of each recording.
-        left_out: by the run's name, why.
+        excluded: why runs are not among them, by their names.
 
     """
 
-    runs: tuple[Observed, ...]
+    runs: tuple[ObservedRun, ...]
     robot: RobotParameters
     guessed: Mapping[str, float]
     settings: Array
     free: Array
     wheel_maps: tuple[WheelMaps, ...]
-    left_out: dict[str, LeftOut]
+    excluded: dict[str, Exclusion]
 
     def problem(self, chosen: Sequence[int], names: Sequence[str]) -> Problem:
         """The fit of some runs for some parameters."""
@@ -71,20 +76,23 @@ class Data:
             result.append(Noise(max(place_m, 1e-4), max(heading, 1e-4), PLACE_WALK, HEADING_WALK))
         return result
 
-    def without(self, stray: Mapping[int, LeftOut]) -> "Data":
-        """The same without these runs, by index, and why."""
-        kept = tuple(run for index, run in enumerate(self.runs) if index not in stray)
-        named = {self.named(self.runs[index]): why for index, why in stray.items()}
-        return replace(self, runs=kept, left_out=self.left_out | named)
+    def without(self, excluded: Mapping[int, Exclusion]) -> "Dataset":
+        """The same without these runs, by index."""
+        kept = tuple(run for index, run in enumerate(self.runs) if index not in excluded)
+        return replace(self, runs=kept, excluded=self.excluded | self.by_name(excluded))
 
-    def named(self, run: Observed) -> str:
+    def by_name(self, excluded: Mapping[int, Exclusion]) -> dict[str, Exclusion]:
+        """Runs by their names instead of by index."""
+        return {self.named(self.runs[index]): why for index, why in excluded.items()}
+
+    def named(self, run: ObservedRun) -> str:
         """How messages call a run."""
         return _named(run.flat.name, run.flat.recording, len(self.settings))
 
 
 def prepare(
-    recordings: Sequence[Recording], robot: RobotParameters, *, same_clock: bool = False
-) -> Data:
+    recordings: Sequence[ManeuverRecording], robot: RobotParameters, *, same_clock: bool = False
+) -> Dataset:
     """Look at all recordings of one robot.
 
     Args:
@@ -96,66 +104,66 @@ def prepare(
         ConfigurationError: nothing can be fitted, and why.
 
     """
-    runs: list[Observed] = []
-    guesses: list[Kinematics] = []
-    left_out: dict[str, LeftOut] = {}
+    runs: list[ObservedRun] = []
+    guesses: list[KinematicGuess] = []
+    excluded: dict[str, Exclusion] = {}
     settings = np.zeros((len(recordings), len(SETTING)))
     free = np.ones((len(recordings), len(SETTING)))
     for index, recording in enumerate(recordings):
         if same_clock:
             _check_same_clock(recording)
         usable, unusable = _observed(recording, index)
-        guess = kinematics(usable, robot, recording.wheel_maps)
-        for number in guess.stray:
-            unusable[usable[number].flat.name] = guess.stray[number]
-        runs += [run for number, run in enumerate(usable) if number not in guess.stray]
+        guess = kinematic_guess(usable, robot, recording.wheel_maps)
+        for number in guess.excluded:
+            unusable[usable[number].flat.name] = guess.excluded[number]
+        runs += [run for number, run in enumerate(usable) if number not in guess.excluded]
         guesses.append(guess)
-        left_out |= {_named(n, index, len(recordings)): why for n, why in unusable.items()}
+        excluded |= {_named(n, index, len(recordings)): why for n, why in unusable.items()}
         tracker = guess.tracker
         settings[index, 2:5] = tracker.real, tracker.imag, guess.tracker_yaw_rad
         own_clock = recording.tracker_ahead_s is None
         free[index, 0], free[index, 1] = not own_clock, not own_clock and not same_clock
     if not runs:
-        name, first = next(iter(left_out.items()))
-        raise ConfigurationError(
-            f"none of the {len(left_out)} runs can be used; {name}: {first.why}"
-        )
+        name, why = next(iter(excluded.items()))
+        raise ConfigurationError(f"none of the {len(excluded)} runs can be used; {name}: {why.why}")
     maps = tuple(recording.wheel_maps for recording in recordings)
-    return Data(tuple(runs), robot, _guessed(guesses, robot), settings, free, maps, left_out)
+    return Dataset(tuple(runs), robot, _guessed(guesses, robot), settings, free, maps, excluded)
 
 
-def _observed(recording: Recording, index: int) -> tuple[list[Observed], dict[str, LeftOut]]:
+def _observed(
+    recording: ManeuverRecording, index: int
+) -> tuple[list[ObservedRun], dict[str, Exclusion]]:
     flat = flatten(recording, index)
     own_clock = recording.tracker_ahead_s is None
     begins_s = np.array([run.run.commands.start_s for run in flat])
     names = np.array([run.run.maneuver for run in flat])
-    ahead_s, stray = clocks(flat, recording.tracker_ahead_s)
-    usable: list[Observed] = []
-    unusable: dict[str, LeftOut] = {}
+    ahead_s, unclocked = clocks(flat, recording.tracker_ahead_s)
+    usable: list[ObservedRun] = []
+    unusable: dict[str, Exclusion] = {}
     for number, run in enumerate(flat):
         mine = begins_s[names == run.run.maneuver]
         middles_s = float(begins_s.mean()), float(mine.mean())
         seen = observe(run, float(ahead_s[number]), middles_s, own_clock=own_clock)
-        why = stray.get(number) or _cut_short(seen)
+        why = unclocked.get(number) or _cut_short(seen)
         if why is None:
             usable.append(seen)
         else:
             unusable[run.name] = why
     if not usable:
-        name, first = next(iter(unusable.items()))
-        raise ConfigurationError(f"none of the {len(flat)} runs can be used; {name}: {first.why}")
+        name, why = next(iter(unusable.items()))
+        raise ConfigurationError(f"none of the {len(flat)} runs can be used; {name}: {why.why}")
     return usable, unusable
 
 
-def _cut_short(run: Observed) -> LeftOut | None:
+def _cut_short(run: ObservedRun) -> Exclusion | None:
     share = run.covered_s / run.drive_s
     if share >= LEAST_COVERED and run.seen.shape[1] > 1:
         return None
     why = f"its track covers {max(share, 0):.0%} of the {run.drive_s:.1f} s that it drove"
-    return LeftOut(Fault.ENDS_EARLY, why)
+    return Exclusion(Fault.SHORT_TRACK, why)
 
 
-def _check_same_clock(recording: Recording) -> None:
+def _check_same_clock(recording: ManeuverRecording) -> None:
     ahead_s = recording.tracker_ahead_s
     if ahead_s is None or abs(ahead_s) > SAME_CLOCK_S:
         found = "unknown" if ahead_s is None else f"{ahead_s:.1f} s"
@@ -165,7 +173,7 @@ def _check_same_clock(recording: Recording) -> None:
         )
 
 
-def _guessed(guesses: Sequence[Kinematics], robot: RobotParameters) -> dict[str, float]:
+def _guessed(guesses: Sequence[KinematicGuess], robot: RobotParameters) -> dict[str, float]:
     """The mean of what the recordings say."""
     result: dict[str, float] = {}
     for side in ("left", "right"):

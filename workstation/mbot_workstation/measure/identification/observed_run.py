@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbot_workstation.measure.identification.floor import FlatRun, Plane
-from mbot_workstation.sim.track import Array
+from mbot_workstation.measure.tracks.track import Array
 
 BIN_S = 0.1
 """About a time constant; nine samples at 90 Hz."""
@@ -67,7 +67,7 @@ def bins_of(time_s: Array) -> Bins:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Observed:
+class ObservedRun:
     """One run, ready to be compared.
 
     Attributes:
@@ -115,7 +115,7 @@ class Observed:
 
 def observe(
     flat: FlatRun, ahead_s: float, middles_s: tuple[float, float], *, own_clock: bool
-) -> Observed:
+) -> ObservedRun:
     """Cut the driving out of a run.
 
     Args:
@@ -132,13 +132,13 @@ def observe(
     bins = bins_of(sample_s) if sample_s.size else Bins(_NONE, _NONE, sample_s)
     seen = bins.increments(place, heading) if sample_s.size else np.zeros((3, 0))
     since_s = (commands.start_s - middles_s[0], commands.start_s - middles_s[1])
-    return Observed(flat, ahead_s, own_clock, *since_s, sample_s, place, heading, bins, seen)
+    return ObservedRun(flat, ahead_s, own_clock, *since_s, sample_s, place, heading, bins, seen)
 
 
 _NONE = np.zeros(0, np.intp)
 
 
-def driving(run: Observed) -> list[tuple[float, float, NDArray[np.bool_]]]:
+def driving(run: ObservedRun) -> list[tuple[float, float, NDArray[np.bool_]]]:
     """Left and right command of each held stretch, and the increments of its steady driving.
 
     Masks have shape (bins - 1,); they begin STARTING_S after a change of command.
@@ -159,7 +159,7 @@ def driving(run: Observed) -> list[tuple[float, float, NDArray[np.bool_]]]:
     return stretches
 
 
-def maneuvers(runs: Sequence[Observed]) -> dict[str, list[int]]:
+def maneuvers(runs: Sequence[ObservedRun]) -> dict[str, list[int]]:
     """The indices of each maneuver's runs."""
     result: dict[str, list[int]] = {}
     for index, run in enumerate(runs):

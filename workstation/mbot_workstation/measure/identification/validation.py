@@ -7,12 +7,12 @@ from statistics import median
 import numpy as np
 
 from mbot_workstation.measure.identification.floor import Plane
-from mbot_workstation.measure.identification.increments import Observed, maneuvers
-from mbot_workstation.measure.identification.model import Plan, drive_plans
+from mbot_workstation.measure.identification.observed_run import ObservedRun, maneuvers
 from mbot_workstation.measure.identification.prediction import moments_s, simulated_at
 from mbot_workstation.measure.identification.result import Repeatability, RunError
+from mbot_workstation.measure.identification.rollout import Plan, rollouts
+from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
-from mbot_workstation.sim.track import Array
 
 LEAST_TURNS_RAD = 2 * math.pi
 """From one turn on, a heading's error is told as a share of what was turned."""
@@ -24,7 +24,7 @@ NEAREST = 9
 """Samples that are averaged for a moment: a tenth of a second at 90 Hz."""
 
 
-def is_held_out(runs: Sequence[Observed]) -> list[bool]:
+def is_held_out(runs: Sequence[ObservedRun]) -> list[bool]:
     """Every other repetition of each maneuver, the first one kept for the fit."""
     result = [False] * len(runs)
     for members in maneuvers(runs).values():
@@ -41,19 +41,19 @@ def is_held_out(runs: Sequence[Observed]) -> list[bool]:
     return result
 
 
-def driven(run: Observed, setting: Array, later_s: float) -> tuple[Plane, Array, Array]:
+def axle_path(run: ObservedRun, setting: Array, delay_s: float) -> tuple[Plane, Array, Array]:
     """Where the axle's centre was, the heading, and when: from where the run began, along +x.
 
     Args:
         run: measured.
         setting: of its recording, shape (6,).
-        later_s: than the other runs.
+        delay_s: than the other runs.
 
     Returns:
         Points [m], angles [rad] and seconds since the first command took effect, each (n,).
 
     """
-    when_s = moments_s(run, setting, later_s)
+    when_s = moments_s(run, setting, delay_s)
     heading = run.heading - setting[4]
     axle = run.place - np.exp(1j * heading) * complex(setting[2], setting[3])
     early = when_s < max(when_s[0] + 0.15, 0.0)
@@ -62,12 +62,12 @@ def driven(run: Observed, setting: Array, later_s: float) -> tuple[Plane, Array,
     return (axle - start) * np.exp(-1j * turn), heading - turn, when_s
 
 
-def errors(
-    runs: Sequence[Observed],
+def held_out_errors(
+    runs: Sequence[ObservedRun],
     plans: Sequence[Plan],
     which: Sequence[int],
     settings: Array,
-    later_s: Array,
+    delay_s: Array,
     before: RobotParameters,
     after: RobotParameters,
 ) -> tuple[RunError, ...]:
@@ -77,14 +77,14 @@ def errors(
         runs: held out.
         plans: all plans; which: each run's.
         settings: of the recordings, shape (recordings, 6).
-        later_s: of each run, than the others of its clock, shape (runs,).
+        delay_s: of each run, than the others of its clock, shape (runs,).
         before, after: the robots.
 
     """
-    old, new = drive_plans([before, after], plans)
+    old, new = rollouts([before, after], plans)
     result: list[RunError] = []
-    for run, plan, later in zip(runs, which, later_s.tolist(), strict=True):
-        axle, heading, when_s = driven(run, settings[run.flat.recording], later)
+    for run, plan, delay in zip(runs, which, delay_s.tolist(), strict=True):
+        axle, heading, when_s = axle_path(run, settings[run.flat.recording], delay)
         at_s = min(AT_S, float(when_s[-1]))
         near = np.argsort(np.abs(when_s - at_s))[:NEAREST]
         off = []
@@ -100,18 +100,18 @@ def errors(
 
 
 def repeatability(
-    runs: Sequence[Observed], settings: Array, later_s: Array
+    runs: Sequence[ObservedRun], settings: Array, delay_s: Array
 ) -> tuple[Repeatability, ...]:
     """How far repetitions are apart, for each maneuver that has at least two.
 
-    Settings and `later_s` are as in `errors`.
+    Settings and `delay_s` are as in `errors`.
     """
     result: list[Repeatability] = []
     for name, members in maneuvers(runs).items():
         if len(members) < 2:
             continue
         paths = [
-            driven(runs[i], settings[runs[i].flat.recording], float(later_s[i])) for i in members
+            axle_path(runs[i], settings[runs[i].flat.recording], float(delay_s[i])) for i in members
         ]
         at_s = min(AT_S, *(float(when_s[-1]) for *_, when_s in paths))
         ends = np.array([_at(path, at_s) for path in paths])

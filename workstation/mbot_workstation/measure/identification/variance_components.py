@@ -1,7 +1,7 @@
-"""How much repetitions differ, how much a model misses, how noisy a tracker is: learnt from a fit.
+"""Variance components of repetitions, of the model's misfit and of a tracker's noise, from a fit.
 
-Scatter comes from repetitions of the same maneuver only: what is wrong in all of them is the
-model's fault, and is kept apart as misfit.
+The scatter of runs comes from repetitions of the same maneuver only: what is wrong in all of
+them is the model's fault, and is kept apart as misfit.
 """
 
 from collections.abc import Sequence
@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from mbot_workstation.measure.identification.increments import BIN_S, Observed, maneuvers
-from mbot_workstation.measure.identification.prediction import OWN, Noise
-from mbot_workstation.measure.identification.solver import Scatter, Solution
-from mbot_workstation.sim.track import Array
+from mbot_workstation.measure.identification.observed_run import BIN_S, ObservedRun, maneuvers
+from mbot_workstation.measure.identification.prediction import NUISANCE, Noise
+from mbot_workstation.measure.identification.solver import Solution, VarianceComponents
+from mbot_workstation.measure.tracks.track import Array
 
-ASSUMED = Scatter()
+ASSUMED = VarianceComponents()
 ASSUMED_COUNT = 2.0
 """The usual scatter counts as much as so many runs: two repetitions alone say little."""
 
@@ -30,30 +30,30 @@ ROBUST = 1.4826
 """Standard deviation of normal numbers by their median distance from 0."""
 
 
-def learn_scatter(runs: Sequence[Observed], solution: Solution) -> Scatter:
+def estimate_variances(runs: Sequence[ObservedRun], solution: Solution) -> VarianceComponents:
     """From the deviations of runs from their maneuver's mean, and of maneuvers from the model."""
-    own = solution.state.own
-    off, freedom = np.zeros_like(own), np.zeros(len(own))
+    nuisance = solution.state.nuisance
+    off, freedom = np.zeros_like(nuisance), np.zeros(len(nuisance))
     for members in maneuvers(runs).values():
         if len(members) > 1:
-            off[members] = own[members] - own[members].mean(axis=0)
+            off[members] = nuisance[members] - nuisance[members].mean(axis=0)
             freedom[members] = 1 - 1 / len(members)
     driven = np.array([_driven(run) for run in runs])
-    battery, motor = shared_and_each(off[:, :2], freedom, driven)
+    battery, motor = common_and_individual(off[:, :2], freedom, driven)
     shared = np.array([not run.own_clock for run in runs])
-    later = OWN.index("later")
-    return Scatter(
+    delay = NUISANCE.index("delay")
+    return VarianceComponents(
         battery=battery,
         motor=motor,
         sideways=float(np.sqrt(_mean(off[:, 2] ** 2, freedom, ASSUMED.sideways**2))),
         moment_s=float(
-            np.sqrt(_mean(off[shared, later] ** 2, freedom[shared], ASSUMED.moment_s**2))
+            np.sqrt(_mean(off[shared, delay] ** 2, freedom[shared], ASSUMED.moment_s**2))
         ),
         misfit=ASSUMED.misfit,
     )
 
 
-def learn_misfit(solution: Solution, told: float) -> float:
+def estimate_misfit(solution: Solution, told: float) -> float:
     """What the model gets wrong in a maneuver, as a share of the faster wheel's speed.
 
     Args:
@@ -66,8 +66,8 @@ def learn_misfit(solution: Solution, told: float) -> float:
     return max(float(np.sqrt((wheels**2).sum() / freedom)), ASSUMED.misfit)
 
 
-def learn_noise(
-    runs: Sequence[Observed], solution: Solution, before: Sequence[Noise]
+def estimate_noise(
+    runs: Sequence[ObservedRun], solution: Solution, before: Sequence[Noise]
 ) -> list[Noise]:
     """Of each recording's tracker and of the robot's chance, from what nothing explains.
 
@@ -113,7 +113,9 @@ def _variance(values: Array) -> float:
     return (ROBUST * float(np.median(np.abs(values)))) ** 2 if values.size else 0.0
 
 
-def shared_and_each(off: Array, freedom: Array, driven: NDArray[np.bool_]) -> tuple[float, float]:
+def common_and_individual(
+    off: Array, freedom: Array, driven: NDArray[np.bool_]
+) -> tuple[float, float]:
     """Scatter that both motors have in common, and of each by itself: the likeliest two.
 
     Where both are driven, their sum scatters by twice what is common more than their difference;
@@ -152,6 +154,6 @@ def _mean(squares: Array, freedom: Array, assumed: float) -> float:
     return float((squares.sum() + ASSUMED_COUNT * assumed) / (freedom.sum() + ASSUMED_COUNT))
 
 
-def _driven(run: Observed) -> tuple[bool, bool]:
+def _driven(run: ObservedRun) -> tuple[bool, bool]:
     commands = run.flat.run.commands
     return bool(commands.left.any()), bool(commands.right.any())

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from mbot_protocol.drive.actions import WheelMaps, to_steps
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.measure.identification.exclusion import Exclusion, Fault
 from mbot_workstation.measure.identification.floor import FlatRun
-from mbot_workstation.measure.identification.increments import Observed, driving
-from mbot_workstation.measure.identification.left_out import Fault, LeftOut
+from mbot_workstation.measure.identification.observed_run import ObservedRun, driving
+from mbot_workstation.measure.tracks.track import Array
 from mbot_workstation.sim.body.motor import motor_voltage, pwm_duties
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
-from mbot_workstation.sim.track import Array
 
 RESTING_S = 0.1
 """At a track's beginning, by which motion is told: nine samples."""
@@ -56,7 +56,7 @@ TURNS_AGAINST = (
 
 
 @dataclass(frozen=True, slots=True)
-class Kinematics:
+class KinematicGuess:
     """What one recording's steady driving says.
 
     Attributes:
@@ -64,7 +64,7 @@ class Kinematics:
         track_m: None if it does not show.
         tracker: its place on the robot [m], x + iy ahead and to the left.
         tracker_yaw_rad: how far it is turned to the left on the robot.
-        stray: runs that were not driven as told, by their index, and why.
+        excluded: runs that were not driven as told, by their index, and why.
 
     """
 
@@ -73,12 +73,12 @@ class Kinematics:
     track_m: float | None
     tracker: complex
     tracker_yaw_rad: float
-    stray: dict[int, LeftOut]
+    excluded: dict[int, Exclusion]
 
 
 def clocks(
     runs: Sequence[FlatRun], tracker_ahead_s: float | None
-) -> tuple[Array, dict[int, LeftOut]]:
+) -> tuple[Array, dict[int, Exclusion]]:
     """How far the tracker's clock is ahead of the robot's, by when the robot begins to move.
 
     Args:
@@ -94,22 +94,20 @@ def clocks(
     ahead = onsets - np.array([_answered_s(run) for run in runs])
     known = np.isfinite(ahead)
     if tracker_ahead_s is None:
-        why = LeftOut(
-            Fault.BEGINS_LATE,
-            "its track does not begin before the robot moves, so its clock can't be told",
-        )
-        return np.where(known, ahead, 0.0), {int(i): why for i in np.flatnonzero(~known)}
+        why = "its track does not begin before the robot moves, so its clock can't be told"
+        late = Exclusion(Fault.LATE_TRACK, why)
+        return np.where(known, ahead, 0.0), {int(i): late for i in np.flatnonzero(~known)}
     # When a slow run begins to move is what it is driven for.
     known &= ~np.array([run.run.is_slow for run in runs])
     usual = float(np.median(ahead[known])) if known.any() else tracker_ahead_s
     off = np.where(known, ahead - usual, 0.0)
-    stray = {
-        int(i): LeftOut(
-            Fault.OFF_TIME, f"it begins to move {off[i]:+.1f} s from where its commands put that"
+    excluded = {
+        int(i): Exclusion(
+            Fault.OTHER_START, f"it begins to move {off[i]:+.1f} s from where its commands put that"
         )
         for i in np.flatnonzero(np.abs(off) > STRAY_S)
     }
-    return np.full(len(runs), usual), stray
+    return np.full(len(runs), usual), excluded
 
 
 def _answered_s(run: FlatRun) -> float:
@@ -129,7 +127,9 @@ def _onset_s(run: FlatRun) -> float:
     return begin if moving.any() and begin > run.time_s[0] + RESTING_S else np.nan
 
 
-def kinematics(runs: Sequence[Observed], robot: RobotParameters, maps: WheelMaps) -> Kinematics:
+def kinematic_guess(
+    runs: Sequence[ObservedRun], robot: RobotParameters, maps: WheelMaps
+) -> KinematicGuess:
     """Work it out for the runs of one recording.
 
     Raises:
@@ -161,16 +161,16 @@ def kinematics(runs: Sequence[Observed], robot: RobotParameters, maps: WheelMaps
         np.abs(turn_rate - told @ (-left, right)) / (2 * top),
         np.abs(velocity - told @ (from_left, from_right)) / (top * track_m),
     )
-    stray = {
-        index: LeftOut(
-            Fault.ODD_TURN,
-            f"it turns at {one[1].real:.1f} rad/s, which its commands do not make in the other "
-            "runs",
+    excluded = {
+        index: Exclusion(
+            Fault.OTHER_TURN,
+            f"it turns at {one[1].real:.1f} rad/s, which its commands do not make in the "
+            "other runs",
         )
         for (index, _, one), far in zip(rows, off, strict=True)
         if far > MOST_STRAY
     }
-    return Kinematics(left * track_m, right * track_m, track_m, place, yaw, stray)
+    return KinematicGuess(left * track_m, right * track_m, track_m, place, yaw, excluded)
 
 
 def gain_of(speed_m_s: float, robot: RobotParameters) -> float:
@@ -179,7 +179,7 @@ def gain_of(speed_m_s: float, robot: RobotParameters) -> float:
     return speed_m_s / loaded
 
 
-def _steady(run: Observed, chosen: NDArray[np.bool_]) -> tuple[complex, complex]:
+def _steady(run: ObservedRun, chosen: NDArray[np.bool_]) -> tuple[complex, complex]:
     """Velocity in the tracker's frame [m/s] and turn rate [rad/s] over these increments."""
     ahead, left, turned = run.seen[:, chosen].sum(axis=1)
     elapsed_s = float(np.diff(run.bins.time_s)[chosen].sum())
@@ -200,7 +200,7 @@ def _volt_shares(
     return left_share, right_share
 
 
-def _check_mirror(runs: Sequence[Observed]) -> None:
+def _check_mirror(runs: Sequence[ObservedRun]) -> None:
     """Refuse a tracker whose place turns the other way than its attitude, in most turns."""
     mirrored: list[bool] = []
     for run in runs:
@@ -256,7 +256,7 @@ def _fit(columns: NDArray[Any], values: NDArray[Any]) -> NDArray[Any]:
 
 def _from_one_direction(
     told: Array, turn_rate: Array, velocity: NDArray[np.complex128], robot: RobotParameters
-) -> Kinematics:
+) -> KinematicGuess:
     """When both wheels were always told the same, or one alone: with the track as it is known."""
     largest = int(np.argmax(np.abs(told).sum(axis=1)))
     direction = told[largest] / np.abs(told[largest]).max()
@@ -274,7 +274,7 @@ def _from_one_direction(
     )
     _check_speed(max(left or 0, right or 0))
     yaw = -cmath.phase(way / forward) if abs(forward) > SLOWEST_M_S else 0.0
-    return Kinematics(left, right, None, 0j, yaw, {})
+    return KinematicGuess(left, right, None, 0j, yaw, {})
 
 
 def _median_of_five(values: Array) -> Array:

@@ -1,7 +1,11 @@
-"""A session of maneuvers on a screen, or as lines in a pipe."""
+"""A session on a terminal: its display, and single keys."""
 
+import os
+import select
 import sys
-from typing import TextIO
+import termios
+import tty
+from typing import Any, Self, TextIO
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -9,8 +13,42 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from mbot_workstation.measure.maneuvers.plan import Planned
 
 
+class NoKeys:
+    """Nobody sits there."""
+
+    def pressed(self) -> str | None:
+        """Never a key."""
+        return None
+
+
+class Keyboard:
+    """The terminal on standard input, a context manager; Ctrl-C works as ever."""
+
+    def __init__(self, descriptor: int | None = None) -> None:
+        self._descriptor = sys.stdin.fileno() if descriptor is None else descriptor
+        self._before: list[Any] = []
+
+    def __enter__(self) -> Self:
+        self._before = termios.tcgetattr(self._descriptor)
+        tty.setcbreak(self._descriptor)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        termios.tcsetattr(self._descriptor, termios.TCSADRAIN, self._before)
+
+    def pressed(self) -> str | None:
+        """The oldest key nobody has taken, in lower case ("enter" for Enter), or None."""
+        readable, _, _ = select.select([self._descriptor], [], [], 0)
+        if not readable:
+            return None
+        data = os.read(self._descriptor, 1)
+        if data in (b"\n", b"\r"):
+            return "enter"
+        return data.decode("latin-1").lower() or None
+
+
 class PlainDisplay:
-    """A line a run."""
+    """Who is told what goes on: here a line a run."""
 
     def __init__(self, stream: TextIO = sys.stdout) -> None:
         self._stream = stream
@@ -37,10 +75,11 @@ class PlainDisplay:
         print(text, file=self._stream, flush=True)
 
 
-class TerminalDisplay:
+class TerminalDisplay(PlainDisplay):
     """A bar with what comes next; a context manager."""
 
     def __init__(self, console: Console) -> None:
+        super().__init__()
         self._console = console
         self._progress = Progress(
             TextColumn("{task.description}"),

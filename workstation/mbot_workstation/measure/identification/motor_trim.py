@@ -8,9 +8,9 @@ from msgspec import structs
 
 from mbot_protocol.drive.actions import MotorMap, WheelMaps
 from mbot_workstation.measure.identification.conclusions import steady_rate
-from mbot_workstation.measure.identification.model import Plan, drive_plans
 from mbot_workstation.measure.identification.motion_file import known_dead_bands
 from mbot_workstation.measure.identification.result import Identification
+from mbot_workstation.measure.identification.rollout import Plan, rollouts
 from mbot_workstation.measure.tracks.run import CommandSeries
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 
@@ -27,7 +27,7 @@ FULL_SPEED = CommandSeries(np.array([0.0, 3.0]), np.array([1.0, 0.0]), np.array(
 
 
 @dataclass(frozen=True, slots=True)
-class Handicap:
+class TrimChoice:
     """Two ways to drive a robot whose motors differ.
 
     Attributes:
@@ -55,7 +55,7 @@ class Handicap:
         return self.cost > WORTH_A_CHOICE
 
 
-def handicap(found: Identification, recorded: WheelMaps) -> Handicap:
+def trim_choice(found: Identification, recorded: WheelMaps) -> TrimChoice:
     """Find the trim that drives straight, and what it costs.
 
     Dead bands that are known are skipped, so that equal commands do alike at every speed; those
@@ -70,7 +70,7 @@ def handicap(found: Identification, recorded: WheelMaps) -> Handicap:
     trim = _straight_trim(found.robot, alone, side)
     straight = _trimmed(alone, side, trim)
     ((trimmed_speed, _),) = _rates(found.robot, [straight])
-    return Handicap(straight, alone, trimmed_speed, speed, turn)
+    return TrimChoice(straight, alone, trimmed_speed, speed, turn)
 
 
 def _map(recorded: MotorMap, dead_band: float | None) -> MotorMap:
@@ -99,5 +99,5 @@ def _straight_trim(robot: RobotParameters, maps: WheelMaps, side: str) -> float:
 
 def _rates(robot: RobotParameters, maps: list[WheelMaps]) -> list[tuple[float, float]]:
     plans = [Plan(FULL_SPEED, one) for one in maps]
-    (paths,) = drive_plans([robot], plans)
+    (paths,) = rollouts([robot], plans)
     return [steady_rate(path, plan) for path, plan in zip(paths, plans, strict=True)]
