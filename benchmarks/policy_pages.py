@@ -1,4 +1,4 @@
-"""Every page and picture about the policy that ships, made anew: after a new one, run this.
+"""Makes every page and picture about the policy that ships again: run it after a new one.
 
     python benchmarks/policy_pages.py [--pictures ../shared/pictures]
 
@@ -24,6 +24,11 @@ from mbot_workstation.learn.evaluation.provenance import digest, provenance
 ROOT = Path(__file__).parents[1]
 POLICY = "models/red-cube.onnx"
 RESULTS = ROOT / "docs" / "results"
+LESSON_PAGES = {
+    RESULTS / "lesson-10.md": "lesson-10.md.jinja",
+    ROOT / "docs" / "notebook" / "lesson-10.md": "lesson-10-notes.md.jinja",
+}
+"""Pages of figures of several commands, and their templates beside this file."""
 KEPT = ROOT / "out" / "policy-pages" / digest(ROOT / POLICY)
 ADAPTATION = KEPT / "adaptation.png"
 
@@ -120,35 +125,30 @@ def share(found: dict[str, Any]) -> str:
     return f"{len(found['pictures'])} of {found['of']} ({low:.0%} to {high:.0%})"
 
 
-def lesson_page(pictures: Path) -> str:
-    """docs/results/lesson-10.md."""
+def figures(pictures: Path) -> dict[str, Any]:
+    """What the templates of `LESSON_PAGES` are filled with.
+
+    Args:
+        pictures: The folder of labelled pictures.
+    """
     told = {name: answer(name, command) for name, command in ANSWERS.items()}
     texts = [(name, told.pop(name)) for name in ("adaptation", "automatics", "nothing")]
     tables = {name: text.split("\n\n", 1)[1].strip() for name, text in texts}
     found = {name: json.loads(text) for name, text in told.items()}
     judged = json.loads(answer("pictures", (*EVALUATE, "--pictures", str(pictures), "--json")))
     rewards = [(a["preset"], a["reward"], b["reward"]) for a, b in pairs(found["presets"])]
-    template = Environment(
-        loader=FileSystemLoader(Path(__file__).parent),
-        undefined=StrictUndefined,
-        trim_blocks=False,
-        keep_trailing_newline=True,
-        autoescape=False,
-    ).get_template("lesson-10.md.jinja")
-    return template.render(
-        found,
-        provenance=provenance([POLICY]),
-        interval=interval,
-        pairs=pairs,
-        ahead=[name for name, ours, servo in rewards if ours["mean"] > servo["mean"]],
-        beyond=[name for name, ours, servo in rewards if ours["low"] > servo["high"]],
-        behind=[
+    return {
+        **found,
+        **tables,
+        "provenance": provenance([POLICY]),
+        "ahead": [name for name, ours, servo in rewards if ours["mean"] > servo["mean"]],
+        "beyond": [name for name, ours, servo in rewards if ours["low"] > servo["high"]],
+        "behind": [
             f"{name} (by {servo['mean'] - ours['mean']:.2f})"
             for name, ours, servo in rewards
             if ours["mean"] < servo["mean"]
         ],
-        **tables,
-        pictures=[
+        "pictures": [
             {
                 "contestant": one["policy"],
                 "shown": len(list(pictures.glob("*.jpg"))),
@@ -156,23 +156,36 @@ def lesson_page(pictures: Path) -> str:
             }
             for one in judged
         ],
+    }
+
+
+def lesson_pages(pictures: Path) -> None:
+    """Both pages about lesson 10, and the picture of `benchmarks/adaptation.py`."""
+    known = figures(pictures)
+    templates = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        undefined=StrictUndefined,
+        trim_blocks=False,
+        keep_trailing_newline=True,
+        autoescape=False,
     )
+    for page, template in LESSON_PAGES.items():
+        page.write_text(
+            templates.get_template(template).render(known, interval=interval, pairs=pairs)
+        )
+    shutil.copy(ADAPTATION, ROOT / "docs" / "images" / ADAPTATION.name)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--pictures", type=Path, default=ROOT.parent / "shared" / "pictures")
     options = parser.parse_args()
-    page = RESULTS / "lesson-10.md"
-    if not is_of_this_policy(page):
-        page.write_text(lesson_page(options.pictures))
-        shutil.copy(ADAPTATION, ROOT / "docs" / "images" / ADAPTATION.name)
+    if not all(map(is_of_this_policy, LESSON_PAGES)):
+        lesson_pages(options.pictures)
     studies()
     demos()
-    print(
-        f"all pages are of {KEPT.name}; docs/results/identification.md, README.md, models/README.md"
-    )
-    print("and docs/objects.md have figures of their own")
+    print(f"all pages are of {KEPT.name}; README.md, models/README.md, docs/notebook/models.md,")
+    print("docs/objects.md and docs/results/identification.md have figures of their own")
 
 
 if __name__ == "__main__":

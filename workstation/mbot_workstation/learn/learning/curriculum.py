@@ -30,7 +30,7 @@ out of lesson 9 after one object of ten, while the paper spent 700,000 steps on 
 
 GUIDED_MARK = PassMark(episodes=160, share=0.8)
 """Sooner, since a guide teaches the rest on any robot: within 160,000 decisions of lesson 10 (two
-runs: docs/results/training.md, models/red-cube-run)."""
+runs: docs/notebook/training.md, models/red-cube-run)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -107,7 +107,7 @@ GUIDED = replace(
 """The guide soon makes a trained policy of it; its advice is no matter of luck and bears larger
 steps, in small batches. Finer filters than the paper's see more of the far objects (network.py).
 Five epochs of PPO are a quarter of a rollout's time (7.0 of 27.4 s, measured); what two cost in
-quality was never measured by itself: the whole runs with two and with five (models/README.md)
+quality was never measured by itself: the whole runs with two and with five (docs/notebook)
 differ in their lessons and in how often memories are zeroed as well."""
 
 

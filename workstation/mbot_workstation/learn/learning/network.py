@@ -86,7 +86,7 @@ class PictureNetwork(BaseFeaturesExtractor):
         if hidden.requires_grad:
             # Convolutions keep their results as pictures are kept, channels last; what comes back
             # through `flatten` is not, and every layer would go through two orders at once
-            # (docs/results/training.md has what that costs).
+            # (docs/notebook/training.md has what that costs).
             hidden.register_hook(_channels_last)
         features = _leaky(self.dense(hidden.flatten(1)))
         if self.mixing is not None:

@@ -1,7 +1,7 @@
 """Arenas as they may look anywhere: floors, boards, light, other reds, and things that are not it.
 
 Ranges are assumptions about homes, schools and offices, made by somebody who had seen twenty of the
-labelled pictures of docs/results/lesson-10.md: to that person they are no test.
+labelled pictures of docs/notebook/lesson-10.md: to that person they are no test.
 """
 
 import colorsys

@@ -10,7 +10,7 @@ reach 5 m, across the arena; whoever sees 2.8 m misses objects in half of the ep
 count does half of both, too little to turn a worn robot (seen in failed searches of a policy that
 was taught so). Nor does it choose a side, towards the middle of the arena: that saves the guide
 half a decision an object, but who was taught so turned to and fro at walls and had not made up for
-it after 450,560 decisions (docs/results/training.md).
+it after 450,560 decisions (docs/notebook/training.md).
 
 It asks for full speed and the turn on top of it: the wheels keep the turn and give way together
 (`learning/full_speed.py`).
