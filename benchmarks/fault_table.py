@@ -75,29 +75,34 @@ FAULTS = (
     Fault(
         "camera stalls or dies",
         (
-            Bar("stopped ≤ 600 ms after the last frame", "stopped ms", 600),
-            Bar("recovered ≤ 5 s after it returns", "recovered s", 5),
+            Bar("stopped ≤ 600 ms<!--camera-stopped--> after the last frame", "stopped ms", 600),
+            Bar("recovered ≤ 5 s<!--camera-recovered--> after it returns", "recovered s", 5),
         ),
         (f"{CAMERA}::test_the_robot_stops_for_a_camera_that_ends",),
         back="by itself after a short gap, else `run`",
     ),
     Fault(
         "black, frozen, wrong-shape frames",
-        (Bar("0 motor frames", "motor frames", 0),),
+        (Bar("0<!--bad-picture-driven--> motor frames", "motor frames", 0),),
         (f"{CAMERA}::test_nothing_is_driven_by_a_bad_picture",),
         back="good frames, then `run`",
     ),
     Fault(
         "serial unplugged",
-        (Bar("noticed ≤ 200 ms", "noticed ms", 200),),
+        (Bar("noticed ≤ 200 ms<!--unplugged-noticed-->", "noticed ms", 200),),
         (f"{BOARD}::test_an_unplugged_board_is_noticed",),
         back="plug it in, then `run`",
     ),
     Fault(
         "{garbage:,} pieces of serial garbage; partial write",
         (
-            Bar("≥ 95 % of them at full speed", "at full speed %", 95, least=True),
-            Bar("0 not stopped", "not stopped", 0),
+            Bar(
+                "≥ 95 %<!--garbage-full-speed--> of them at full speed",
+                "at full speed %",
+                95,
+                least=True,
+            ),
+            Bar("0<!--garbage-not-stopped--> not stopped", "not stopped", 0),
         ),
         (
             f"{RELIABILITY}/test_serial_garbage.py",
@@ -108,13 +113,19 @@ FAULTS = (
     ),
     Fault(
         "board resets",
-        (Bar("0 motor frames before the handshake", "motor frames before the handshake", 0),),
+        (
+            Bar(
+                "0<!--reset-driven--> motor frames before the handshake",
+                "motor frames before the handshake",
+                0,
+            ),
+        ),
         (f"{BOARD}::test_a_board_that_was_reset_is_not_driven_before_it_has_answered",),
         back="`run`",
     ),
     Fault(
         "wrong port, second process",
-        (Bar("0 drive frames to a wrong device", "motor frames", 0),),
+        (Bar("0<!--wrong-device-driven--> drive frames to a wrong device", "motor frames", 0),),
         (
             f"{BOARD}::test_a_wrong_device_never_gets_a_drive_frame",
             f"{BOARD}::test_a_second_daemon_gets_no_say",
@@ -125,7 +136,7 @@ FAULTS = (
         "inference raises, NaN, infinite",
         (
             Bar(
-                "≤ 1 decision moves a motor",
+                "≤ 1<!--bad-model-moved--> decision moves a motor",
                 "decisions with the bad model that moved a motor",
                 1,
             ),
@@ -139,15 +150,21 @@ FAULTS = (
     ),
     Fault(
         "inference takes 2 s",
-        (Bar("stopped ≤ 600 ms after the last decision", "stopped ms", 600),),
+        (
+            Bar(
+                "stopped ≤ 600 ms<!--late-decision-stopped--> after the last decision",
+                "stopped ms",
+                600,
+            ),
+        ),
         (f"{PROCESS}::test_a_decision_that_takes_2_s_stops_the_robot",),
         back="`run`",
     ),
     Fault(
         "SIGKILL, out of memory",
         (
-            Bar("motors off ≤ 350 ms", "motors off ms", 350),
-            Bar("there again, and standing, ≤ 10 s", "there again s", 10),
+            Bar("motors off ≤ 350 ms<!--deadman-stopped-->", "motors off ms", 350),
+            Bar("there again, and standing, ≤ 10 s<!--killed-there-again-->", "there again s", 10),
         ),
         (
             "tests/firmware/test_whole_loop.py::"
@@ -159,7 +176,7 @@ FAULTS = (
     ),
     Fault(
         "SIGSTOP",
-        (Bar("0 expired commands obeyed", "obeyed", 0),),
+        (Bar("0<!--expired-obeyed--> expired commands obeyed", "obeyed", 0),),
         (
             f"{END}/test_stale_commands.py",
             "tests/firmware/test_daemon_with_firmware.py::"
@@ -171,7 +188,7 @@ FAULTS = (
     ),
     Fault(
         "clock jumps by 10 years",
-        (Bar("0 missed decisions", "missed decisions", 0),),
+        (Bar("0<!--clock-jump-missed--> missed decisions", "missed decisions", 0),),
         (
             f"{PROCESS}::test_a_clock_that_jumps_by_ten_years_changes_nothing",
             f"{TRUST}::test_a_clock_that_jumps_by_ten_years_changes_nothing",
@@ -180,7 +197,11 @@ FAULTS = (
     ),
     Fault(
         "disk full, EIO",
-        (Bar("old model loads, 100 %", "old model loads %", 100, least=True),),
+        (
+            Bar(
+                "old model loads, 100 %<!--full-disk-loads-->", "old model loads %", 100, least=True
+            ),
+        ),
         (
             f"{RELIABILITY}/test_full_disk.py",
             "tests/robot/test_killed_by_strace.py::"
@@ -204,7 +225,7 @@ FAULTS = (
     ),
     Fault(
         "power cut while recording",
-        (Bar("lost ≤ 1 s, never a file", "lost s", 1),),
+        (Bar("lost ≤ 1 s<!--power-cut-lost-->, never a file", "lost s", 1),),
         (
             f"{RELIABILITY}/test_recording_power_cut.py",
             "tests/workstation/test_telemetry_file.py::test_every_cut_gives_back_a_beginning",
@@ -214,8 +235,12 @@ FAULTS = (
     Fault(
         "network partition",
         (
-            Bar("0 missed decisions when cut", "cut: missed decisions", 0),
-            Bar("0 missed decisions when frozen", "frozen: missed decisions", 0),
+            Bar("0<!--missed-when-cut--> missed decisions when cut", "cut: missed decisions", 0),
+            Bar(
+                "0<!--missed-when-frozen--> missed decisions when frozen",
+                "frozen: missed decisions",
+                0,
+            ),
         ),
         (f"{END}/test_network_partition.py",),
         back="by itself",
@@ -228,22 +253,22 @@ FAULTS = (
             "tests/robot/test_model_service.py::"
             "test_the_memory_of_a_push_whose_sender_died_comes_back",
         ),
-        "nothing visible; memory back within 60 s",
+        "nothing visible; memory back within 60 s<!--push-memory-back-->",
         back="the push again",
     ),
     Fault(
         "1,000 malformed messages on each key",
         (
-            Bar("STOP meanwhile ≤ 100 ms, median", "stop p50 ms", 100),
-            Bar("STOP meanwhile ≤ 100 ms, worst", "stop worst ms", 100),
-            Bar("memory + ≤ 20 MB", "memory MB", 20),
+            Bar("STOP meanwhile ≤ 100 ms<!--stop-malformed-median-->, median", "stop p50 ms", 100),
+            Bar("STOP meanwhile ≤ 100 ms<!--stop-malformed-worst-->, worst", "stop worst ms", 100),
+            Bar("memory + ≤ 20 MB<!--malformed-memory-->", "memory MB", 20),
         ),
         (f"{FIRE}::test_malformed_messages_are_refused_and_a_stop_gets_through",),
         back="nothing is needed",
     ),
     Fault(
         "giant payload (64 MiB)",
-        (Bar("memory + ≤ 16 MB", "memory MB", 16),),
+        (Bar("memory + ≤ 16 MB<!--giant-memory-->", "memory MB", 16),),
         (
             f"{FIRE}::test_a_giant_payload_is_never_put_together",
             f"{FIRE}::test_a_request_just_over_its_limit_never_reaches_the_daemon",
@@ -280,7 +305,7 @@ FAULTS = (
     ),
     Fault(
         "hostile ONNX (huge tensor, endless loop, other files)",
-        (Bar("child killed ≤ 10 s", "refused after s", 10),),
+        (Bar("child killed ≤ 10 s<!--hostile-model-killed-->", "refused after s", 10),),
         (
             "tests/protocol/test_dry_run.py::test_a_model_that_never_answers_is_killed_within_10_s",
             f"{MODELS}::test_a_hostile_model_leaves_the_driving_daemon_alone",
@@ -290,7 +315,7 @@ FAULTS = (
     ),
     Fault(
         "slow subscriber",
-        (Bar("publishing ≤ 10 ms, p99", "publish p99 ms", 10),),
+        (Bar("publishing ≤ 10 ms<!--published-->, p99", "publish p99 ms", 10),),
         (f"{FIRE}::test_a_subscriber_that_stopped_reading_holds_nobody_up",),
         back="it is given up, and connects anew",
     ),
@@ -308,16 +333,18 @@ FAULTS = (
     Fault(
         "SIGTERM in motion",
         (
-            Bar("frame out ≤ 20 ms, median", "frame p50 ms", 20),
-            Bar("frame out ≤ 20 ms, worst", "frame worst ms", 20),
-            Bar("acknowledged ≤ 100 ms, worst", "acknowledged worst ms", 100),
+            Bar("frame out ≤ 20 ms<!--stop-frame-out-->, median", "frame p50 ms", 20),
+            Bar("frame out ≤ 20 ms<!--stop-frame-out-->, worst", "frame worst ms", 20),
+            Bar(
+                "acknowledged ≤ 100 ms<!--stop-acknowledged-->, worst", "acknowledged worst ms", 100
+            ),
         ),
         (f"{PROCESS}::test_sigterm_in_motion_stops_at_once",),
         back="a start, then `run`",
     ),
     Fault(
         "new model crashes the daemon",
-        (Bar("rolled back within 3 starts", "starts", 3),),
+        (Bar("rolled back within 3<!--crash-starts--> starts", "starts", 3),),
         (f"{MODELS}::test_a_model_that_crashes_the_daemon_is_rolled_back_within_3_starts",),
         back="rolled back, then `run`",
     ),
@@ -337,13 +364,13 @@ BESIDE = (
     ),
     Fault(
         "a short gap of the camera",
-        (Bar("drives on ≤ 5 s", "drives on s", 5),),
+        (Bar("drives on ≤ 5 s<!--short-gap-driven-on-->", "drives on s", 5),),
         (f"{CAMERA}::test_a_short_gap_of_the_camera_is_forgiven",),
         back="by itself",
     ),
     Fault(
         "a wall, a cable",
-        (Bar("stopped after ≤ 4 s of driving", "stuck, stopped after s", 4),),
+        (Bar("stopped after ≤ 4 s<!--stuck-stopped--> of driving", "stuck, stopped after s", 4),),
         (
             f"{END}/test_stuck.py",
             "tests/robot/test_stuck.py",
@@ -353,7 +380,7 @@ BESIDE = (
     ),
     Fault(
         "a thread that dies, or hangs",
-        (Bar("process ended ≤ 1.5 s", "ended ms", 1500),),
+        (Bar("process ended ≤ 1.5 s<!--dead-thread-ended-->", "ended ms", 1500),),
         (
             f"{SELF}::test_an_exception_that_ends_any_thread_ends_the_process_with_the_motors_off",
             f"{SELF}::test_a_thread_that_hangs_starves_the_watchdog",
@@ -362,15 +389,15 @@ BESIDE = (
     ),
     Fault(
         "SIGHUP, SIGQUIT, SIGINT in motion",
-        (Bar("frame out ≤ 20 ms", "frame ms", 20),),
+        (Bar("frame out ≤ 20 ms<!--stop-frame-out-->", "frame ms", 20),),
         (f"{SELF}::test_every_signal_that_ends_it_stops_the_motors_first",),
         back="a start, then `run`",
     ),
     Fault(
         "a log that nobody reads",
         (
-            Bar("STOP ≤ 100 ms", "STOP ms", 100),
-            Bar("with the board lost ≤ 150 ms", "STOP, board lost, ms", 150),
+            Bar("STOP ≤ 100 ms<!--stop-log-unread-->", "STOP ms", 100),
+            Bar("with the board lost ≤ 150 ms<!--stop-board-lost-->", "STOP, board lost, ms", 150),
         ),
         (f"{SELF}::test_a_log_that_nobody_reads_holds_up_no_stop",),
         back="nothing is needed",
@@ -378,8 +405,8 @@ BESIDE = (
     Fault(
         "16 quiet sessions of somebody revoked",
         (
-            Bar("STOP of a viewer ≤ 100 ms", "STOP worst ms", 100),
-            Bar("out within 1 s", "out after s", 1),
+            Bar("STOP of a viewer ≤ 100 ms<!--stop-quiet-sessions-->", "STOP worst ms", 100),
+            Bar("out within 1 s<!--revoked-out-->", "out after s", 1),
         ),
         (
             f"{LOCK_OUT}::test_quiet_sessions_of_somebody_revoked_keep_nobody_from_a_stop",
@@ -390,8 +417,12 @@ BESIDE = (
     Fault(
         "a viewer's flood of tokens",
         (
-            Bar("≤ 0.1 of the flooder's processor time", "share of the flooder's", 0.1),
-            Bar("STOP ≤ 100 ms", "STOP worst ms", 100),
+            Bar(
+                "≤ 0.1<!--flood-share--> of the flooder's processor time",
+                "share of the flooder's",
+                0.1,
+            ),
+            Bar("STOP ≤ 100 ms<!--stop-token-flood-->", "STOP worst ms", 100),
         ),
         (f"{LOCK_OUT}::test_a_viewers_flood_of_tokens_costs_little_and_holds_up_no_stop",),
         back="nothing is needed",
@@ -416,9 +447,13 @@ BESIDE = (
     Fault(
         "a viewer who reads nothing, says STOP without end, or is gone without a word",
         (
-            Bar("STOP of others ≤ 100 ms, second worst", "STOP second worst ms", 100),
-            Bar("and < 1,000 ms, worst", "STOP worst ms", 999),
-            Bar("0 drive frames after it", "drive frames after STOP", 0),
+            Bar(
+                "STOP of others ≤ 100 ms<!--stop-under-attack-->, second worst",
+                "STOP second worst ms",
+                100,
+            ),
+            Bar("and < 1,000 ms<!--stop-under-attack-worst-->, worst", "STOP worst ms", 999),
+            Bar("0<!--driven-under-attack--> drive frames after it", "drive frames after STOP", 0),
         ),
         (
             f"{END}/test_stop_under_attack.py",
@@ -528,10 +563,10 @@ BESIDE = (
     Fault(
         SOAK,
         (
-            Bar("memory + ≤ 20 MB", "memory MB", 20),
-            Bar("threads + ≤ 2", "threads", 2),
-            Bar("descriptors + ≤ 3", "descriptors", 3),
-            Bar("0 silences while moving", "silences while moving", 0),
+            Bar("memory + ≤ 20 MB<!--soak-memory-->", "memory MB", 20),
+            Bar("threads + ≤ 2<!--soak-threads-->", "threads", 2),
+            Bar("descriptors + ≤ 3<!--soak-descriptors-->", "descriptors", 3),
+            Bar("0<!--soak-silences--> silences while moving", "silences while moving", 0),
         ),
         (f"{RELIABILITY}/test_soak.py",),
         back="by itself",

@@ -14,6 +14,7 @@ from mbot_protocol.wire.keys import Right, presence_key
 from mbot_workstation.fleet.link.remote_control import RemoteControl
 from mbot_workstation.fleet.link.robot_session import open_session
 
+from ..promised import promised
 from ..reliability.effort import second_worst, within
 from ..robot.fake_board import FakeBoard
 from .fleet import LOCALHOST, Fleet
@@ -60,7 +61,7 @@ def test_quiet_sessions_of_somebody_revoked_keep_nobody_from_a_stop(
                 stack.enter_context(open_session(endpoint, fleet.security("nick")))
         found = stops_ms(fleet, "vera")
         record_property("STOP worst ms", round(max(found), 1))
-        assert second_worst(found) <= 100
+        assert second_worst(found) <= promised("stop-quiet-sessions")
         assert "person:nick is not on this robot's roll: shown out" in daemon.log.read_text()
 
 
@@ -77,7 +78,7 @@ def test_somebody_off_the_roll_is_out_within_a_second(
             assert until(lambda: "person:nick" in daemon.log.read_text(), 5)
             out_s = time.monotonic() - came_s
     record_property("out after s", round(out_s, 2))
-    assert out_s <= 1
+    assert out_s <= promised("revoked-out")
 
 
 def flood(session: zenoh.Session, ending: threading.Event, used_s: list[float]) -> None:
@@ -124,10 +125,10 @@ def test_a_viewers_flood_of_tokens_costs_little_and_holds_up_no_stop(
                 flooding.join(5)
             return daemon_s / flooder_s[0]
 
-    found = within(0.1, share)
+    found = within(promised("flood-share"), share)
     record_property("share of the flooder's", round(max(found), 3))
     record_property("STOP worst ms", round(max(stop_ms), 1))
-    assert second_worst(stop_ms) <= 100
+    assert second_worst(stop_ms) <= promised("stop-token-flood")
 
 
 def share_of_a_core(process: Process, seconds: float) -> float:

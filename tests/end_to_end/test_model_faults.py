@@ -20,6 +20,7 @@ from mbot_workstation.fleet.models.signing_key import SigningKey
 from mbot_workstation.fleet.models.stored_models import list_models
 from mbot_workstation.fleet.telemetry.stream import TelemetryStream
 
+from ..promised import promised
 from ..protocol.test_dry_run import huge_tensor
 from ..reliability.motion import drives_again
 from ..robot.fake_board import FakeBoard
@@ -92,7 +93,7 @@ def test_a_model_that_crashes_the_daemon_is_rolled_back_within_3_starts(
                     assert drives_again(daemon, board)
                     break
                 starts += 1
-    assert starts <= 3
+    assert starts <= promised("crash-starts")
     assert status.active_model.name == "good"
     (notice,) = status.notices
     assert notice.kind == "model-rolled-back"
@@ -128,7 +129,7 @@ def test_a_model_that_answers_nan_stops_the_robot_and_is_rolled_back_after_3(
         assert len([d for d in failed if d.faults]) >= 3
         moved = sum((d.board_m1, d.board_m2) != (0, 0) for d in failed)
         record_property("decisions with the bad model that moved a motor", moved)
-        assert moved == 0
+        assert moved == 0 <= promised("bad-model-moved")  # the robot does better than it says
         record_property("decisions until the bad one was gone", len(failed))
         # The one before it is in use, and waits for somebody's word.
         mark = len(board.commands)

@@ -14,6 +14,7 @@ from mbot_protocol.wire.keys import CHUNK_BYTES, Right
 from mbot_workstation.fleet.link.remote_control import RemoteControl
 from mbot_workstation.fleet.models.push import push as push_model
 
+from ..promised import promised
 from ..reliability.effort import second_worst
 from ..reliability.motion import driven_since
 from ..reliability.test_self_watch import service_manager
@@ -88,9 +89,10 @@ def test_no_viewer_keeps_anybody_elses_stop_from_being_confirmed(
     record_property("STOP second worst ms", round(second_worst(found.confirmed_ms), 1))
     record_property("drive frames after STOP", sum(found.driven_after))
     record_property("watchdog unfed s", round(found.unfed_s, 1))
-    assert second_worst(found.confirmed_ms) <= 100
-    assert max(found.confirmed_ms) < 1000  # STOP_TIMEOUT_S: none had to be said twice
-    assert sum(found.driven_after) == 0
+    assert second_worst(found.confirmed_ms) <= promised("stop-under-attack")
+    # STOP_TIMEOUT_S: none had to be said twice.
+    assert max(found.confirmed_ms) < promised("stop-under-attack-worst")
+    assert sum(found.driven_after) == promised("driven-under-attack")
     assert found.unfed_s < 3
 
 

@@ -14,6 +14,7 @@ from mbot_workstation.sim.scene.scene_parameters import Arena, SceneParameters
 from mbot_workstation.virtual.camera_stream import NOISY, CameraSettings
 from mbot_workstation.virtual.stand_in import VirtualRobot, VirtualRobotSettings
 
+from ..promised import promised
 from ..reliability.effort import within
 from ..robot.tiny_models import constant_model
 from .processes import Daemon, until
@@ -61,7 +62,7 @@ def test_a_robot_at_the_border_stops_and_says_that_it_is_stuck(
             return took_s
 
         stopped_s()  # it has to get there first
-        found = within(4, stopped_s)
+        found = within(promised("stuck-stopped"), stopped_s)
     record_property("stuck, stopped after s", round(max(found), 2))
 
 

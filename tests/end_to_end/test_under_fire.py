@@ -23,6 +23,7 @@ from mbot_workstation.fleet.link.remote_control import RemoteControl
 from mbot_workstation.fleet.link.robot_session import open_session
 
 from ..free_port import free_port
+from ..promised import promised
 from ..reliability.effort import within
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
@@ -80,15 +81,15 @@ def test_malformed_messages_are_refused_and_a_stop_gets_through(
             assert len(stops_ms) > known + 5
             return max(stops_ms[known:])
 
-        worst = within(100, worst_ms)
+        worst = within(promised("stop-malformed-worst"), worst_ms)
         growth_mb = resident_mb(running.pid) - before_mb
         record_property("messages", MALFORMED * len(QUERIES))
         record_property("stops meanwhile", len(stops_ms))
         record_property("stop p50 ms", round(statistics.median(stops_ms), 1))
         record_property("stop worst ms", round(max(worst), 1))
         record_property("memory MB", round(growth_mb, 1))
-        assert statistics.median(stops_ms) <= 100
-        assert growth_mb <= 20
+        assert statistics.median(stops_ms) <= promised("stop-malformed-median")
+        assert growth_mb <= promised("malformed-memory")
         assert running.is_running()
         assert observer.status().active_model.name == "constant"
     assert "Traceback" not in daemon.log.read_text()
@@ -105,7 +106,7 @@ def test_a_giant_payload_is_never_put_together(
             assert RemoteControl(link).stop() == "stopped"
             assert [reply for reply in replies if reply.ok is not None] == []
         record_property("memory MB", round(memory.growth_mb, 1))
-        assert memory.growth_mb <= 16
+        assert memory.growth_mb <= promised("giant-memory")
         assert running.is_running()
         assert link.status().robot_id == ROBOT_ID
 
@@ -166,7 +167,8 @@ def test_a_subscriber_that_stopped_reading_holds_nobody_up(record_property: Reco
     record_property("publish p50 ms", round(statistics.median(took_ms), 3))
     record_property("publish p99 ms", round(p99_ms, 2))
     record_property("publish worst ms", round(max(took_ms), 1))
-    assert p99_ms <= 10  # if the link were waited for, one would take 5 s
+    # If the link were waited for, one would take 5 s.
+    assert p99_ms <= promised("published")
 
 
 def test_frozen_watchers_cost_no_decision(
@@ -249,7 +251,7 @@ def test_no_more_sessions_than_may_be_and_those_there_are_go_on(
 ) -> None:
     endpoint = parse_address(daemon.address)
     with ExitStack() as stack, daemon.link() as link:
-        assert MOST_SESSIONS == 32
+        assert promised("most-sessions") == MOST_SESSIONS
         for _ in range(MOST_SESSIONS - 1):
             stack.enter_context(open_session(endpoint, None))
         with pytest.raises(UnreachableError, match="as many workstations as it may"):

@@ -22,6 +22,7 @@ from mbot_protocol.policy.dry_run import dry_run
 from mbot_protocol.policy.golden_frames import PROPERTY
 from mbot_protocol.policy.policy_contract import PolicyMetadata
 
+from ..promised import promised
 from ..robot.tiny_models import constant_model, counting_model
 
 RATE_HZ = 2.5
@@ -162,7 +163,7 @@ def test_a_model_that_never_answers_is_killed_within_10_s(
     with pytest.raises(ContractError, match=r"dry run (took more than|was ended by signal)"):
         dry_run(slow(5000), RATE_HZ)  # loops are refused, but this is as good as endless
     record_property("refused after s", round(time.monotonic() - began_s, 1))
-    assert time.monotonic() - began_s <= 10.0
+    assert time.monotonic() - began_s <= promised("hostile-model-killed")
 
 
 def test_a_slow_start_leaves_a_model_its_time_and_the_bar_its_room() -> None:

@@ -19,6 +19,7 @@ from mbot_workstation.fleet.link.robot_link import RobotLink
 from mbot_workstation.fleet.telemetry.stream import TelemetryStream
 
 from ..end_to_end.processes import Daemon, Process, beats_on, until
+from ..promised import promised
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
 from .effort import REPEATS, TRIES, second_worst, within
@@ -53,7 +54,7 @@ def test_a_decision_that_takes_2_s_stops_the_robot(
             assert board.wait_for(*FORWARD_BOARD, timeout_s=15)
             return (at_s - last_s) * 1000
 
-        found = within(600, stopped_ms)
+        found = within(promised("late-decision-stopped"), stopped_ms)
     record_property("stopped ms", round(max(found)))
 
 
@@ -87,10 +88,9 @@ def test_sigterm_in_motion_stops_at_once(
     record_property("frame worst ms", round(max(frame_ms), 1))
     record_property("acknowledged p50 ms", round(statistics.median(acknowledged_ms), 1))
     record_property("acknowledged worst ms", round(max(acknowledged_ms), 1))
-    assert (
-        second_worst(frame_ms) <= 20
-    )  # a handler in the main thread would need 2 s when it is slow
-    assert second_worst(acknowledged_ms) <= 100
+    # A handler in the main thread would need 2 s when it is slow.
+    assert second_worst(frame_ms) <= promised("stop-frame-out")
+    assert second_worst(acknowledged_ms) <= promised("stop-acknowledged")
 
 
 def kill(process: Process) -> float:
@@ -137,7 +137,7 @@ def test_a_killed_daemon_is_there_again_soon_and_waits_for_a_word(
                 killed_s = kill(process)
             return ready_s - since_s + float(found[1])
 
-        measured = within(10, again_s)
+        measured = within(promised("killed-there-again"), again_s)
         # After an orderly end the same setting drives.
         with daemon.start() as process:
             assert until(daemon.is_ready, 30)
@@ -183,7 +183,8 @@ def test_a_clock_that_jumps_by_ten_years_changes_nothing(
             assert driven > 3 * (time.monotonic() - began_s)
             return link.status().missed_ticks - first.missed_ticks
 
-        found = [*within(0, missed), *within(0, missed)]  # there and back
+        bar = promised("clock-jump-missed")
+        found = [*within(bar, missed), *within(bar, missed)]  # there and back
         after = link.status()
     record_property("missed decisions", max(found))
     assert after.session_id == before.session_id

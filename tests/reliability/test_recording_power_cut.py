@@ -10,6 +10,7 @@ import pytest
 from mbot_protocol.beat.recorded_drive import read_drive
 
 from ..end_to_end.processes import Daemon, until, workstation
+from ..promised import promised
 from ..robot.fake_board import FakeBoard
 from .effort import within
 from .motion import configure, driving
@@ -41,5 +42,5 @@ def test_a_recording_that_was_cut_off_lacks_less_than_a_second(
             assert sequences == sorted(sequences)
             return killed_s - records[-1].unix_time_ns / 1e9
 
-        found = within(1, lost_s)
+        found = within(promised("power-cut-lost"), lost_s)
     record_property("lost s", round(max(found), 2))

@@ -20,13 +20,12 @@ from mbot_workstation.fleet.link.remote_control import NotStandingError, RemoteC
 from mbot_workstation.fleet.link.robot_link import RobotLink
 
 from ..end_to_end.processes import PROGRAMS, ROBOT_ID, Daemon, Process, until
+from ..promised import promised
 from ..robot.fake_board import FakeBoard
 from .effort import REPEATS, TRIES, second_worst
 from .motion import FORWARD, FORWARD_BOARD, driven_since, driving, script
 
 Record = Callable[[str, object], None]
-
-STOP_BAR_MS = 100
 
 
 def ask(daemon: Daemon, thread: str) -> None:
@@ -60,7 +59,7 @@ def test_an_exception_that_ends_any_thread_ends_the_process_with_the_motors_off(
                 assert board.speeds == (0, 0)
     record_property("ended ms", round(max(ended_ms)))
     # A tick or a heartbeat until the thread is at it again, and 500 ms for the stop's confirmation.
-    assert second_worst(ended_ms) < 1500
+    assert second_worst(ended_ms) < promised("dead-thread-ended") * 1000
 
 
 @contextmanager
@@ -126,7 +125,7 @@ def test_every_signal_that_ends_it_stops_the_motors_first(
             assert not driven_since(board, stopped_s)
             frame_ms.append((stopped_s - sent_s) * 1000)
     record_property("frame ms", round(max(frame_ms), 1))
-    assert second_worst(frame_ms) < 20
+    assert second_worst(frame_ms) < promised("stop-frame-out")
 
 
 class Unread:
@@ -178,8 +177,8 @@ def test_a_log_that_nobody_reads_holds_up_no_stop(
         unread.close()
     record_property("STOP ms", round(max(stop_ms), 1))
     record_property("STOP, board lost, ms", round(max(lost_ms), 1))
-    assert second_worst(stop_ms) < STOP_BAR_MS
-    assert second_worst(lost_ms) < STOP_BAR_MS + 50  # 80 ms are waited for the board
+    assert second_worst(stop_ms) < promised("stop-log-unread")
+    assert second_worst(lost_ms) < promised("stop-board-lost")  # 80 ms are waited for the board
 
 
 def answers(daemon: Daemon) -> bool:

@@ -17,6 +17,7 @@ from mbot_protocol.drive.mcore import Joystick
 from mbot_protocol.drive.wheel_command import WheelCommand
 
 from ..end_to_end.processes import until
+from ..promised import promised
 from ..robot.fake_board import FakeBoard
 from .effort import GARBAGE_CASES
 
@@ -103,5 +104,7 @@ def test_garbage_from_the_board_ends_stopped(record_property: Record) -> None:
     share_percent = 100 * turning / (cases * AT_ONCE)
     record_property("at full speed %", round(share_percent, 1))
     record_property("not stopped", not_stopped)
-    assert share_percent >= 95, "the others prove nothing: their wheels stood anyway"
-    assert not_stopped == 0
+    assert share_percent >= promised("garbage-full-speed"), (
+        "the others prove nothing: their wheels stood anyway"
+    )
+    assert not_stopped == promised("garbage-not-stopped")

@@ -35,6 +35,7 @@ from mbot_protocol.wire.keys import (
 )
 
 from ..free_port import free_port
+from ..promised import promised
 from ..until import until
 from .fake_robot import OLD_MODEL, FakeRobot
 from .samples import decision, picture, small_policy
@@ -160,7 +161,7 @@ def test_armed_but_standing_says_for_what_it_waits(robot: FakeRobot) -> None:
     )
     answers_a_run_with_a_fault(robot, state_of(robot, State.STATE_FAULT, *faults))
     done = workstation(robot, "run", "--when-ready")
-    assert done.returncode == 7
+    assert done.returncode == promised("armed-but-standing")
     assert done.returncode == ARMED_BUT_STANDING
     assert (done.stdout, done.stderr) == (
         "mbot-1: armed; it drives when the camera is back and it has a model "
