@@ -27,7 +27,7 @@ BUDGETS = {
     "robot/mbot_agent": 9500,
     "robot/mbot_update": 1400,
     "tests": 55500,
-    "benchmarks": 4650,
+    "benchmarks": 4700,
 }
 """Lines by folder; what lies in a folder with a budget of its own counts there. They are what
 stands today; the aim is 50,000 of source in all, 10,000 of them measuring, and 38,000 of tests.
