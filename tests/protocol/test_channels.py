@@ -12,6 +12,9 @@ def test_the_robot_is_told_in_strings() -> None:
     assert RobotFacts.from_strings(told | {"of_a_later_release": "x"}) == FACTS
     with pytest.raises(ValueError, match=r"wheels\.left\.trim"):
         RobotFacts.from_strings(FACTS.to_strings() | {"left_trim": "much"})
+    for rate in ("0", "nan", "inf", "-2"):
+        with pytest.raises(ValueError, match="decision_rate_hz"):
+            RobotFacts.from_strings(told | {"decision_rate_hz": rate})
     with pytest.raises(ValueError, match="robot_id"):
         RobotFacts.from_strings({})
 

@@ -2,6 +2,7 @@
 
 import ast
 import json
+import pickle
 import re
 import threading
 from pathlib import Path
@@ -32,6 +33,7 @@ from .small_world import ROOMS
 
 CIRCLE = full_reference(str(Path(__file__).with_name("stay_in_circle.py")))
 SOURCE = Path(__file__).parents[2] / "workstation" / "mbot_workstation"
+ITS = Path(CIRCLE).read_text() + "\n"
 FRAME = {"episode", "find", "lesson", "task"}
 
 
@@ -71,10 +73,12 @@ def test_it_is_learned_for_2000_decisions_and_then_tried(tmp_path: Path) -> None
     run = begin_run(tmp_path / "circle", config)
     result = train(run, config, LineDisplay(), threading.Event())
     assert (result.step, result.lesson) == (2000, "wide")
-    assert read_config(run.config_file).task == CIRCLE
+    with pytest.raises(ConfigurationError, match=r"--task FILE\.py"):
+        read_config(run.config_file)  # a folder alone runs nobody's file
+    assert read_config(run.config_file, CIRCLE).task == CIRCLE
     assert "mean_metres" in run.progress_file.read_text().splitlines()[0]
     assert read_progress(run.progress_file)[-1].episodes > 0
-    made = trained_policy(run.path).provenance
+    made = trained_policy(run.path, CIRCLE).provenance
     assert (made["task"], made["lessons"]) == ("stay-in-circle", ["wide", "narrow"])
 
     lesson = lesson_named(find_task(CIRCLE).lessons, "wide")
@@ -112,6 +116,17 @@ def test_the_virtual_robot_plays_it() -> None:
         ("none.py", None, "no file"),
         ("empty.py", "", "names no TASK"),
         ("broken.py", "1 / 0", "ZeroDivisionError"),
+        ("quits.py", "raise SystemExit(0)", "SystemExit"),
+        ("other.py", "TASK = 1", "TASK is a int"),
+        (
+            "bare.py",
+            "from mbot_workstation.tasks.task import Task\nclass A(Task): pass\nTASK = A()",
+            "no name",
+        ),
+        ("taken.py", ITS + "TASK.facts = np.dtype([('metres', int), ('reward', float)])", "reward"),
+        ("counts.py", ITS + "TASK.counted = 'laps'", "laps"),
+        ("first.py", ITS + "TASK.happenings = ('left',)", "first of its happenings"),
+        ("twice.py", ITS + "TASK.lessons *= 2", "name of its own"),
     ],
 )
 def test_what_is_no_task_is_refused(
@@ -122,6 +137,55 @@ def test_what_is_no_task_is_refused(
     name = str(tmp_path / reference) if reference.endswith(".py") else reference
     with pytest.raises(ConfigurationError, match=problem):
         find_task(name)
+
+
+def test_a_relative_name_and_two_files_of_one_name_are_no_trouble(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for folder in ("one", "other"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "circle.py").write_text(ITS)
+    monkeypatch.chdir(tmp_path / "one")
+    near, far = find_task("circle.py"), find_task(str(tmp_path / "other" / "circle.py"))
+    assert near is find_task(str(tmp_path / "one" / "circle.py"))
+    assert type(near) is not type(far)
+    assert pickle.loads(pickle.dumps(near.lessons)) == near.lessons
+    assert pickle.loads(pickle.dumps(far.lessons)) == far.lessons
+
+
+def test_a_mistake_in_a_tasks_file_is_told_with_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "wrong.py"
+    path.write_text(ITS.replace("self._left_s -= elapsed_s", "self._left_s -= nothing"))
+    lesson = lesson_named(find_task(str(path)).lessons, "wide")
+    trial = Trial(lesson, preset("ideal"), ROOMS, episodes=1, workers=1, task=str(path))
+    line = path.read_text().splitlines().index("        self._left_s -= nothing") + 1
+    with pytest.raises(ConfigurationError, match=rf"wrong.py:{line}: NameError"):
+        evaluate("random", trial)
+
+
+BACK = """
+class Back(Drive):
+    def advance(self, robot, elapsed_s):
+        far = robot.x_m > 0.05
+        return Step("left", -1.0, robot_to_origin=True) if far else Step()
+
+class BackTask(StayInCircle):
+    def begin(self, lesson, setting, rng):
+        return Back(lesson, setting)
+
+TASK = BackTask()
+"""
+
+
+def test_training_puts_a_robot_back_as_the_virtual_robot_does(tmp_path: Path) -> None:
+    path = tmp_path / "back.py"
+    path.write_text(ITS + BACK)
+    environment = TaskEnv("ideal", rooms=ROOMS, task=str(path))
+    environment.reset(seed=1)
+    for _ in range(6):
+        environment.step(np.ones(2, np.float32))
+        assert environment.world.robot.x_m < 0.15
+    environment.close()
 
 
 def test_worlds_learner_and_virtual_robot_know_no_task() -> None:

@@ -205,6 +205,7 @@ def _resumed(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
         target_reward=options.target_reward,
         workers=options.workers,
         device=options.device,
+        task=options.task,
         is_undecided=is_undecided,
     )
     return run, config
@@ -276,6 +277,7 @@ class TrainingCurveOptions:
     """What `training_curve` takes."""
 
     runs: list[Path] = argument("Folders of runs, all drawn into one picture.", metavar="RUN...")
+    task: str = task_option()
     output: Path | None = output_file(
         None,
         "curve.png in the first run's folder if not given.",
@@ -306,21 +308,23 @@ def training_curve(options: TrainingCurveOptions) -> Answer:
     drawn: dict[str, list[ProgressRow]] = {}
     said: list[str] = []
     for name, run in runs.items():
-        drawn[name], words = _progress(run)
+        drawn[name], words = _progress(run, options.task)
         said.append(f"{name}: {words}" if len(runs) > 1 else words)
     path = options.output or next(iter(runs.values())).curve_file
-    first = read_config(next(iter(runs.values())).config_file)
-    draw_curves(drawn, find_task(first.task), path)
+    learned = {read_config(run.config_file, options.task).task for run in runs.values()}
+    if len(learned) > 1:
+        raise ConfigurationError("these runs learned different tasks: draw a picture of each")
+    draw_curves(drawn, find_task(learned.pop()), path)
     return Answer(str(path), [f"wrote {path}: {'; '.join(said)}"])
 
 
-def _progress(run: "RunDirectory") -> tuple[list["ProgressRow"], str]:
+def _progress(run: "RunDirectory", task: str) -> tuple[list["ProgressRow"], str]:
     """A run's rows, and how far it is, in words."""
     from mbot_workstation.learn.learning.progress_display import clock
     from mbot_workstation.learn.learning.progress_log import ROW_EVERY, read_progress
     from mbot_workstation.learn.learning.training_config import read_config
 
-    steps = read_config(run.config_file).steps
+    steps = read_config(run.config_file, task).steps
     rows = read_progress(run.progress_file) if run.progress_file.is_file() else []
     if not rows:
         raise ConfigurationError(
@@ -346,6 +350,7 @@ class ExportOptions:
         None, "A new file; RUN's name if not given.", "--output", "-o", metavar="FILE.onnx"
     )
     name: str | None = option(None, "What robots call it; the file's name if not given.")
+    task: str = task_option()
     for_armv6: bool = option(
         False,
         "For a first Pi Zero, where OpenCV runs it: the same policy in an older dialect of ONNX.",
@@ -373,7 +378,7 @@ def export(options: ExportOptions) -> Answer:
 
     if options.output is not None:
         check_new_file(options.output)  # before the work
-    policy = trained_policy(options.source)
+    policy = trained_policy(options.source, options.task)
     path = options.output or Path(f"{policy.name}.onnx")
     check_new_file(path)
     name = options.name or path.stem

@@ -352,7 +352,7 @@ def _lesson(
         lesson = task.play(options.radius, options.objects, ends_on_failure=options.end_on_failure)
         task.begin(lesson, setting, np.random.default_rng(options.seed))
     except ValueError as error:
-        raise ConfigurationError(f"--radius: {error}") from None
+        raise ConfigurationError(f"--radius, --objects: {error}") from None
     return lesson
 
 

@@ -1,19 +1,26 @@
 """The task that a user names: one of those here, or a file of his own."""
 
+import hashlib
 import importlib
 import importlib.util
 import pkgutil
 import sys
+import traceback
 from functools import cache
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from mbot_protocol.did_you_mean import did_you_mean
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation import tasks
+from mbot_workstation.tasks.episode import NOTHING
 from mbot_workstation.tasks.task import Task
 
 DEFAULT_TASK = "fetch"
+RESERVED = ("reward", "ended", "happening", "lesson", "episode", "terminal_observation")
+"""Names that infos and step records have already."""
+
 _FRAME = ("episode", "find", "lesson", "task")
 
 
@@ -25,10 +32,9 @@ def task_names() -> tuple[str, ...]:
 
 def full_reference(reference: str) -> str:
     """The same from every folder: a file with its whole path."""
-    return str(Path(reference).resolve()) if reference.endswith(".py") else reference
+    return str(Path(reference).resolve()) if is_file(reference) else reference
 
 
-@cache
 def find_task(reference: str = DEFAULT_TASK) -> Task:
     """A task by its name, or by the path of a file, which is run: give your own only.
 
@@ -36,7 +42,17 @@ def find_task(reference: str = DEFAULT_TASK) -> Task:
         ConfigurationError: there is none, or the file is none.
 
     """
-    if reference.endswith(".py"):
+    return _found(full_reference(reference))
+
+
+def is_file(reference: str) -> bool:
+    """Whether finding this task runs a user's file."""
+    return reference.endswith(".py")
+
+
+@cache
+def _found(reference: str) -> Task:
+    if is_file(reference):
         module = _load(Path(reference))
     elif reference in (names := task_names()):
         package = f"{tasks.__name__}.{reference}"
@@ -50,19 +66,50 @@ def find_task(reference: str = DEFAULT_TASK) -> Task:
         )
     if (task := getattr(module, "TASK", None)) is None:
         raise ConfigurationError(f"{reference} names no TASK: it is a task's file once it has one")
+    if fault := _fault(task):
+        raise ConfigurationError(f"{reference}: {fault}")
     return task
+
+
+def _fault(task: Any) -> str:
+    """What keeps this from being a task, if anything does."""
+    if Task not in type(task).__mro__:
+        return f"TASK is a {type(task).__name__}, expected an object of a class derived from Task"
+    missing = [name for name in Task.__annotations__ if not hasattr(task, name)]
+    if missing:
+        return f"its TASK has no {', '.join(missing)}"
+    facts = task.facts.names or ()
+    if taken := [name for name in facts if name in RESERVED]:
+        return f"a fact is called {taken[0]}, which the environment has already; call it otherwise"
+    if unknown := [name for name in (task.counted, *task.critic) if name not in facts]:
+        return f"counted and critic name {', '.join(unknown)}, which is no fact of it"
+    if not task.happenings or task.happenings[0] != NOTHING:
+        return f"the first of its happenings is to be {NOTHING!r}"
+    names = [lesson.name for lesson in task.lessons]
+    if not names or len(set(names)) < len(names):
+        return "it needs at least one lesson, and each a name of its own"
+    return ""
 
 
 def _load(path: Path) -> ModuleType:
     """Run a user's file. Its classes have a module's name, so that other processes know them."""
-    name = f"mbot_task_{path.stem}"
+    name = f"mbot_task_{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None or not path.is_file():
         raise ConfigurationError(f"no file {path}")
     module = sys.modules[name] = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
-    except Exception as error:  # whatever a user's code raises
+    except (Exception, SystemExit) as error:  # whatever a user's code raises
         del sys.modules[name]
         raise ConfigurationError(f"{path} can't be run: {type(error).__name__}: {error}") from None
     return module
+
+
+def mistake_in(reference: str, error: Exception) -> ConfigurationError | None:
+    """An exception of a user's file, as its author reads it; None if it comes from elsewhere."""
+    frames = traceback.extract_tb(error.__traceback__)
+    if not is_file(reference) or not any(frame.filename == reference for frame in frames):
+        return None
+    line = [frame.lineno for frame in frames if frame.filename == reference][-1]
+    return ConfigurationError(f"{reference}:{line}: {type(error).__name__}: {error}")

@@ -6,6 +6,7 @@ import msgspec
 from google.protobuf.message import DecodeError
 from msgspec import UNSET, UnsetType
 
+from mbot_protocol.drive.actions import STEP_LIMIT
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.policy.policy_contract import FieldOfView
 from mbot_protocol.v1.messages_pb2 import Decision, LastStop
@@ -116,4 +117,6 @@ def read_decision(data: bytes) -> Decision:
     decision = Decision.FromString(data)
     if (told := len(decision.faults) + len(decision.notices)) > MOST_TOLD:
         raise DecodeError(f"{told} faults and notices, expected at most {MOST_TOLD}")
+    if max(abs(decision.steps.left), abs(decision.steps.right)) > STEP_LIMIT:
+        raise DecodeError(f"a step beyond {STEP_LIMIT}")
     return decision

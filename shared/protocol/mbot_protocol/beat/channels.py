@@ -1,5 +1,7 @@
 """What stands in a recording of a drive: its topics, and which robot it was."""
 
+import math
+
 import msgspec
 
 from mbot_protocol.drive.actions import MotorMap, WheelMaps
@@ -62,7 +64,10 @@ class RobotFacts(msgspec.Struct, frozen=True):
             }
             for side in _SIDES
         }
-        return msgspec.convert(fields | {"wheels": wheels}, cls, strict=False)
+        facts = msgspec.convert(fields | {"wheels": wheels}, cls, strict=False)
+        if not 0 < facts.decision_rate_hz < math.inf:
+            raise ValueError(f"decision_rate_hz is {facts.decision_rate_hz}")
+        return facts
 
 
 def topic(robot_id: str, name: str) -> str:

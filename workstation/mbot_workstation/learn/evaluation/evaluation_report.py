@@ -44,7 +44,8 @@ def share_of_oracle(line: Line, lines: Sequence[Line]) -> float | None:
     """The mean reward by the oracle's under the same preset, if it took part."""
     for other in lines:
         if other.contestant == "oracle" and other.preset == line.preset:
-            return line.score.reward.mean / other.score.reward.mean
+            best = other.score.reward.mean
+            return line.score.reward.mean / best if best else None
     return None
 
 

@@ -16,7 +16,7 @@ from mbot_workstation.learn.learning.run_directory import RunDirectory
 from mbot_workstation.learn.learning.training_config import TrainingConfig, read_config
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.effects.presets import NOMINAL
-from mbot_workstation.tasks.find import DEFAULT_TASK, find_task
+from mbot_workstation.tasks.find import DEFAULT_TASK, find_task, is_file
 from mbot_workstation.tasks.lesson import lessons_named
 from mbot_workstation.tasks.task import Task
 
@@ -102,7 +102,7 @@ class RunPlan:
             **settings,
         )
         if self.parent is not None:
-            return _from_parent(config, self.parent)
+            return _from_parent(config, self.parent, self.task)
         if config.stages()[0].needs_training and not guided:
             raise ConfigurationError(
                 f"--lesson {config.lessons[0]} without a guide trains a trained model on: add "
@@ -111,10 +111,10 @@ class RunPlan:
         return config
 
 
-def _from_parent(config: TrainingConfig, parent: Path) -> TrainingConfig:
+def _from_parent(config: TrainingConfig, parent: Path, task: str) -> TrainingConfig:
     """With the weights of another run, so with the pictures' filters that it has."""
     source = find_source(parent)
-    before = read_config(source.run.config_file)
+    before = read_config(source.run.config_file, task)
     return replace(
         config,
         parent=str(source.checkpoint.resolve()),
@@ -147,6 +147,7 @@ def resumed(
     target_reward: float | None,
     workers: int | None,
     device: str,
+    task: str,
     is_undecided: Callable[[RunDirectory], bool],
 ) -> TrainingConfig:
     """The configuration with which a run goes on: its own, but for what is given.
@@ -155,13 +156,16 @@ def resumed(
         run: that has begun.
         steps, target_reward, workers: None leaves them.
         device: not the run's, which may have begun on another machine.
+        task: the file that is run, if the run learned a task of a file.
         is_undecided: whether a run that has made its steps has still to choose a checkpoint.
 
     Raises:
         ConfigurationError: nothing is left to do.
 
     """
-    config = read_config(run.config_file)
+    config = read_config(run.config_file, task)
+    if is_file(task) and not is_file(config.task):
+        raise ConfigurationError(f"{run.path} learned {config.task}: leave out --task")
     wanted, done = steps or config.steps, _done(run)
     if done >= wanted and not (steps is None and is_undecided(run)):
         raise ConfigurationError(

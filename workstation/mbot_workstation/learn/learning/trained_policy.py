@@ -39,8 +39,10 @@ class TrainedPolicy:
     name: str
 
 
-def trained_policy(path: Path) -> TrainedPolicy:
+def trained_policy(path: Path, task: str = DEFAULT_TASK) -> TrainedPolicy:
     """Read a run's chosen checkpoint, a certain one, or a file that `workstation export` wrote.
+
+    `task` as for `read_config`.
 
     Raises:
         ConfigurationError: it is none of these, or damaged.
@@ -50,7 +52,7 @@ def trained_policy(path: Path) -> TrainedPolicy:
     if path.is_file():
         return _of_file(path)
     source = find_source(path)
-    config, state = read_config(source.run.config_file), read_state(source.checkpoint)
+    config, state = read_config(source.run.config_file, task), read_state(source.checkpoint)
     return TrainedPolicy(
         read_weights(source.checkpoint),
         _provenance(source, config, state),

@@ -18,7 +18,7 @@ from mbot_workstation.sim.effects.effects import EffectRanges
 from mbot_workstation.sim.effects.presets import KNOWN, preset
 from mbot_workstation.sim.scene.object_file import read_objects
 from mbot_workstation.sim.scene.scene_parameters import SceneParameters
-from mbot_workstation.tasks.find import DEFAULT_TASK, find_task
+from mbot_workstation.tasks.find import DEFAULT_TASK, find_task, full_reference, is_file
 from mbot_workstation.tasks.lesson import Lesson, lesson_named
 
 
@@ -137,17 +137,29 @@ class TrainingConfig:
         }
 
 
-def read_config(path: Path) -> TrainingConfig:
+def read_config(path: Path, task: str = DEFAULT_TASK) -> TrainingConfig:
     """The configuration in a run's folder.
 
+    Args:
+        path: of the file.
+        task: a file that stands in for the task's, which is never run because a folder says so: it
+            may be a stranger's. Of no account where the run learned a task that ships.
+
     Raises:
-        ConfigurationError: it can't be read, or a field is unusable.
+        ConfigurationError: it can't be read, a field is unusable, or it wants a file to be run.
 
     """
     try:
         content = msgspec.json.decode(path.read_bytes())
+        if is_file(stored := content["training"].get("task", DEFAULT_TASK)):
+            if not is_file(task):
+                raise ConfigurationError(
+                    f"{path} learned the task in {stored}, which would have to be run: name it, or "
+                    "where it is now, by --task FILE.py"
+                )
+            content["training"]["task"] = full_reference(task)
         return msgspec.convert(content["training"], TrainingConfig)
     except OSError as error:
         raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
-    except (msgspec.DecodeError, KeyError, TypeError) as error:
+    except (msgspec.DecodeError, AttributeError, KeyError, TypeError) as error:
         raise ConfigurationError(f"{path} is not a configuration of a run: {error}") from None

@@ -13,6 +13,7 @@ from mbot_workstation.learn.drivers.contestants import title
 from mbot_workstation.learn.evaluation.episodes import EpisodeResult, Trial, evaluate, score
 from mbot_workstation.learn.evaluation.evaluation_report import Line
 from mbot_workstation.sim.effects.effects import EffectRanges
+from mbot_workstation.tasks.find import is_file
 
 CLUSTERS = {"dask": "distributed", "ray": "ray"}
 """Back ends of joblib, and the packages they come from."""
@@ -88,6 +89,10 @@ def run_study(
     ]
     jobs = os.cpu_count() or 1
     if backend in CLUSTERS:
+        if is_file(trial.task):
+            raise ConfigurationError(
+                f"{backend} sends no files: a task of a file runs on threading"
+            )
         _register(backend)
         jobs = -1  # all there are
     with joblib.parallel_config(backend=backend, n_jobs=jobs):

@@ -19,7 +19,7 @@ from mbot_workstation.learn.worlds.shared_arrays import SharedArrays, SharedMemo
 from mbot_workstation.learn.worlds.world import Outcome, World
 from mbot_workstation.learn.worlds.world_settings import WorldSettings
 from mbot_workstation.sim.effects.body_record import BODY_RECORD
-from mbot_workstation.tasks.find import find_task
+from mbot_workstation.tasks.find import find_task, mistake_in
 from mbot_workstation.tasks.lesson import Lesson
 
 
@@ -130,8 +130,11 @@ def run_worker(pipe: Connection, memory: SharedMemory, robots: range) -> None:
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # also if a thread has started it
     cv2.setNumThreads(1)  # small pictures: handing them to threads costs more than the work
+    reference = ""
     try:
-        find_task(pipe.recv())  # its classes may be of a user's file, which must be loaded first
+        find_task(
+            reference := pipe.recv()
+        )  # its classes may be of a user's file, which must be loaded first
         settings: WorldSettings = pipe.recv()
         with RobotEye(settings.rooms, settings.robot, settings.scene, settings.floors) as eye:
             share = _Share(eye, memory.arrays(), robots, settings)
@@ -142,8 +145,8 @@ def run_worker(pipe: Connection, memory: SharedMemory, robots: range) -> None:
         return  # the environment has gone
     except MbotError as error:
         pipe.send(Failed(error))
-    except Exception:  # a mistake of ours; the other side raises
-        pipe.send(Failed(traceback.format_exc()))
+    except Exception as error:  # a mistake of the task's author, or of ours; the other side raises
+        pipe.send(Failed(mistake_in(reference, error) or traceback.format_exc()))
 
 
 class _Share:

@@ -278,10 +278,13 @@ class World:
             self._pose = self.simulation.pose
             step = episode.advance(self._pose, step_s)
             score += step.score
+            happening = happening if step.happening == NOTHING else step.happening
+            if step.ended:
+                break
+            if step.robot_to_origin:
+                self.simulation.place_robot(ORIGIN)
+                self._pose = ORIGIN
             if step.happening != NOTHING:
-                happening = step.happening
-                if step.ended:
-                    break
                 self._place_objects()
         return score, happening
 

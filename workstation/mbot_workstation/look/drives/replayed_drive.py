@@ -256,8 +256,8 @@ class _Decider:
 
     def decide(self, beat: Beat) -> Wheels:
         """Left and right wheel, not yet clipped; raises PolicyError."""
-        picture = observation(beat)
-        assert picture is not None
+        if (picture := observation(beat)) is None:
+            raise PolicyError("what it saw is no picture")
         self._answer = self._policy.decide(picture, self.memory or self._policy.blank)
         return self._answer.left, self._answer.right
 
