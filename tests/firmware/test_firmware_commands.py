@@ -52,9 +52,10 @@ def test_the_demo_drives_with_the_real_firmware(tmp_path: Path, firmware_folder:
 def test_the_demo_does_not_drive_a_firmware_that_drives_on(tmp_path: Path, drives_on: Path) -> None:
     done = demo(tmp_path, "--firmware", str(drives_on))
     assert done.returncode == 6
-    assert done.stderr.startswith("workstation: the board's firmware (06.01.107) keeps its last")
-    assert "--accept-no-deadman" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+    (line,) = done.stderr.splitlines()
+    error = json.loads(line)["error"]
+    assert error["kind"] == "refused"
+    assert "--accept-no-deadman" in error["text"]
 
 
 def test_the_demo_drives_it_if_told_to(tmp_path: Path, drives_on: Path) -> None:
