@@ -93,7 +93,7 @@ MISTAKES = (
         "an action of the daemon misspelt",
         "mbot-agent chek",
         "mbot-agent: argument action: invalid choice: 'chek' (choose from run, check, "
-        "stop-motors, decide, try, releases, rollback); did you mean check? see "
+        "stop-motors, try, releases, rollback); did you mean check? see "
         "`mbot-agent --help`",
     ),
     Mistake(
