@@ -352,7 +352,9 @@ def _lesson(
         lesson = task.play(options.radius, options.objects, ends_on_failure=options.end_on_failure)
         task.begin(lesson, setting, np.random.default_rng(options.seed))
     except ValueError as error:
-        raise ConfigurationError(f"--radius, --objects: {error}") from None
+        asked = {"--radius": options.radius, "--objects": options.objects}
+        given = ", ".join(name for name, value in asked.items() if value is not None)
+        raise ConfigurationError(f"{given or '--task'}: {error}") from None
     return lesson
 
 
