@@ -17,6 +17,9 @@ NO_PROMISE = re.compile(r"`[^`]*`|\[[^]]*\]\([^)]*\)")
 LINK = re.compile(r"\[([^]]*)\]\([^)]*\)")
 """Its file is where a test stands, and not what a row names."""
 
+UNIT = re.compile(r"^promised\('[\w-]+'\) \* 10+(\.0)?$")
+"""Seconds as milliseconds or nanoseconds, and no more."""
+
 READ = re.compile(r'\bpromised\("([^"]*)"\)')
 
 
@@ -106,3 +109,44 @@ def test_one_of_many_that_is_quick_is_not_enough() -> None:
     with pytest.raises(AssertionError, match="with a bar of 100"):
         within(100, iter(held_up).__next__)
     assert within(100, iter([900.0, 20.0, 20.0]).__next__) == [900, 20, 20]
+
+
+def loose_reads(source: str) -> list[str]:
+    """Calls of `promised` that hold nothing, or are stretched by more than a change of unit."""
+    tree = ast.parse(source)
+    above = {child: node for node in ast.walk(tree) for child in ast.iter_child_nodes(node)}
+    held = {
+        name.id
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Assert) or "within(" in ast.unparse(node).partition("\n")[0]
+        for name in ast.walk(node)
+        if isinstance(name, ast.Name)
+    }
+    found: list[str] = []
+    for call in ast.walk(tree):
+        if not isinstance(call, ast.Call) or ast.unparse(call.func) != "promised":
+            continue
+        node: ast.AST = call
+        while not isinstance(node, ast.stmt):
+            node = above[node]
+            if isinstance(node, ast.BinOp) and not UNIT.search(ast.unparse(node)):
+                found.append(ast.unparse(node))
+        target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
+        bound = (
+            {name.id for name in ast.walk(target) if isinstance(name, ast.Name)}
+            if target
+            else set()
+        )
+        if not (isinstance(node, ast.Assert) or "within(" in ast.unparse(node) or bound & held):
+            found.append(ast.unparse(node))
+    return found
+
+
+def test_what_is_read_is_asserted_as_it_stands() -> None:
+    for file in sorted((CHECKOUT / "tests").rglob("test_*.py")):
+        text = file.read_text()
+        if "promised(" in text and file.name != "test_promises.py":
+            assert not loose_reads(text), file
+    assert loose_reads("promised('a')") == ["promised('a')"]
+    assert loose_reads("assert x < 2 * promised('a')") == ["2 * promised('a')"]
+    assert loose_reads("bar = promised('a')\nassert x < bar") == []
