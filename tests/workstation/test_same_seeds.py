@@ -1,6 +1,7 @@
 """A seed means what it meant on 2026-11-28: the same objects, rewards and pictures.
 
-The numbers were written down at commit 1aa2cab, before tasks had a door. Positions are held to a
+The numbers were written down at commit 1aa2cab, before tasks had a door; those of the rough lesson
+when some of its objects began to appear right by the robot. Positions are held to a
 tenth of a millimetre and pictures to a twentieth of a level in their mean, not bit for bit: another
 processor rounds sines and blends pixels differently in the last bit.
 """
@@ -14,7 +15,7 @@ DECISIONS = 60
 KNOWN = {
     ("nominal", "1"): (53.694263, 18, 109.2967, 0.181525, -0.034578),
     ("nominal", "10"): (7.660904, 4, 165.4363, 2.062675, -0.313981),
-    ("randomised", "rough"): (3.663741, 2, 89.1016, 1.096948, -0.207488),
+    ("randomised", "rough"): (1.848528, 1, 90.1744, 0.951495, -0.038878),
     ("any-room", "8"): (11.644388, 6, 95.6601, -0.372467, 1.967025),
 }
 """By preset and lesson: sum of rewards, touches of all episodes, mean of all pictures, and where

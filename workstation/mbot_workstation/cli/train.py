@@ -80,9 +80,10 @@ class TrainOptions:
         metavar="REWARD",
     )
     preset: str = option(
-        "randomised",
+        "lived-in",
         "Effects of the real world: ideal, nominal (all at their measured values, as in "
-        "the paper), randomised, or sharp (randomised, but nothing ever blurs).",
+        "the paper), randomised, lived-in (randomised, and most arenas are homes full of things), "
+        "or sharp (randomised, but nothing ever blurs).",
         panel=_WHAT,
     )
     calibration: Path | None = calibration_option()

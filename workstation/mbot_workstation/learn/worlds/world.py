@@ -26,6 +26,7 @@ from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.camera.frame_edges import FrameEdges
 from mbot_workstation.sim.effects.body_record import body_record
 from mbot_workstation.sim.effects.effects import IDEAL, RealWorldEffects
+from mbot_workstation.sim.effects.home_looks import draw_home
 from mbot_workstation.sim.effects.perturbed_robot import (
     observing_camera,
     perturbed_robot,
@@ -120,7 +121,7 @@ class World:
         if effects != self._effects:
             self._become(effects)
         self._change = self._draw_change(lesson, effects)
-        look = self._draw_look(effects.scene_variety, lesson.lookalikes)
+        look = self._draw_look(effects, lesson.lookalikes)
         self._dresser.wear(look, effects.cube_brightness, effects.floor_brightness)
         self.lesson = lesson
         self.room = int(self._rng.integers(self._rooms))
@@ -132,6 +133,7 @@ class World:
                 thing.footprint.scaled(worn.scale)
                 for thing, worn in zip(self._objects, look.objects, strict=True)
             ),
+            standing=look.standing,
         )
         self.episode = self.task.begin(lesson, setting, self._rng)
         self._pose = ORIGIN
@@ -226,10 +228,13 @@ class World:
         self._body = body_record(effects, self._nominal)
         return robot
 
-    def _draw_look(self, variety: float, lookalikes: float) -> SceneLook:
-        if variety > 0 and self._rng.random() < variety:
-            return draw_look(self._rng, self._objects, lookalikes)
-        return self._nominal_look
+    def _draw_look(self, effects: RealWorldEffects, lookalikes: float) -> SceneLook:
+        variety, clutter = effects.scene_variety, effects.clutter
+        if variety <= 0 or self._rng.random() >= variety:
+            return self._nominal_look
+        if clutter > 0 and self._rng.random() < clutter:
+            return draw_home(self._rng, self._objects)
+        return draw_look(self._rng, self._objects, lookalikes)
 
     def _command(self, left: float, right: float) -> None:
         effects = self._known_effects
@@ -284,12 +289,13 @@ class World:
             if step.robot_to_origin:
                 self.simulation.place_robot(ORIGIN)
                 self._pose = ORIGIN
-            if step.happening != NOTHING:
+            if self.episode.places() != self._places:
                 self._place_objects()
         return score, happening
 
     def _place_objects(self) -> None:
-        self.simulation.place_objects(self.episode.places())
+        self._places = self.episode.places()
+        self.simulation.place_objects(self._places)
         self.simulation.turn_room(self._rng.uniform(-math.pi, math.pi))
 
     @property

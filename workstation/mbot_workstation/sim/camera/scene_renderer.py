@@ -15,8 +15,8 @@ from mbot_workstation.sim.engine import (
 )
 from mbot_workstation.sim.simulation import SceneState, Simulation
 
-MOST_GEOMS = 128
-"""A scene has 36, eight meshes of the most parts 80 more; MuJoCo's usual 10,000 only cost memory.
+MOST_GEOMS = 256
+"""A scene has 150, eight meshes of the most parts 80 more; MuJoCo's usual 10,000 only cost memory.
 """
 
 
@@ -28,12 +28,14 @@ class Quality:
         shadow_map_px: side of the shadow map; 0 draws no shadows.
         samples: samples per pixel against jagged edges; 0 is one.
         reflections: whether the floor mirrors a little.
+        facets: of round things, around and from pole to pole.
 
     """
 
     shadow_map_px: int
     samples: int
     reflections: bool
+    facets: tuple[int, int] = (28, 16)
 
 
 TRAINING = Quality(shadow_map_px=0, samples=0, reflections=False)
@@ -86,6 +88,7 @@ class SceneRenderer:
         # Light comes from afar and falls on all of a face alike: one rectangle does for sixteen (of
         # 4,000 pictures of any arena none differs in more than 6 pixels by more than 8 levels).
         model.vis.quality.numquads = 1
+        model.vis.quality.numslices, model.vis.quality.numstacks = quality.facets
         self._context: Any = open_renderer(model)
         self._scene = mujoco.MjvScene(model, MOST_GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = quality.shadow_map_px > 0

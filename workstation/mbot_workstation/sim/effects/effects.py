@@ -113,6 +113,8 @@ class RealWorldEffects:
         chroma_noise: blotches of colour, in levels of 255. Off 0.
         scene_variety: how often an episode's arena looks like any (`scene_looks.py`) and not like
             the nominal one, 0-1. Off 0.
+        clutter: share of these in which somebody lives (`home_looks.py`): things stand about, and
+            the floor may mirror. Off 0.
 
     Raises:
         ValueError: a value is not finite or cannot be.
@@ -166,6 +168,7 @@ class RealWorldEffects:
     sharpening: float = 0.0
     chroma_noise: float = 0.0
     scene_variety: float = 0.0
+    clutter: float = 0.0
 
     def __post_init__(self) -> None:
         for name in EFFECT_NAMES:
@@ -218,7 +221,9 @@ class EffectRanges:
 
     def sample(self, rng: np.random.Generator) -> RealWorldEffects:
         """Draw a robot, each effect evenly and by itself."""
-        share = rng.random(len(EFFECT_NAMES))
+        # Clutter came later. It has the draw before it besides, so that seeds mean what they meant.
+        share = rng.random(len(EFFECT_NAMES) - 1)
+        share = np.append(share, share[-1])
         low, high = np.array(astuple(self.low)), np.array(astuple(self.high))
         return RealWorldEffects(*(low + share * (high - low)).tolist())
 

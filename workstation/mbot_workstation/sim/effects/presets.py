@@ -91,6 +91,9 @@ PI_CAMERA = NOMINAL.changed(
 """A Raspberry Pi camera left to its automatics: contrasty curve, sharpening, exposure and white
 balance that follow the picture. Assumed, as far as that is public."""
 
+LIVED_IN = RANDOMISED.changed(clutter=0.65)
+"""For training: `randomised`, and two of three arenas that look like any are homes."""
+
 HELD_MS = 1e9
 """A time constant with which automatics stay where an episode's first picture puts them: what the
 daemon does with `camera.automatic = "settle"`."""
@@ -108,6 +111,7 @@ PERTURBATIONS: dict[str, EffectRanges] = {
     "late": NOMINAL.changed(camera_latency_ms=150.0),
     "automatic": PI_CAMERA,
     "any-room": PI_CAMERA.changed(scene_variety=1.0),
+    "home": PI_CAMERA.changed(scene_variety=1.0, clutter=1.0),
     "light-held": PI_CAMERA.changed(
         scene_variety=1.0, auto_exposure_lag_ms=HELD_MS, auto_white_balance_lag_ms=HELD_MS
     ),
@@ -125,7 +129,7 @@ SHARP = RANDOMISED.changed(exposure_ms=0.0, readout_ms=0.0)
 """For training only: what a policy learns that never saw a turn blur its pictures, as the paper's
 before its blur lesson."""
 
-_BY_NAME = {**PRESETS, "sharp": SHARP}
+_BY_NAME = {**PRESETS, "lived-in": LIVED_IN, "sharp": SHARP}
 
 
 def preset(name: str, calibrated: RealWorldEffects | None = None) -> EffectRanges:

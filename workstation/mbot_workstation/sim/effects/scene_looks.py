@@ -10,8 +10,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from mbot_workstation.sim.scene.floor_textures import FloorTexture, made_up_floor
-from mbot_workstation.sim.scene.object_mjcf import DISTRACTORS, OBJECT_TEXTURES
+from mbot_workstation.sim.scene.floor_textures import (
+    HOME_KINDS,
+    FloorTexture,
+    home_floor,
+    made_up_floor,
+)
 from mbot_workstation.sim.scene.scene_look import Distractor, ObjectLook, SceneLook
 from mbot_workstation.sim.scene.target_object import RED_CUBE, Rgb, Shape, TargetObject
 
@@ -26,6 +30,12 @@ FLAT_M = 0.004
 
 SIZES = (0.8, 1.2)
 """Of the object, over its own: from a fifth smaller to a fifth larger."""
+
+MOST_AROUND = 5
+"""Things that are not the object, in such an arena."""
+
+WORN = 3
+"""Finishes of the object: clean, and two that are worn."""
 
 MOST_DRAWS = 20
 """Of a colour that several objects must not have."""
@@ -46,8 +56,9 @@ hues 0.83 to 0.88 for the object.
 
 
 def training_floors(first_seed: int = 1000) -> list[FloorTexture]:
-    """The made-up floors of `draw_look`, which take the indices from 1 on."""
-    return [made_up_floor(first_seed + number) for number in range(MADE_UP_FLOORS)]
+    """The made-up floors of `draw_look`, which take the indices from 1 on, and those of homes."""
+    made_up = [made_up_floor(first_seed + number) for number in range(MADE_UP_FLOORS)]
+    return [*made_up, *(home_floor(first_seed + number) for number in range(HOME_KINDS))]
 
 
 def draw_look(
@@ -86,7 +97,7 @@ def draw_look(
         ambient_rgb=_rgb(ambient * (2 - colour)),
         shadow=float(rng.choice([0.0, rng.uniform(0.1, 0.6)])),
         distractors=tuple(
-            _distractor(rng, objects, lookalikes) for _ in range(rng.integers(len(DISTRACTORS) + 1))
+            _distractor(rng, objects, lookalikes) for _ in range(rng.integers(MOST_AROUND + 1))
         ),
     )
 
@@ -98,10 +109,15 @@ def _object_look(rng: np.random.Generator, thing: TargetObject) -> ObjectLook:
         rng.uniform(-0.030, 0.025), rng.uniform(0.72, 0.97), rng.uniform(0.5, 0.95)
     )  # fmt: skip
     return ObjectLook(
-        rgb=_tint(thing, _as_its(thing, hue, saturation, value)),
+        rgb=colour_of(thing, hue, saturation, value),
         scale=1.0 if thing.shape is Shape.MESH else scale,
-        wear=int(rng.integers(OBJECT_TEXTURES)),
+        wear=int(rng.integers(WORN)),
     )
+
+
+def colour_of(thing: TargetObject, hue: float, saturation: float, value: float) -> Rgb:
+    """What a red, of the red cube, is of another object, as its pictures are tinted."""
+    return _tint(thing, _as_its(thing, hue, saturation, value))
 
 
 def _as_its(thing: TargetObject, hue: float, saturation: float, value: float) -> Rgb:
@@ -137,7 +153,7 @@ def _distractor(
 ) -> Distractor:
     """Of the object's colour but not its shape or place, or of any shape and other colours."""
     if lookalikes > 0 and rng.random() < lookalikes:
-        return _of_its_size(rng, objects, _nearly)
+        return _of_its_size(rng, objects, nearly_an_object)
     kind = rng.integers(4)
     if kind == 0:
         return _on_the_wall(rng, objects)
@@ -145,7 +161,7 @@ def _distractor(
         return _on_the_floor(rng, objects)
     if kind == 2:
         return _behind_the_wall(rng, objects)
-    return _of_its_size(rng, objects, _other)
+    return _of_its_size(rng, objects, unlike_an_object)
 
 
 def _on_the_wall(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Distractor:
@@ -161,7 +177,7 @@ def _on_the_floor(rng: np.random.Generator, objects: Sequence[TargetObject]) -> 
     """Paper, tape, a mat: flat, so that a robot can drive over it."""
     x, y = rng.uniform(-2.6, 2.6, 2)
     size = (rng.uniform(0.03, 0.5), rng.uniform(0.01, 0.12), FLAT_M / 2)
-    colour = like_an_object(rng, objects) if rng.random() < 0.5 else _other(rng, objects)
+    colour = like_an_object(rng, objects) if rng.random() < 0.5 else unlike_an_object(rng, objects)
     return Distractor(
         "box", size, (float(x), float(y), FLAT_M / 2), rng.uniform(0, math.pi), colour
     )
@@ -171,7 +187,7 @@ def _behind_the_wall(rng: np.random.Generator, objects: Sequence[TargetObject]) 
     """Chairs' legs, bottles, balls, cupboards: standing where no robot gets to."""
     angle, away = rng.uniform(-math.pi, math.pi), rng.uniform(ARENA_M * 1.45, ARENA_M * 1.6)
     place = away * math.cos(angle), away * math.sin(angle)
-    colour = like_an_object(rng, objects) if rng.random() < 0.6 else _other(rng, objects)
+    colour = like_an_object(rng, objects) if rng.random() < 0.6 else unlike_an_object(rng, objects)
     if rng.random() < 0.5:
         radius, half = rng.uniform(0.015, 0.05), rng.uniform(0.3, 0.9)
         return Distractor("post", (radius, radius, half), (*place, half), 0.0, colour)
@@ -201,13 +217,13 @@ def like_an_object(rng: np.random.Generator, objects: Sequence[TargetObject]) ->
     return _as_its(thing, rng.uniform(-0.05, 0.05), rng.uniform(0.5, 1.0), rng.uniform(0.3, 1.0))
 
 
-def _other(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Rgb:
+def unlike_an_object(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Rgb:
     """Any colour that no object has, or, of many objects, hardly any."""
     hue = _other_hue(rng, objects, OTHER_HUES)
     return colorsys.hsv_to_rgb(hue, rng.uniform(0, 1.0), rng.uniform(0.1, 0.95))
 
 
-def _nearly(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Rgb:
+def nearly_an_object(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Rgb:
     """One of those that are most like an object's: orange or magenta, for a red one."""
     hue = _other_hue(rng, objects, OTHER_HUES, lookalikes=1.0)
     return colorsys.hsv_to_rgb(hue, rng.uniform(0.4, 1.0), rng.uniform(0.1, 0.95))

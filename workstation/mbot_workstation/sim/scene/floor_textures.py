@@ -50,6 +50,66 @@ def made_up_floor(seed: int) -> FloorTexture:
     return _KINDS[seed % len(_KINDS)](rng)
 
 
+HOME_KINDS = 8
+"""Further floors, of homes and halls: parquet, clay tiles, terrazzo, dark and light tiles."""
+
+
+def home_floor(seed: int) -> FloorTexture:
+    """One of those."""
+    rng = np.random.default_rng(seed)
+    kinds = (_parquet, _clay, _terrazzo, _large_tiles)
+    return kinds[seed % len(kinds)](rng)
+
+
+def _parquet(rng: np.random.Generator) -> FloorTexture:
+    """Short boards that lie across each other in squares."""
+    wood = rng.uniform(0.3, 1.05) * np.array([205.0, 150.0, 95.0]) + rng.normal(0, 8, 3)
+    grain = cv2.GaussianBlur(rng.normal(0, 30, (SIDE_PX, SIDE_PX)), (0, 0), 8, sigmaY=0.6)
+    grain = np.asarray(grain, np.float64)
+    half = SIDE_PX // 2
+    tile = np.zeros((SIDE_PX, SIDE_PX, 3))
+    for row in (0, 1):
+        for column in (0, 1):
+            square = slice(row * half, (row + 1) * half), slice(column * half, (column + 1) * half)
+            lines = grain[square] if (row + column) % 2 else grain[square].T
+            tile[square] = wood + lines[..., None] + rng.normal(0, 7)
+            for start in range(0, half, half // 4):
+                board = (slice(start, start + 2), slice(None))
+                tile[square][board if (row + column) % 2 else board[::-1]] -= 30
+    return _finished(tile, rng.uniform(0.3, 0.9))
+
+
+def _clay(rng: np.random.Generator) -> FloorTexture:
+    """Terracotta: reddish tiles with light joints."""
+    clay = rng.uniform(0.6, 1.1) * np.array([178.0, 108.0, 78.0])
+    tile = clay + _mottle(rng, ((4, 12.0), (16, 8.0), (128, 4.0)))
+    width = int(rng.integers(3, 8))
+    tile[:width] = tile[:, :width] = rng.uniform(120, 200) * np.array([1.0, 0.97, 0.92])
+    return _finished(tile, rng.uniform(0.15, 0.4))
+
+
+def _terrazzo(rng: np.random.Generator) -> FloorTexture:
+    """Chips of stone in cement, large or small."""
+    tile = np.clip(_base(rng) + np.zeros((SIDE_PX, SIDE_PX, 3)), 0, 255)
+    for _ in range(int(rng.integers(60, 400))):
+        x, y = (int(one) for one in rng.integers(8, SIDE_PX - 8, 2))
+        colour = (rng.uniform(60, 230) * (1 + rng.uniform(-0.12, 0.12, 3))).tolist()
+        cv2.ellipse(
+            tile, (x, y), (int(rng.integers(1, 7)), int(rng.integers(1, 5))),
+            rng.uniform(0, 180), 0, 360, colour, -1,
+        )  # fmt: skip
+    return _finished(tile, rng.uniform(0.3, 1.2))
+
+
+def _large_tiles(rng: np.random.Generator) -> FloorTexture:
+    """Black to white stone with fine joints."""
+    grey = rng.choice([rng.uniform(15, 60), rng.uniform(60, 235)])
+    tile = grey * (1 + rng.uniform(-0.06, 0.06, 3))[None, None]
+    tile = tile + _mottle(rng, ((4, 7.0), (16, 5.0), (64, 3.0)))
+    tile[:2] = tile[:, :2] = rng.uniform(40, 160)
+    return _finished(tile, rng.uniform(0.3, 0.8))
+
+
 def _tiles(rng: np.random.Generator) -> FloorTexture:
     count = int(rng.integers(1, 4))
     tile = _base(rng) + _mottle(rng, ((4, 6.0), (32, 4.0), (128, 3.0)))

@@ -8,14 +8,12 @@ import numpy as np
 from mbot_protocol.drive.picture import Picture
 from mbot_workstation.sim.body.robot_mjcf import HIDDEN_GROUP
 from mbot_workstation.sim.engine import MjSpec, mujoco
+from mbot_workstation.sim.scene.finishes import FINISHES, finish
 from mbot_workstation.sim.scene.material_mjcf import add_material
 from mbot_workstation.sim.scene.target_object import MeshPart, Shape, TargetObject
 
-DISTRACTORS = tuple(f"distractor {number}" for number in range(5))
-"""Things a look can put into the scene; nothing is there unless one does."""
-
-OBJECT_TEXTURES = 3
-"""A clean one, and two that are worn."""
+DISTRACTORS = tuple(f"distractor {number}" for number in range(96))
+"""Pieces of things that a look can put into the scene; nothing is there unless one does."""
 
 BELOW_M = -10.0
 """Where objects wait that are not there."""
@@ -38,6 +36,21 @@ def shadow_name(kind: int = 0) -> str:
     return f"object {kind} shadow"
 
 
+def mirrored_name(kind: int = 0) -> str:
+    """The name of its image in the floor."""
+    return f"object {kind} mirrored"
+
+
+def label_names(kind: int = 0) -> tuple[str, str]:
+    """The names of what is stuck on its sides."""
+    return f"object {kind} label ahead", f"object {kind} label across"
+
+
+def finish_material(finish: int) -> str:
+    """The name of the material of a distractor with this finish."""
+    return f"finish {finish}"
+
+
 def geom_names(kind: int, thing: TargetObject) -> list[str]:
     """The names of what it consists of: one, or a mesh's parts."""
     further = 0 if thing.mesh is None else len(thing.mesh.parts) - 1
@@ -57,9 +70,9 @@ def add_object(spec: MjSpec, kind: int, thing: TargetObject) -> None:
     half, half_height = thing.width_m / 2, thing.height_m / 2
     parts = [None] if thing.mesh is None else thing.mesh.parts
     for name, part in zip(geom_names(kind, thing), parts, strict=True):
-        for wear in range(OBJECT_TEXTURES):
+        for wear in range(FINISHES):
             picture = thing.texture if part is None else part.picture
-            _add_object_material(spec, object_material(name, wear), thing, picture, _worn(wear))
+            _add_object_material(spec, object_material(name, wear), thing, picture, finish(wear))
         if part is not None:
             _add_mesh(spec, name, part)
         body.add_geom(
@@ -73,6 +86,8 @@ def add_object(spec: MjSpec, kind: int, thing: TargetObject) -> None:
             contype=0,  # the task decides about touching; the object is taken away at once
             conaffinity=0,
         )
+    for unseen in (mirrored_name(kind), *label_names(kind)):
+        _add_unseen(body, unseen)
     # For renderers without shadows; a body of its own, since a shadow does not turn with its thing.
     shadow = spec.worldbody.add_body(name=shadow_name(kind), mocap=True, pos=place)
     _add_unseen(shadow, shadow_name(kind))
@@ -107,21 +122,10 @@ def _add_mesh(spec: MjSpec, name: str, part: MeshPart) -> None:
     )
 
 
-def _worn(index: int) -> Picture:
-    """What an object's colour is multiplied with: white, or scuffed and dirty."""
-    side = 64
-    if index == 0:
-        return np.full((4, 4, 3), 255, np.uint8)
-    rng = np.random.default_rng(index)
-    dirt = cv2.resize(rng.uniform(0, 1, (8, 8)), (side, side), interpolation=cv2.INTER_CUBIC)
-    level = 255 - 70 * np.clip(dirt, 0, 1)
-    edge = np.minimum.outer(*(2 * [np.minimum(np.arange(side), np.arange(side)[::-1])]))
-    level = np.where(edge < rng.integers(1, 4), level * 0.75, level)
-    return np.repeat(level[..., None], 3, axis=2).astype(np.uint8)
-
-
 def add_distractors(spec: MjSpec) -> None:
     """Add what looks can show."""
+    for index in range(FINISHES):
+        add_material(spec, finish_material(index), finish(index))
     for name in DISTRACTORS:
         _add_unseen(spec.worldbody, name)
 

@@ -29,6 +29,9 @@ from mbot_workstation.sim.scene.scene_parameters import (
 )
 
 FLOOR, ROOM, OVERHEAD_CAMERA = "floor", "room", "overhead camera"
+MIRRORED_ROOM = "room mirrored"
+"""What a floor that mirrors shows of it."""
+
 WALL_THICKNESS_M = 0.02
 TAPE_M = 0.001
 """Thick enough for a renderer to tell it from the floor, too thin to be seen from the side."""
@@ -175,26 +178,31 @@ def _add_room(spec: MjSpec, room: Room, picture: Picture) -> None:
     add_material(spec, ROOM, picture)
     # Emission alone saturates the light on it: the photo is shown as it was taken.
     spec.material(ROOM).emission = 1
-    dome = dome_mesh(room)
-    spec.add_mesh(
-        name=ROOM,
-        uservert=dome.vertices_m.ravel(),
-        usertexcoord=dome.texture.ravel(),
-        userface=dome.triangles.ravel(),
-        userfacetexcoord=dome.triangles.ravel(),
-        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,  # it encloses no volume
-    )
     body = spec.worldbody.add_body(name=ROOM, mocap=True)
-    body.add_geom(
-        name=ROOM,
-        type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=ROOM,
-        material=ROOM,
-        mass=0,
-        contype=0,
-        conaffinity=0,
-        castshadow=False,
-    )
+    dome = dome_mesh(room)
+    for name, vertices_m, triangles in (
+        (ROOM, dome.vertices_m, dome.triangles),
+        (MIRRORED_ROOM, dome.vertices_m * np.float32([1, 1, -1]), dome.triangles[:, ::-1]),
+    ):
+        spec.add_mesh(
+            name=name,
+            uservert=vertices_m.ravel(),
+            usertexcoord=dome.texture.ravel(),
+            userface=triangles.ravel(),
+            userfacetexcoord=triangles.ravel(),
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,  # it encloses no volume
+        )
+        body.add_geom(
+            name=name,
+            type=mujoco.mjtGeom.mjGEOM_MESH,
+            meshname=name,
+            material=ROOM,
+            mass=0,
+            group=0 if name == ROOM else HIDDEN_GROUP,
+            contype=0,
+            conaffinity=0,
+            castshadow=False,
+        )
 
 
 def _add_light(spec: MjSpec, light: Light) -> None:

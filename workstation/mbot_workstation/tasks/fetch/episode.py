@@ -11,14 +11,17 @@ import numpy as np
 from mbot_workstation.sim.pose import ORIGIN, Pose
 from mbot_workstation.sim.scene.target_object import Footprint
 from mbot_workstation.tasks.episode import Moment, Step
+from mbot_workstation.tasks.fetch.obstacles import aim_around, is_hidden
 from mbot_workstation.tasks.fetch.rules import (
     COMPLETE_SCORE,
     FAILURE_SCORE,
+    WRONG_SCORE,
     FetchRules,
     at_border,
     draw_kind,
     spawn,
     touch_score,
+    touched_things,
     touches,
     way_to_contact_m,
 )
@@ -28,6 +31,7 @@ class Happening(StrEnum):
     """What a step brings, if anything."""
 
     TOUCH = "touch"
+    WRONG = "wrong thing"
     BORDER = "border"
     TIME_OUT = "time-out"
 
@@ -40,6 +44,7 @@ class FetchResult:
         touches: objects touched.
         seconds_per_touch: how long each of them took.
         border_contacts, time_outs: failures.
+        wrong_things: how often it ran into something that is not the object.
         completed: whether all objects were touched without a failure.
         score: in the paper's terms.
 
@@ -49,6 +54,7 @@ class FetchResult:
     seconds_per_touch: tuple[float, ...]
     border_contacts: int
     time_outs: int
+    wrong_things: int
     completed: bool
     score: float
 
@@ -61,12 +67,20 @@ FACTS = np.dtype(
         ("target_ahead_m", np.float32),
         ("target_left_m", np.float32),
         ("seen_left_rad", np.float32),
+        ("aim_ahead_m", np.float32),
+        ("aim_left_m", np.float32),
+        ("wrong_things", np.int32),
     ]
 )
 """Objects touched so far; how long this one may still take; whether the last happening was contact
 with the border; where the object is, in the robot's frame; in which direction from the camera the
 picture shows it, left positive, or would if it were in view. Pictures are old: in a turn that is
-not where the object is now, and NaN while they still show the one that was touched."""
+not where the object is now, NaN while they still show the one that was touched, and pi while
+something hides it. Where to drive first, since something may stand in the way; how often the robot
+ran into something that is not the object."""
+
+OBJECT_HEIGHT_M = 0.10
+"""Nominal: what is much lower hides nothing."""
 
 SLACK_S = 1e-6
 """Sums of decimal seconds are not exact."""
@@ -89,6 +103,8 @@ class FetchEpisode:
         self._rng = rng
         self.ended = False
         self._touch_s: list[float] = []
+        self._wrong_things = 0
+        self._touching: frozenset[int] = frozenset()
         self._failures = {Happening.BORDER: 0, Happening.TIME_OUT: 0}
         self._at_border = False
         self._score = 0.0
@@ -122,7 +138,7 @@ class FetchEpisode:
         # Half a physics step: a sum of many small steps is not exact.
         if self.object_s >= self.rules.time_limit_s - 0.0025:
             return self._failed(Happening.TIME_OUT)
-        return Step()
+        return self._ran_into(touched_things(robot, self.rules)) if self.rules.standing else Step()
 
     def facts(self, moment: Moment) -> tuple[Any, ...]:
         """FACTS at a decision."""
@@ -131,12 +147,18 @@ class FetchEpisode:
         if is_shown:
             ahead_m, left_m = from_robot(moment.seen_from, self.target)
             seen_left_rad = math.atan2(left_m, ahead_m - moment.camera_ahead_m)
+            if is_hidden(moment.seen_from, self.target, self.rules.standing, OBJECT_HEIGHT_M):
+                seen_left_rad = math.pi
+        radius_m = self.rules.touch_radius_m
+        aim = aim_around(moment.robot, self.target, self.rules.standing, radius_m)
         return (
             len(self._touch_s),
             self.rules.time_limit_s - self.object_s,
             self._at_border,
             *from_robot(moment.robot, self.target),
             seen_left_rad,
+            *from_robot(moment.robot, aim),
+            self._wrong_things,
         )
 
     def result(self) -> Mapping[str, Any]:
@@ -146,6 +168,7 @@ class FetchEpisode:
             seconds_per_touch=tuple(round(seconds, 3) for seconds in self._touch_s),
             border_contacts=self._failures[Happening.BORDER],
             time_outs=self._failures[Happening.TIME_OUT],
+            wrong_things=self._wrong_things,
             completed=self._complete,
             score=round(self._score, 4),
         )
@@ -174,6 +197,14 @@ class FetchEpisode:
         if not self.ended:
             self._next_object(robot)
         return Step(Happening.TOUCH, score, self.ended)
+
+    def _ran_into(self, touching: frozenset[int]) -> Step:
+        """Each counts once, until the robot has left it."""
+        met = len(touching - self._touching)
+        self._touching = touching
+        self._wrong_things += met
+        self._score += met * WRONG_SCORE
+        return Step(Happening.WRONG, met * WRONG_SCORE) if met else Step()
 
     def _failed(self, how: Happening) -> Step:
         self._failures[how] += 1

@@ -76,7 +76,7 @@ class FetchGuide:
                 though a robot may have turned past one since.
 
         """
-        targets = np.stack([facts["target_ahead_m"], facts["target_left_m"]], axis=1)
+        targets = np.stack([facts["aim_ahead_m"], facts["aim_left_m"]], axis=1)
         seen = self.shows(facts)
         another = facts["time_left_s"] > self._time_left_s  # each object has its own time
         self._time_left_s = facts["time_left_s"].copy()

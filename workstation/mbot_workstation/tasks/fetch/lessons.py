@@ -20,6 +20,7 @@ class FetchLesson(Lesson):
         spawn_farthest_m: how far from the origin objects appear.
         spawn_half_angle_deg: within how much to either side of the robot's first heading.
         objects: how many make a complete run; 0 is no end.
+        near_share: of the objects, which appear right by the robot.
         time_limit_s: for each of them.
         ends_on_failure: whether border contact and time-out end the run.
 
@@ -28,6 +29,7 @@ class FetchLesson(Lesson):
     spawn_farthest_m: float
     spawn_half_angle_deg: float = 180.0
     objects: int = 1
+    near_share: float = 0.0
     time_limit_s: float = TIME_LIMIT_DECISIONS * DECISION_S
     ends_on_failure: bool = True
 
@@ -48,6 +50,7 @@ class FetchLesson(Lesson):
             spawn_farthest_m=self.spawn_farthest_m,
             spawn_half_angle_rad=math.radians(self.spawn_half_angle_deg),
             objects=self.objects,
+            near_share=self.near_share,
             time_limit_s=self.time_limit_s,
             ends_on_failure=self.ends_on_failure,
         )
@@ -123,6 +126,7 @@ ROUGH_LESSON = FetchLesson(
     ),
     changes=0.15,
     lookalikes=0.3,
+    near_share=0.15,
     needs_training=True,
 )
 """Robots worse than any unit measured, among usual ones: a weak motor, pictures as late as the

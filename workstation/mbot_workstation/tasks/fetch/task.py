@@ -86,9 +86,11 @@ class Fetch(Task):
         """For people."""
         seconds = result["seconds_per_touch"]
         mean = f", {sum(seconds) / len(seconds):.1f} s each" if seconds else ""
+        wrong = result["wrong_things"]
         return (
             f"touched {result['touches']}{mean}; border {result['border_contacts']}, time-outs "
-            f"{result['time_outs']}; score {result['score']:.2f}"
+            f"{result['time_outs']}{f', wrong things {wrong}' if wrong else ''}; score "
+            f"{result['score']:.2f}"
         )
 
 
@@ -99,15 +101,14 @@ def rules_in(lesson: FetchLesson, setting: Setting) -> FetchRules:
         touch_radius_m=setting.contact_radius_m,
         footprints=setting.footprints,
         border_m=setting.border_m,
+        standing=setting.standing,
     )
 
 
 def targets_in(infos: Sequence[Mapping[str, Any]]) -> "np.ndarray[Any, np.dtype[np.float64]]":
-    """Where each robot's object is, shape (n, 2); NaN where an info does not say."""
+    """Where each robot has to drive to its object, shape (n, 2); NaN where an info does not say."""
     unknown = float("nan")
-    return np.array(
-        [(i.get("target_ahead_m", unknown), i.get("target_left_m", unknown)) for i in infos]
-    )
+    return np.array([(i.get("aim_ahead_m", unknown), i.get("aim_left_m", unknown)) for i in infos])
 
 
 TASK = Fetch()

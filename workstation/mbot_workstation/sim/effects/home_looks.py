@@ -1,0 +1,194 @@
+"""Rooms that people live in: what stands and hangs about, floors that mirror, light that blinds.
+
+Things have the object's own colour as often as not: whoever goes by colour drives to them. What
+ranges there are is assumed; no picture of docs/results was looked at for them.
+"""
+
+import colorsys
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mbot_workstation.sim.effects.scene_looks import (
+    ARENA_M,
+    FLAT_M,
+    MADE_UP_FLOORS,
+    colour_of,
+    draw_look,
+    like_an_object,
+    nearly_an_object,
+    unlike_an_object,
+)
+from mbot_workstation.sim.scene.finishes import FINISHES
+from mbot_workstation.sim.scene.floor_textures import HOME_KINDS
+from mbot_workstation.sim.scene.scene_look import Distractor, ObjectLook, SceneLook, Standing
+from mbot_workstation.sim.scene.target_object import Rgb, Shape, TargetObject
+from mbot_workstation.sim.scene.things import LARGE, SMALL, Thing
+
+MOST_STANDING = 7
+"""Things inside the arena; one of five arenas has none."""
+
+MOST_ALONG_WALLS = 5
+MOST_PIECES = 46
+"""Of all things: twice as many are drawn where the floor mirrors them."""
+
+ITS_COLOUR, NATURAL = 0.45, 0.25
+"""Shares of things that have the object's colour, and that of wood, cardboard or clay."""
+
+FROM_START_M = 0.5
+"""No thing stands nearer to where the robot begins, beside its own radius."""
+
+FREE = 0.5
+"""Share of homes without boards around the arena."""
+
+ALIKE = {
+    Shape.CUBE: ("block",),
+    Shape.BALL: ("ball",),
+    Shape.CYLINDER: ("can", "bottle", "cup", "bin"),
+    Shape.MESH: ("bottle", "can"),
+}
+"""What can't be told from an object of this shape by its own: never in the object's colour."""
+
+
+def draw_home(rng: np.random.Generator, objects: Sequence[TargetObject]) -> SceneLook:
+    """A home: an arena of any look with all of that besides."""
+    look = draw_look(rng, objects, lookalikes=0.3)
+    lamp = max(0.0, rng.uniform(-0.6, 0.45))  # more than half by daylight
+    warmth = np.array((1 + 0.5 * lamp, 1.0, 1 - lamp))
+    dim = rng.uniform(0.5, 1.0)
+    direct = np.array(look.light_rgb) * warmth
+    pieces, standing = _things(rng, objects, look)
+    return replace(
+        look,
+        floor=int(rng.integers(MADE_UP_FLOORS + HOME_KINDS + 1)),
+        floor_mirrors=0.0 if rng.random() < 0.55 else rng.uniform(0.05, 0.5),
+        wall_height_m=0.0 if rng.random() < FREE else look.wall_height_m,
+        wall_rgb=_natural(rng) if rng.random() < 0.25 else look.wall_rgb,
+        objects=tuple(
+            _object_look(rng, thing, worn)
+            for thing, worn in zip(objects, look.objects, strict=True)
+        ),
+        light_rgb=_rgb(direct * dim),
+        ambient_rgb=_rgb(np.array(look.ambient_rgb) * warmth * dim),
+        room_rgb=_rgb(warmth * rng.choice([1.0, dim])),
+        distractors=pieces,
+        standing=standing,
+    )
+
+
+def _object_look(rng: np.random.Generator, thing: TargetObject, worn: ObjectLook) -> ObjectLook:
+    """Of any finish, labelled now and then; one of three in a wider range of its colour."""
+    rgb = worn.rgb
+    if rng.random() < 0.35:
+        rgb = colour_of(
+            thing, rng.uniform(-0.05, 0.035), rng.uniform(0.62, 0.98), rng.uniform(0.4, 0.98)
+        )
+    return replace(worn, rgb=rgb, wear=_finish(rng), labelled=bool(rng.random() < 0.15))
+
+
+def _finish(rng: np.random.Generator) -> int:
+    """Clean as often as any other."""
+    return int(rng.integers(FINISHES)) if rng.random() < 0.6 else 0
+
+
+def _things(
+    rng: np.random.Generator, objects: Sequence[TargetObject], look: SceneLook
+) -> tuple[tuple[Distractor, ...], tuple[Standing, ...]]:
+    """Everything but the object, and what of it is in a robot's way."""
+    pieces = _patches(rng)
+    standing: list[Standing] = []
+    for _ in range(max(0, int(rng.integers(-1, MOST_STANDING + 1)))):
+        name, thing = _drawn(rng, objects, SMALL)
+        x, y = rng.uniform(-2.6, 2.6, 2).tolist()
+        if math.hypot(x, y) < FROM_START_M + thing.radius_m:
+            continue
+        standing.append(Standing(name, x, y, thing.radius_m, thing.height_m))
+        pieces += _placed(rng, thing, x, y, look)
+    for _ in range(int(rng.integers(MOST_ALONG_WALLS + 1))):
+        _, thing = _drawn(rng, objects, LARGE if rng.random() < 0.6 else SMALL)
+        angle = rng.uniform(-math.pi, math.pi)
+        to_border = ARENA_M / max(abs(math.cos(angle)), abs(math.sin(angle)))
+        away = min(to_border + thing.radius_m + rng.uniform(0.05, 1.2), 4.7)
+        up = rng.uniform(0.3, 1.0) if thing.height_m < 0.4 and rng.random() < 0.2 else 0.0
+        pieces += _placed(
+            rng, thing, away * math.cos(angle), away * math.sin(angle), look, up, angle + math.pi
+        )
+    pieces += [piece for piece in look.distractors if rng.random() < 0.3]
+    return tuple(pieces[:MOST_PIECES]), tuple(standing)
+
+
+def _placed(
+    rng: np.random.Generator,
+    thing: Thing,
+    x_m: float,
+    y_m: float,
+    look: SceneLook,
+    up_m: float = 0.0,
+    yaw_rad: float | None = None,
+) -> list[Distractor]:
+    """A thing and, where objects cast one, its shadow."""
+    yaw = rng.uniform(-math.pi, math.pi) if yaw_rad is None else yaw_rad + rng.normal(0, 0.2)
+    # What is of one colour has a surface as the object has: that does not tell them apart.
+    finish, main = _finish(rng), thing.parts[0].rgb
+    pieces = [
+        replace(piece, finish=finish) if piece.rgb == main and not piece.finish else piece
+        for piece in thing.at(x_m, y_m, yaw, up_m)
+    ]
+    if look.shadow > 0 and up_m == 0:
+        x, y, z = look.light_direction
+        reach = min(thing.height_m * math.hypot(x, y) / max(-z, 0.2), 2 * thing.height_m)
+        heading, half = math.atan2(y, x), 1.05 * thing.radius_m
+        place = (x_m + reach / 2 * math.cos(heading), y_m + reach / 2 * math.sin(heading), 5e-4)
+        size = (half + reach / 2, half, 5e-4)
+        pieces.append(Distractor("box", size, place, heading, (0.0, 0.0, 0.0), opacity=look.shadow))
+    return pieces
+
+
+def _patches(rng: np.random.Generator) -> list[Distractor]:
+    """Sun on the floor, shade, a rug."""
+    made: list[Distractor] = []
+    for _ in range(int(rng.choice([0, 0, 0, 1, 2]))):
+        x, y = rng.uniform(-2.5, 2.5, 2).tolist()
+        size = (rng.uniform(0.1, 0.9), rng.uniform(0.1, 0.6), FLAT_M / 4)
+        rgb, opacity = ((1.0, 0.97, 0.88), 0.65) if rng.random() < 0.6 else ((0.0, 0.0, 0.0), 0.35)
+        yaw = rng.uniform(0, math.pi)
+        made.append(Distractor("box", size, (x, y, FLAT_M / 4), yaw, rgb, opacity=opacity))
+    return made
+
+
+def _drawn(
+    rng: np.random.Generator, objects: Sequence[TargetObject], kinds: dict[str, object]
+) -> tuple[str, Thing]:
+    """A thing, and what it is called."""
+    name = str(rng.choice(list(kinds)))
+    make = SMALL.get(name) or LARGE[name]
+    return name, make(rng, _colour(rng, objects, name))
+
+
+def _colour(rng: np.random.Generator, objects: Sequence[TargetObject], name: str) -> Rgb:
+    drawn = rng.random()
+    if drawn < ITS_COLOUR and not any(name in ALIKE[thing.shape] for thing in objects):
+        if name in ("carton", "cupboard") and rng.random() < 0.5:
+            return _natural(rng)
+        return like_an_object(rng, objects)
+    if drawn < ITS_COLOUR + NATURAL:
+        return _natural(rng)
+    if rng.random() < 0.4:
+        return nearly_an_object(rng, objects)
+    return unlike_an_object(rng, objects)
+
+
+def _natural(rng: np.random.Generator) -> Rgb:
+    """Wood, cardboard, leather, brick, clay."""
+    clay = rng.random() < 0.3
+    hue = rng.uniform(0.035, 0.055) if clay else rng.uniform(0.05, 0.11)
+    return colorsys.hsv_to_rgb(
+        hue, rng.uniform(0.45, 0.66) if clay else rng.uniform(0.2, 0.65), rng.uniform(0.15, 0.85)
+    )
+
+
+def _rgb(values: np.ndarray) -> Rgb:
+    red, green, blue = np.clip(values, 0, 1).tolist()
+    return red, green, blue
