@@ -16,7 +16,7 @@ BUDGETS = {
     f"{WORKSTATION}/cli": 5500,
     f"{WORKSTATION}/look": 3400,
     f"{WORKSTATION}/measure": 15200,
-    f"{WORKSTATION}/learn": 8100,
+    f"{WORKSTATION}/learn": 8300,
     f"{WORKSTATION}/virtual": 2600,
     f"{WORKSTATION}/fleet": 6500,
     f"{WORKSTATION}/tasks": 1300,

@@ -73,8 +73,14 @@ class EvaluateOptions:
     pictures: Path | None = option(
         None,
         "Instead of driving: what the policies do about the labelled pictures in this folder, by "
-        "its truth.csv (file, in_view, bearing_left_deg).",
+        "its truth.csv (file, in_view, bearing_left_deg; also distance_m, distractor, plain).",
         metavar="FOLDER",
+    )
+    contact_sheet: Path | None = output_file(
+        None,
+        "With --pictures: what the first MODEL got wrong, by kind, with its wheels.",
+        endings=(".png",),
+        metavar="FILE.png",
     )
     plot: Path | None = output_file(
         None, "Draw the comparison too.", endings=PICTURES, metavar="FILE.png"
@@ -102,10 +108,12 @@ def evaluate(options: EvaluateOptions) -> Answer:
     - `workstation evaluate policy.onnx --preset slippery --preset uneven --panorama kitchen.jpg`
     - `workstation evaluate green-ball.onnx --object models/objects/green-ball.toml`
     - `workstation evaluate policy.onnx servo --episodes 16 --film side-by-side.mp4`
-    - `workstation evaluate policy.onnx servo --pictures my-photos`
+    - `workstation evaluate policy.onnx servo --pictures my-photos --contact-sheet mistakes.png`
     """
     if options.pictures is not None:
         return _judge_pictures(options, options.pictures)
+    if options.contact_sheet is not None:
+        raise ConfigurationError("--contact-sheet shows mistakes on --pictures FOLDER: give both")
     return _drive(options)
 
 
@@ -117,7 +125,12 @@ def _judge_pictures(options: EvaluateOptions, folder: Path) -> Answer:
         observations,
         read_labelled,
     )
-    from mbot_workstation.learn.evaluation.picture_report import picture_fields, picture_table
+    from mbot_workstation.learn.evaluation.picture_report import (
+        mistakes_sheet,
+        picture_fields,
+        picture_table,
+    )
+    from mbot_workstation.pictures.picture_file import write_picture
 
     if options.object is not None:
         raise ConfigurationError(
@@ -128,12 +141,15 @@ def _judge_pictures(options: EvaluateOptions, folder: Path) -> Answer:
     calibrated = read_camera(options.calibration) if options.calibration else None
     camera = None if calibrated is None else calibrated.model()
     pictures = read_labelled(folder)
-    names, bearings = [p.name for p in pictures], [p.bearing_left_deg for p in pictures]
     scores = {}
     for contestant, title in titles(options.contestants).items():
         policy = read_policy(contestant)
         seen = observations(pictures, camera, policy.metadata.view)
-        scores[title] = judge(policy.act(seen), bearings, names)
+        actions = policy.act(seen)
+        scores[title] = judge(actions, pictures)
+        if options.contact_sheet is not None and len(scores) == 1:
+            sheet = mistakes_sheet(title, scores[title], pictures, seen, actions)
+            write_picture(options.contact_sheet, sheet)
     value = [picture_fields(title, score) for title, score in scores.items()]
     return Answer(value, [picture_table(scores, f"{len(pictures)} pictures of {folder}")])
 
