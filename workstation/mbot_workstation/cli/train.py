@@ -372,6 +372,7 @@ def export(options: ExportOptions) -> Answer:
     - `workstation export runs/first/checkpoints/000400000 -o earlier.onnx`
     - `workstation export models/red-cube.onnx --for-armv6 -o red-cube-armv6.onnx`
     """
+    from mbot_workstation.fleet.models.trained_object import trained_object
     from mbot_workstation.fleet.models.written_policy import write_policy
     from mbot_workstation.learn.learning.policy_export import export_policy
     from mbot_workstation.learn.learning.trained_policy import trained_policy
@@ -384,4 +385,8 @@ def export(options: ExportOptions) -> Answer:
     name = options.name or path.stem
     model = export_policy(policy, name, for_armv6=options.for_armv6)
     made = write_policy(path, name, model, checkpoint=policy.checkpoint)
-    return Answer(made, [made.sentence(f"workstation evaluate {typed(path)}")])
+    thing = trained_object(path)
+    told = thing.option if thing else ""
+    if policy.object_file:  # where it is known, the file itself
+        told = f" --object {typed(policy.object_file)}"
+    return Answer(made, [made.sentence(f"workstation evaluate {typed(path)}{told}")])
