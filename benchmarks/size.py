@@ -13,12 +13,12 @@ WORKSTATION = "workstation/mbot_workstation"
 PROTOCOL = "shared/protocol/mbot_protocol"
 
 BUDGETS = {
-    f"{WORKSTATION}/cli": 5500,
+    f"{WORKSTATION}/cli": 5650,
     f"{WORKSTATION}/look": 3400,
     f"{WORKSTATION}/measure": 15200,
-    f"{WORKSTATION}/learn": 8100,
+    f"{WORKSTATION}/learn": 8500,
     f"{WORKSTATION}/virtual": 2600,
-    f"{WORKSTATION}/fleet": 6500,
+    f"{WORKSTATION}/fleet": 6650,
     f"{WORKSTATION}/tasks": 1300,
     f"{WORKSTATION}/sim": 5600,
     f"{WORKSTATION}/pictures": 420,
@@ -26,7 +26,7 @@ BUDGETS = {
     PROTOCOL: 5600,
     "robot/mbot_agent": 9500,
     "robot/mbot_update": 1400,
-    "tests": 55500,
+    "tests": 55750,
     "benchmarks": 4700,
 }
 """Lines by folder; what lies in a folder with a budget of its own counts there. They are what

@@ -10,7 +10,8 @@ from mbot_workstation.look.demo.contact_sheet import contact_sheet, path_side_px
 from mbot_workstation.look.demo.path_drawing import (
     BACKGROUND,
     PATH,
-    TOUCHED,
+    RED,
+    ObjectLain,
     draw_path,
     read_trajectory,
 )
@@ -26,6 +27,7 @@ def trajectory(path: Path) -> Path:
     ]
     lines.append({"t": 2.0, "event": "touch", "score": 1.9})
     lines.append({"t": 2.1, "x": 2.0, "y": 0.0, "yaw": 0.0, "object": [-1.0, -1.0, 0.0]})
+    lines[-1]["colour"] = [30, 150, 50]
     path.write_text("".join(json.dumps(line) + "\n" for line in lines))
     return path
 
@@ -33,7 +35,10 @@ def trajectory(path: Path) -> Path:
 def test_a_trajectory_tells_path_and_touched_objects(tmp_path: Path) -> None:
     found = read_trajectory(trajectory(tmp_path / "t.jsonl"))
     assert found.path.shape == (22, 2)
-    assert found.objects == [(2.0, 0.1, True), (-1.0, -1.0, False)]
+    assert found.objects == [
+        ObjectLain(2.0, 0.1, touched=True),
+        ObjectLain(-1.0, -1.0, touched=False, rgb=(30, 150, 50)),
+    ]
 
 
 def test_the_path_is_drawn_where_the_robot_went(tmp_path: Path) -> None:
@@ -42,7 +47,9 @@ def test_the_path_is_drawn_where_the_robot_went(tmp_path: Path) -> None:
     row, column = 310, 310 + round(1.5 * scale)
     assert tuple(picture[row, column]) == PATH
     assert tuple(picture[row + 40, column]) == BACKGROUND
-    assert tuple(picture[310 - 10, 310 + 2 * scale]) == TOUCHED  # +y is up
+    assert tuple(picture[310 - 10, 310 + 2 * scale]) == RED  # +y is up
+    red, green, blue = picture[310 + scale, 310 - scale].tolist()
+    assert green > max(red, blue) > 150, "one that was not touched is pale"
 
 
 @pytest.mark.parametrize("count", [0, 1, 5, 24, 200])

@@ -13,6 +13,7 @@ from mbot_workstation.cli.evaluate import Explanation
 from mbot_workstation.cli.keys import KeyHere, KeyPair
 from mbot_workstation.cli.maneuvers import ListedManeuver
 from mbot_workstation.cli.models import Examined
+from mbot_workstation.cli.objects import ObjectsDrawn, ObjectThere
 from mbot_workstation.cli.recordings import DriveThere, FilledRecording
 from mbot_workstation.cli.set_up import UpdateOutcome
 from mbot_workstation.fleet.enrolment.membership import HandOver
@@ -59,6 +60,8 @@ KEYS: dict[type, str] = {
     MassProperties: "mass_kg mass_uncertainty_kg centre_m centre_uncertainty_m inertia_kg_m2",
     ModelFinding: "subject verdict detail",
     Motor: "reversed trim dead_band",
+    ObjectsDrawn: "path objects",
+    ObjectThere: "name shape width_m height_m",
     Report: "path drives",
     ReportedDrive: "recording sentence models decisions missed_beats lost_records faults",
     RobotReport: "address robot_id state hand_let_go faults notices accepts_unsigned_models "

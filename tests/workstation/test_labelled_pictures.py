@@ -10,6 +10,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.cli.evaluate import evaluate
 from mbot_workstation.learn.evaluation.labelled_pictures import Share, judge, read_labelled
 from mbot_workstation.learn.evaluation.picture_report import picture_fields
+from mbot_workstation.pictures.picture_file import read_picture
 
 from .called import output_of
 
@@ -48,23 +49,51 @@ def test_another_object_is_refused_beside_pictures(tmp_path: Path) -> None:
         output_of(evaluate, *told)
 
 
-def test_mistakes_are_counted_by_kind_and_named() -> None:
-    actions = np.array([[1, 0], [0, 1], [0.5, -0.5], [0.9, 0.8], [0.6, -0.1]], np.float32)
-    bearings = [15.0, -15.0, 2.0, None, None]
-    score = judge(actions, bearings, ["a", "b", "c", "d", "e"])
-    assert score.wrong_way == Share(("a", "b"), 2)
-    assert score.not_ahead == Share(("c",), 1)
-    assert score.fooled == Share(("d",), 2)
-    assert picture_fields("x", score)["fooled"] == {
-        "pictures": ["d"],
-        "of": 2,
-        "interval": list(score.fooled.interval),
+EXTRA = "file,in_view,bearing_left_deg,distance_m,distractor,plain"
+
+
+def test_mistakes_are_counted_by_what_is_in_the_picture(tmp_path: Path) -> None:
+    rows = [
+        "left.png,1,15.0,0.4,,",
+        "right.png,1,-15.0,1.0,ball,",
+        "ahead.png,1,2.0,0.3,,",
+        "between.png,1,5.5,0.3,,",
+        "bare.png,0,,,,",
+        "carton.png,0,,,,carton",
+        "can.png,0,,,can+furniture,",
+        "sofa.png,0,,,furniture,carton",
+        "slow.png,0,,,cup,",
+    ]
+    write_folder(tmp_path, [(row.partition(",")[0], None, 0) for row in rows])
+    (tmp_path / "truth.csv").write_text("\n".join([EXTRA, *rows]))
+    pictures = read_labelled(tmp_path)
+    actions = np.array([[1, 0], [0, 1], [0.5, -0.5], [1, -1], *[[0.9, 0.8]] * 4, [0.6, -0.1]])
+    score = judge(actions.astype(np.float32), pictures)
+    assert score == {
+        "wrong_way": Share(("left.png", "right.png"), 2),
+        "wrong_way_near": Share(("left.png",), 1),
+        "not_ahead": Share(("ahead.png",), 1),
+        "fooled": Share(("bare.png", "carton.png", "can.png", "sofa.png"), 5),
+        "fooled_bare_floor": Share(("bare.png",), 1),
+        "fooled_other_colour": Share(("carton.png",), 1),
+        "fooled_same_colour": Share(("can.png",), 2),
+        "fooled_furniture": Share(("sofa.png",), 1),
     }
+    told = picture_fields("x", score)["fooled_same_colour"]
+    interval = list(score["fooled_same_colour"].interval)
+    assert told == {"pictures": ["can.png"], "of": 2, "interval": interval}
 
 
-def test_an_object_between_the_limits_counts_nowhere() -> None:
-    score = judge(np.array([[1, -1]], np.float32), [5.5], ["a"])
-    assert (score.wrong_way.total, score.not_ahead.total, score.fooled.total) == (0, 0, 0)
+def test_mistakes_are_drawn_by_kind(tmp_path: Path) -> None:
+    folder, sheet = write_folder(tmp_path, ROWS), tmp_path / "sheet.png"
+    truth = (folder / "truth.csv").read_text()
+    output_of(evaluate, "servo", "--pictures", folder, "--contact-sheet", sheet)
+    height_px = read_picture(sheet).shape[0]
+    (folder / "truth.csv").write_text(truth.replace("15.0", "-15.0", 1))
+    output_of(evaluate, "servo", "--pictures", folder, "--contact-sheet", sheet)
+    assert read_picture(sheet).shape[0] > height_px
+    with pytest.raises(ConfigurationError, match="give both"):
+        output_of(evaluate, "servo", "--contact-sheet", sheet)
 
 
 def test_intervals_hold_the_share_and_narrow_with_the_count() -> None:
@@ -83,10 +112,11 @@ def test_intervals_hold_the_share_and_narrow_with_the_count() -> None:
         ("file,in_view\na.png,1\n", "bearing_left_deg"),
         ("file,in_view,bearing_left_deg\n", "expected rows"),
         ("file,in_view,bearing_left_deg\nmissing.png,0,\n", "line 2: can't read .*missing.png"),
-        ("file,in_view,bearing_left_deg\nleft.png,1,left\n", "expected 0 or 1 and degrees"),
-        ("file,in_view,bearing_left_deg\nleft.png,1,nan\n", "expected 0 or 1 and degrees"),
-        ("file,in_view,bearing_left_deg\nleft.png,1,361\n", "expected 0 or 1 and degrees"),
-        ("file,in_view,bearing_left_deg\nleft.png\n", "expected 0 or 1 and degrees"),
+        ("file,in_view,bearing_left_deg\nleft.png,1,left\n", "expected 0 or 1, degrees"),
+        ("file,in_view,bearing_left_deg\nleft.png,1,nan\n", "expected 0 or 1, degrees"),
+        ("file,in_view,bearing_left_deg\nleft.png,1,361\n", "expected 0 or 1, degrees"),
+        (EXTRA + "\nleft.png,1,9,near,,\n", "distance_m 'near'"),
+        ("file,in_view,bearing_left_deg\nleft.png\n", "expected 0 or 1, degrees"),
         ("file,in_view,bearing_left_deg\n\0,1,5\n", "line 2"),
     ],
 )

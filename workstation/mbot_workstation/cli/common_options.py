@@ -62,12 +62,14 @@ def calibration_option() -> Any:
     )
 
 
-def object_option() -> Any:
+def object_option(
+    words: str = "What there is to fetch in place of the red cube: shape, size, colour; several "
+    "kinds if you like.",
+) -> Any:
     """--object for commands that simulate a room."""
     return option(
         None,
-        "What there is to fetch in place of the red cube: shape, size, colour; several kinds if "
-        "you like. See models/objects and docs/objects.md.",
+        f"{words} See models/objects and docs/objects.md.",
         "--object",
         metavar="FILE.toml",
     )

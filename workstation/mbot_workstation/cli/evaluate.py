@@ -1,6 +1,6 @@
 """Evaluate policies: how good they are, what they look at, what they bear."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,7 +23,7 @@ from mbot_workstation.cli.options import (
     output_folder,
     with_options,
 )
-from mbot_workstation.cli.presenter import Answer, working
+from mbot_workstation.cli.presenter import Answer, note, working
 
 if TYPE_CHECKING:
     from mbot_workstation.learn.evaluation.activations import Activations
@@ -55,7 +55,10 @@ class EvaluateOptions:
         "all for every one. May be given several times; nominal if not.",
     )
     calibration: Path | None = calibration_option()
-    object: Path | None = object_option()
+    object: list[Path] | None = object_option(
+        "What they shall fetch, as of train; what they were trained for if not given. Given "
+        "several times: a table of policies by objects.",
+    )
     panorama: list[Path] | None = option(
         None,
         "360-degree photo of a room to try it in, in place of the two that come along; may be "
@@ -73,8 +76,14 @@ class EvaluateOptions:
     pictures: Path | None = option(
         None,
         "Instead of driving: what the policies do about the labelled pictures in this folder, by "
-        "its truth.csv (file, in_view, bearing_left_deg).",
+        "its truth.csv (file, in_view, bearing_left_deg; also distance_m, distractor, plain).",
         metavar="FOLDER",
+    )
+    contact_sheet: Path | None = output_file(
+        None,
+        "With --pictures: what the first MODEL got wrong, by kind, with its wheels.",
+        endings=(".png",),
+        metavar="FILE.png",
     )
     plot: Path | None = output_file(
         None, "Draw the comparison too.", endings=PICTURES, metavar="FILE.png"
@@ -100,12 +109,14 @@ def evaluate(options: EvaluateOptions) -> Answer:
     - `workstation evaluate policy.onnx servo oracle --plot comparison.png`
     - `workstation evaluate policy.onnx servo --calibration calibration/mbot-1`
     - `workstation evaluate policy.onnx --preset slippery --preset uneven --panorama kitchen.jpg`
-    - `workstation evaluate green-ball.onnx --object models/objects/green-ball.toml`
+    - `workstation evaluate red-cube.onnx ball.onnx --object red-cube.toml --object ball.toml`
     - `workstation evaluate policy.onnx servo --episodes 16 --film side-by-side.mp4`
-    - `workstation evaluate policy.onnx servo --pictures my-photos`
+    - `workstation evaluate policy.onnx servo --pictures my-photos --contact-sheet mistakes.png`
     """
     if options.pictures is not None:
         return _judge_pictures(options, options.pictures)
+    if options.contact_sheet is not None:
+        raise ConfigurationError("--contact-sheet shows mistakes on --pictures FOLDER: give both")
     return _drive(options)
 
 
@@ -117,7 +128,12 @@ def _judge_pictures(options: EvaluateOptions, folder: Path) -> Answer:
         observations,
         read_labelled,
     )
-    from mbot_workstation.learn.evaluation.picture_report import picture_fields, picture_table
+    from mbot_workstation.learn.evaluation.picture_report import (
+        mistakes_sheet,
+        picture_fields,
+        picture_table,
+    )
+    from mbot_workstation.pictures.picture_file import write_picture
 
     if options.object is not None:
         raise ConfigurationError(
@@ -128,55 +144,83 @@ def _judge_pictures(options: EvaluateOptions, folder: Path) -> Answer:
     calibrated = read_camera(options.calibration) if options.calibration else None
     camera = None if calibrated is None else calibrated.model()
     pictures = read_labelled(folder)
-    names, bearings = [p.name for p in pictures], [p.bearing_left_deg for p in pictures]
     scores = {}
     for contestant, title in titles(options.contestants).items():
         policy = read_policy(contestant)
         seen = observations(pictures, camera, policy.metadata.view)
-        scores[title] = judge(policy.act(seen), bearings, names)
+        actions = policy.act(seen)
+        scores[title] = judge(actions, pictures)
+        if options.contact_sheet is not None and len(scores) == 1:
+            sheet = mistakes_sheet(title, scores[title], pictures, seen, actions)
+            write_picture(options.contact_sheet, sheet)
     value = [picture_fields(title, score) for title, score in scores.items()]
     return Answer(value, [picture_table(scores, f"{len(pictures)} pictures of {folder}")])
 
 
 def _drive(options: EvaluateOptions) -> Answer:
     from mbot_workstation.learn.drivers.contestants import check_contestants, titles
-    from mbot_workstation.learn.evaluation.episodes import Trial, score
-    from mbot_workstation.learn.evaluation.episodes import evaluate as run
-    from mbot_workstation.learn.evaluation.evaluation_report import Line, draw, fields, table
+    from mbot_workstation.learn.evaluation.episodes import Trial
+    from mbot_workstation.learn.evaluation.evaluation_report import draw, fields, table
+    from mbot_workstation.learn.evaluation.objects_tried import object_table, objects_tried
     from mbot_workstation.learn.worlds.rooms import evaluation_rooms
     from mbot_workstation.sim.calibrated.calibration_folder import files_to_simulate
-    from mbot_workstation.sim.scene.object_file import read_objects
     from mbot_workstation.tasks.find import find_task, full_reference
 
     check_contestants(options.contestants)
     task = find_task(options.task)
     files = files_to_simulate(options.calibration)
-    scene = replace(files.scene, objects=read_objects(options.object))
     stage = find_lesson(options.lesson, options.task)
     robots = _presets(options.preset or ["nominal"], files if options.calibration else None)
     panorama = photographs(options.panorama, options.calibration)
     named = titles(options.contestants)
+    things, notes = objects_tried(named, options.object or [])
+    if len(things) > 1 and (options.film or options.plot):
+        raise ConfigurationError("--film and --plot show one object: give one --object")
+    for words in notes:
+        note(words)
     rooms = evaluation_rooms(panorama, options.made_up_rooms)
     count, seed, workers = options.episodes, options.seed, options.workers
     reference = full_reference(options.task)
-    trials = {
-        name: Trial(stage, effects, rooms, count, seed, workers, files.robot, scene, reference)
-        for name, effects in robots.items()
-    }
+    scenes = [replace(files.scene, objects=thing.kinds) for thing in things]
+    trials = [
+        {
+            name: Trial(stage, effects, rooms, count, seed, workers, files.robot, scene, reference)
+            for name, effects in robots.items()
+        }
+        for scene in scenes
+    ]
+    tried = [
+        (thing.name, _lines(trial, named)) for thing, trial in zip(things, trials, strict=True)
+    ]
+    shown, lines = next(iter(trials[0].values())), tried[0][1]
+    if options.film is not None:
+        from mbot_workstation.learn.evaluation.episode_film import film_episode
+
+        contestants = {title: contestant for contestant, title in named.items()}
+        film_episode(contestants, shown, options.film)
+    if options.plot is not None:
+        draw(lines, options.plot, shown)
+    heading = f"lesson {stage.name}, {count} episodes each, {len(rooms)} rooms, seed {seed}"
+    several = len(tried) > 1
+    said = object_table(tried, heading, task) if several else table(lines, heading, task)
+    value = [
+        {**fields(line, lines, task), "object": name} for name, lines in tried for line in lines
+    ]
+    return Answer(value, [said])
+
+
+def _lines(trials: "Mapping[str, Trial]", named: Mapping[str, str]) -> "list[Line]":
+    """All contestants' episodes on all robots."""
+    from mbot_workstation.learn.evaluation.episodes import evaluate as run
+    from mbot_workstation.learn.evaluation.episodes import score
+    from mbot_workstation.learn.evaluation.evaluation_report import Line
+
     lines: list[Line] = []
     for name, trial in trials.items():
         for contestant, title in named.items():
             with working(f"{title}, {name}", trial.episodes) as done:
                 lines.append(Line(title, name, score(run(contestant, trial, done))))
-    if options.film is not None:
-        from mbot_workstation.learn.evaluation.episode_film import film_episode
-
-        contestants = {title: contestant for contestant, title in named.items()}
-        film_episode(contestants, next(iter(trials.values())), options.film)
-    if options.plot is not None:
-        draw(lines, options.plot, next(iter(trials.values())))
-    heading = f"lesson {stage.name}, {count} episodes each, {len(rooms)} rooms, seed {seed}"
-    return Answer([fields(line, lines, task) for line in lines], [table(lines, heading, task)])
+    return lines
 
 
 def _presets(names: list[str], calibrated: "CalibrationFiles | None") -> "dict[str, EffectRanges]":

@@ -46,7 +46,16 @@ class Examined:
         for finding in self.findings:
             yield f"{finding.verdict:8} {finding.subject:8} {finding.detail}"
         if self.accepted:
-            yield f"{self.model}: a robot takes it; next: workstation evaluate {typed(self.model)}"
+            from mbot_workstation.fleet.models.trained_object import trained_object
+
+            thing = trained_object(self.model)
+            words, told = (
+                (f"; it was trained for the {thing.words}", thing.option) if thing else ("", "")
+            )
+            yield (
+                f"{self.model}: a robot takes it{words}; next: workstation evaluate "
+                f"{typed(self.model)}{told}"
+            )
         else:
             failed = sum(finding.is_failure for finding in self.findings)
             yield f"{self.model}: {failed} to mend; docs/policy.md has the contract"

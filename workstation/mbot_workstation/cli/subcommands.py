@@ -17,6 +17,7 @@ from mbot_workstation.cli.identify import gap_report, identify
 from mbot_workstation.cli.keys import app as keys
 from mbot_workstation.cli.maneuvers import app as maneuvers
 from mbot_workstation.cli.models import check_model_file, models, push_model, rollback
+from mbot_workstation.cli.objects import look_at_object
 from mbot_workstation.cli.print_targets import app as print_targets
 from mbot_workstation.cli.recordings import app as recordings
 from mbot_workstation.cli.set_up import flash, setup_card, update
@@ -68,6 +69,7 @@ PANELS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "gap-report": gap_report,
     },
     "Train and evaluate policies": {
+        "object": look_at_object,
         "train": train,
         "training-curve": training_curve,
         "evaluate": evaluate,

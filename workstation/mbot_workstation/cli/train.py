@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 MEMORY_UNITS = 128
 """`learning/memory_policy.py` says the same; importing it takes seconds."""
 
+MORE_STEPS = 400_000
+"""For a run that has learned little: with a guide lesson 10 is passed within 160,000."""
+
 _WHAT, _ROOMS, _HOW = "What to learn", "Rooms", "How"
 
 
@@ -174,17 +177,27 @@ def train(options: TrainOptions) -> Answer:
         f"interrupted and saved; go on with --resume {typed(result.run)}"
     )
     stopped = result.reason == "interrupted"
-    return Answer(result, _trained(result), error=interrupted if stopped else None)
+    half = next(one for one in config.stages() if one.name == result.lesson).largest_reward / 2
+    return Answer(result, trained_words(result, half), error=interrupted if stopped else None)
 
 
-def _trained(result: "TrainingResult") -> Iterator[str]:
+def trained_words(result: "TrainingResult", half: float) -> Iterator[str]:
+    """How it ended, and what is next: below half of the lesson's largest reward, more training."""
     reward = "unknown" if result.mean_reward is None else f"{result.mean_reward:.2f}"
     yield (
         f"{result.run}: {result.step:,} decisions in {result.wall_s / 60:.1f} minutes, lesson "
         f"{result.lesson}, mean reward {reward} of the latest episodes"
     )
-    if result.reason != "interrupted":
+    if result.reason == "interrupted":
+        return
+    if result.mean_reward is not None and result.mean_reward >= half:
         yield f"next: workstation export {typed(result.run)}"
+    else:
+        steps = result.step + MORE_STEPS
+        yield (
+            f"it has not learned much yet, {2 * half:g} is the most: train on; next: workstation "
+            f"train --resume {typed(result.run)} --steps {steps}"
+        )
 
 
 def _resumed(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
@@ -373,6 +386,7 @@ def export(options: ExportOptions) -> Answer:
     - `workstation export runs/first/checkpoints/000400000 -o earlier.onnx`
     - `workstation export models/red-cube.onnx --for-armv6 -o red-cube-armv6.onnx`
     """
+    from mbot_workstation.fleet.models.trained_object import trained_object
     from mbot_workstation.fleet.models.written_policy import write_policy
     from mbot_workstation.learn.learning.policy_export import export_policy
     from mbot_workstation.learn.learning.trained_policy import trained_policy
@@ -385,4 +399,8 @@ def export(options: ExportOptions) -> Answer:
     name = options.name or path.stem
     model = export_policy(policy, name, for_armv6=options.for_armv6)
     made = write_policy(path, name, model, checkpoint=policy.checkpoint)
-    return Answer(made, [made.sentence(f"workstation evaluate {typed(path)}")])
+    thing = trained_object(path)
+    told = thing.option if thing else ""
+    if policy.object_file:  # where it is known, the file itself
+        told = f" --object {typed(policy.object_file)}"
+    return Answer(made, [made.sentence(f"workstation evaluate {typed(path)}{told}")])

@@ -1,5 +1,6 @@
 """The simulation in real time: the board's motors drive it, the task watches it."""
 
+import colorsys
 import math
 import queue
 import threading
@@ -15,6 +16,7 @@ from mbot_protocol.drive.mcore import Joystick
 from mbot_workstation.pacer import Pacer
 from mbot_workstation.sim.body.motor import pwm_duties
 from mbot_workstation.sim.pose import ORIGIN, Pose
+from mbot_workstation.sim.scene.target_object import TargetObject
 from mbot_workstation.sim.simulation import Simulation
 from mbot_workstation.tasks.episode import NOTHING, Setting
 from mbot_workstation.tasks.lesson import Lesson
@@ -70,6 +72,7 @@ class WorldStatus:
         time_s: simulated time.
         robot: its pose.
         objects: where those stand that are there.
+        colours: of these from afar, RGB, 0-255.
         motors: the board's speeds.
         wheel_speeds_rad_s: left and right.
         result: the run so far, in JSON's types.
@@ -84,6 +87,7 @@ class WorldStatus:
     wheel_speeds_rad_s: tuple[float, float]
     result: Mapping[str, Any]
     ended: bool
+    colours: tuple[tuple[int, int, int], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,6 +180,7 @@ class LiveWorld:
         self._board = board
         self.task = task
         self._episode = task.begin(lesson, setting_of(simulation), np.random.default_rng(seed))
+        self._colours = [_colour(thing) for thing in simulation.scene.objects]
         self._odometer = Odometer()
         self.history = SceneHistory(SLICE_S)
         self.events: queue.SimpleQueue[TaskEvent] = queue.SimpleQueue()
@@ -192,14 +197,16 @@ class LiveWorld:
     def status(self) -> WorldStatus:
         """What is going on now; from any thread."""
         with self._lock:
+            places = self._episode.places()
             return WorldStatus(
                 time_s=self._simulation.time_s,
                 robot=self._simulation.pose,
-                objects=tuple(self._episode.places().values()),
+                objects=tuple(places.values()),
                 motors=self._board.state.motors,
                 wheel_speeds_rad_s=self._simulation.wheel_speeds_rad_s,
                 result=self._result(),
                 ended=self._episode.ended,
+                colours=tuple(self._colours[kind] for kind in places),
             )
 
     def run(self, stop: threading.Event) -> None:
@@ -272,3 +279,8 @@ def setting_of(simulation: Simulation) -> Setting:
         border_m=scene.arena.border_m,
         footprints=tuple(thing.footprint for thing in scene.objects),
     )
+
+
+def _colour(thing: TargetObject) -> tuple[int, int, int]:
+    red, green, blue = colorsys.hsv_to_rgb(*thing.mean_hsv)
+    return round(255 * red), round(255 * green), round(255 * blue)

@@ -10,7 +10,8 @@ from mbot_workstation.virtual.live_world import TaskEvent, WorldStatus
 
 
 class TrajectoryWriter:
-    """Writes a line a moment: `t`, `unix_s`, `x`, `y`, `yaw`; `object` [x, y, yaw] if there is one.
+    """Writes a line a moment: `t`, `unix_s`, `x`, `y`, `yaw`; `object` [x, y, yaw] and its
+    `colour` [red, green, blue] if there is one.
 
     In s, m and rad; `t` is the simulation's time, `unix_s` the wall clock's, as in recordings.
     Lines are there for others to read as soon as they are written.
@@ -45,6 +46,8 @@ class TrajectoryWriter:
         if status.objects:
             one = status.objects[0]
             line["object"] = [round(v, 4) for v in (one.x_m, one.y_m, one.yaw_rad)]
+            if status.colours:
+                line["colour"] = status.colours[0]
         self._write(line)
 
     def add_event(self, event: TaskEvent) -> None:

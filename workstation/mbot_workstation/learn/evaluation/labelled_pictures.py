@@ -1,14 +1,16 @@
 """What policies do with labelled pictures: turn the right way, go ahead, are not fooled.
 
 A folder with pictures and `truth.csv`, whose columns `file`, `in_view` (0 or 1) and
-`bearing_left_deg` (left positive; empty where the object is not in view) count; others may be
-there. Single pictures tell nothing about driving, but they may be real photographs.
+`bearing_left_deg` (left positive; empty where the object is not in view) count. Three more may be
+there and are counted by: `distance_m` of the object; `distractor`, what has the object's colour and
+is none, names joined by +, `furniture` being the room's own, with `plain`, what has another colour.
+Single pictures tell nothing about driving, but they may be real photographs.
 """
 
 import csv
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,8 +33,28 @@ OFF_AXIS_DEG = 6.0
 ON_AXIS_DEG = 5.0
 """Up to here it is ahead."""
 
+NEAR_M = 0.45
+"""Wrong turns at nearer objects are counted by themselves too: they lose it."""
+
 FAST = 0.5
 """Both wheels beyond this share of full speed: driving on, not searching."""
+
+KINDS = {
+    "wrong_way": "turned the wrong way",
+    "wrong_way_near": f"wrong way nearer than {NEAR_M:g} m",
+    "not_ahead": "did not go ahead",
+    "fooled": "drove on at nothing",
+    "fooled_bare_floor": "drove on: bare floor",
+    "fooled_other_colour": "drove on: a thing of another colour",
+    "fooled_same_colour": "drove on: a thing of its colour",
+    "fooled_furniture": "drove on: furniture of its colour",
+}
+"""Mistakes that are counted: turned away from an object 6 degrees or more off the axis, or not at
+all; did not go ahead, forward more than turning, at one within 5 degrees; drove on, both wheels
+beyond half speed, where there is none. What a folder's columns tell nothing of is left out."""
+
+PLAIN_KINDS = ("wrong_way", "not_ahead", "fooled")
+"""What every folder tells."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,12 +65,14 @@ class LabelledPicture:
         name: of the file.
         picture: shape (h, w, 3), RGB.
         bearing_left_deg: of the object, left positive; None where there is none in view.
+        kinds: of `KINDS`, which mistakes it can show.
 
     """
 
     name: str
     picture: Picture
     bearing_left_deg: float | None
+    kinds: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,20 +99,8 @@ class Share:
         return max(middle - half, 0.0), min(middle + half, 1.0)
 
 
-@dataclass(frozen=True, slots=True)
-class PictureScore:
-    """What a policy made of labelled pictures.
-
-    Attributes:
-        wrong_way: turned away from an object 6 degrees or more off the axis, or not at all.
-        not_ahead: did not go ahead, forward more than turning, at one within 5 degrees.
-        fooled: drove on, both wheels beyond half speed, where there is none.
-
-    """
-
-    wrong_way: Share
-    not_ahead: Share
-    fooled: Share
+PictureScore = dict[str, Share]
+"""What a policy made of labelled pictures, by `KINDS`."""
 
 
 def read_labelled(folder: Path) -> list[LabelledPicture]:
@@ -111,39 +123,25 @@ def read_labelled(folder: Path) -> list[LabelledPicture]:
     return [_labelled(folder, row, path, number) for number, row in enumerate(rows, start=2)]
 
 
-def judge(
-    actions: NDArray[np.float32], bearings_left_deg: Sequence[float | None], names: Sequence[str]
-) -> PictureScore:
-    """Count what a policy's actions do about the objects.
+def judge(actions: NDArray[np.float32], pictures: Sequence[LabelledPicture]) -> PictureScore:
+    """Count what a policy's actions, shape (n, 2), do about the objects on n pictures."""
+    score: PictureScore = {}
+    for kind in KINDS:
+        able = [number for number, one in enumerate(pictures) if kind in one.kinds]
+        wrong = [pictures[n].name for n in able if _is_mistaken(kind, actions[n], pictures[n])]
+        if able or kind in PLAIN_KINDS:
+            score[kind] = Share(tuple(wrong), len(able))
+    return score
 
-    Args:
-        actions: shape (n, 2), left and right wheel in [-1, 1].
-        bearings_left_deg: of the n pictures' objects; None where none is in view.
-        names: of the n pictures.
 
-    """
-    wrong: list[str] = []
-    not_ahead: list[str] = []
-    fooled: list[str] = []
-    totals = [0, 0, 0]
-    for (left, right), bearing, name in zip(
-        actions.tolist(), bearings_left_deg, names, strict=True
-    ):
-        forward, turn_left = (left + right) / 2, (right - left) / 2
-        if bearing is None:
-            totals[2] += 1
-            if min(left, right) > FAST:
-                fooled.append(name)
-        elif abs(bearing) >= OFF_AXIS_DEG:
-            totals[0] += 1
-            if turn_left * bearing <= 0:
-                wrong.append(name)
-        elif abs(bearing) <= ON_AXIS_DEG:
-            totals[1] += 1
-            if forward <= abs(turn_left):
-                not_ahead.append(name)
-    shares = zip((wrong, not_ahead, fooled), totals, strict=True)
-    return PictureScore(*(Share(tuple(found), total) for found, total in shares))
+def _is_mistaken(kind: str, action: NDArray[np.float32], picture: LabelledPicture) -> bool:
+    left, right = action.tolist()
+    forward, turn_left = (left + right) / 2, (right - left) / 2
+    if picture.bearing_left_deg is None:
+        return min(left, right) > FAST
+    if kind == "not_ahead":
+        return forward <= abs(turn_left)
+    return turn_left * picture.bearing_left_deg <= 0
 
 
 def observations(
@@ -178,9 +176,34 @@ def _labelled(folder: Path, row: dict[str, str], path: Path, line: int) -> Label
         bearing = float(row["bearing_left_deg"]) if int(row["in_view"]) else None
         if bearing is not None and not -180 <= bearing <= 180:
             raise ValueError
+        distance_m = float(row.get("distance_m") or "inf")
+        if not distance_m > 0:
+            raise ValueError
     except ValueError:
         raise ConfigurationError(
-            f"{path}, line {line}: in_view is {row['in_view']!r} and bearing_left_deg "
-            f"{row['bearing_left_deg']!r}, expected 0 or 1 and degrees"
+            f"{path}, line {line}: in_view is {row['in_view']!r}, bearing_left_deg "
+            f"{row['bearing_left_deg']!r}, distance_m {row.get('distance_m', '')!r}; expected 0 or "
+            "1, degrees, metres or nothing"
         ) from None
-    return LabelledPicture(row["file"], picture, bearing)
+    return LabelledPicture(row["file"], picture, bearing, tuple(_kinds(row, bearing, distance_m)))
+
+
+def _kinds(row: dict[str, str], bearing_deg: float | None, distance_m: float) -> Iterator[str]:
+    """Which mistakes a picture can show; between 5 and 6 degrees none."""
+    if bearing_deg is not None:
+        if abs(bearing_deg) >= OFF_AXIS_DEG:
+            yield "wrong_way"
+            if distance_m < NEAR_M:
+                yield "wrong_way_near"
+        elif abs(bearing_deg) <= ON_AXIS_DEG:
+            yield "not_ahead"
+        return
+    yield "fooled"
+    if "distractor" in row and "plain" in row:
+        things = {name.strip() for name in row["distractor"].split("+")} - {""}
+        if things - {"furniture"}:
+            yield "fooled_same_colour"
+        elif things:
+            yield "fooled_furniture"
+        else:
+            yield "fooled_other_colour" if row["plain"].strip() else "fooled_bare_floor"

@@ -1,14 +1,19 @@
 """What a person sees of a training run: a bar on a terminal, lines in a log."""
 
 import sys
-from dataclasses import dataclass
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Protocol, Self
 
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 from mbot_workstation.learn.learning.progress_log import ProgressRow
+
+LONGEST_GUESS_S = 60.0
+"""So long a bar moves on by itself; an update of the largest networks takes less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +36,14 @@ class RunMoment:
 
     @property
     def left_s(self) -> float:
-        """Time to the end at this speed."""
-        return (self.steps - self.step) / self.steps_per_s if self.steps_per_s > 0 else 0.0
+        """Time to the end at this speed; 0 beyond it: runs make whole rollouts."""
+        left = max(0, self.steps - self.step)
+        return left / self.steps_per_s if self.steps_per_s > 0 else 0.0
+
+    def after(self, elapsed_s: float) -> "RunMoment":
+        """Where the run probably is so much later, if nobody says: never beyond its end."""
+        made = round(self.steps_per_s * min(elapsed_s, LONGEST_GUESS_S))
+        return replace(self, step=max(self.step, min(self.step + made, self.steps)))
 
 
 class RunDisplay(Protocol):
@@ -92,21 +103,44 @@ class LineDisplay:
         print(text, file=sys.stderr, flush=True)
 
 
+class _Gliding(Progress):
+    """A bar that moves on between two moments, while the learner learns and says nothing."""
+
+    def __init__(self, *columns: TextColumn | BarColumn, console: Console) -> None:
+        self._moment: RunMoment | None = None
+        self._told_s = 0.0
+        super().__init__(*columns, console=console)  # which draws already
+        self.add_task("", total=None, lesson="1", figures="")
+
+    def tell(self, moment: RunMoment) -> None:
+        """Where the run is; the bar never goes back."""
+        self._moment, self._told_s = moment, time.monotonic()
+
+    def get_renderables(self) -> Iterable[RenderableType]:
+        """Called by rich ten times a second."""
+        if self._moment is not None:
+            now = self._moment.after(time.monotonic() - self._told_s)
+            step = max(now.step, round(self.tasks[0].completed))
+            words = figures(replace(now, step=step))
+            self.tasks[0].fields.update(lesson=now.lesson, figures=words)
+            self.tasks[0].completed, self.tasks[0].total = step, now.steps
+        yield from super().get_renderables()
+
+
 class BarDisplay(LineDisplay):
     """A bar that stays in its line, rows above it."""
 
     def __init__(self, console: Console) -> None:
-        self._progress = Progress(
+        self.progress = _Gliding(
             TextColumn("lesson {task.fields[lesson]}"),
             BarColumn(),
             TaskProgressColumn(),
             TextColumn("{task.fields[figures]}"),
             console=console,
         )
-        self._task = self._progress.add_task("", total=None, lesson="1", figures="")
 
     def __enter__(self) -> Self:
-        self._progress.start()
+        self.progress.start()
         return self
 
     def __exit__(
@@ -115,17 +149,11 @@ class BarDisplay(LineDisplay):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._progress.stop()
+        self.progress.stop()
 
     def show(self, moment: RunMoment) -> None:
         """Move the bar."""
-        self._progress.update(
-            self._task,
-            completed=moment.step,
-            total=moment.steps,
-            lesson=moment.lesson,
-            figures=figures(moment),
-        )
+        self.progress.tell(moment)
 
 
 def figures(moment: RunMoment) -> str:

@@ -6,11 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import onnx
 import torch
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.fleet.models.check import check_model
+from mbot_workstation.fleet.models.trained_object import told_object
 from mbot_workstation.learn.learning.checkpoint import CheckpointState, read_state, read_weights
 from mbot_workstation.learn.learning.policy_graph import graph_weights
 from mbot_workstation.learn.learning.policy_source import Source, find_source
@@ -30,6 +32,7 @@ class TrainedPolicy:
         provenance: see `PROVENANCE`.
         checkpoint: or the policy file it was read from.
         name: of its run, or of the file.
+        object_file: of a run that did not learn the red cube.
 
     """
 
@@ -37,6 +40,7 @@ class TrainedPolicy:
     provenance: Mapping[str, Any]
     checkpoint: Path
     name: str
+    object_file: str = ""
 
 
 def trained_policy(path: Path, task: str = DEFAULT_TASK) -> TrainedPolicy:
@@ -55,9 +59,10 @@ def trained_policy(path: Path, task: str = DEFAULT_TASK) -> TrainedPolicy:
     config, state = read_config(source.run.config_file, task), read_state(source.checkpoint)
     return TrainedPolicy(
         read_weights(source.checkpoint),
-        _provenance(source, config, state),
+        provenance(source, config, state),
         source.checkpoint,
         source.run.path.resolve().name,
+        config.object_file,
     )
 
 
@@ -75,7 +80,8 @@ def _of_file(path: Path) -> TrainedPolicy:
         ) from None
 
 
-def _provenance(source: Source, config: TrainingConfig, state: CheckpointState) -> dict[str, Any]:
+def provenance(source: Source, config: TrainingConfig, state: CheckpointState) -> dict[str, Any]:
+    """See `PROVENANCE`; raises ConfigurationError if the run doesn't say which code trained it."""
     try:
         sessions = json.loads(source.run.git_file.read_text())
         code = [session for session in sessions if session["from_step"] <= state.step][-1]
@@ -84,6 +90,7 @@ def _provenance(source: Source, config: TrainingConfig, state: CheckpointState) 
         raise ConfigurationError(
             f"{source.run.git_file} does not say which code trained; was the run copied whole?"
         ) from None
+    thing = told_object(config.object_file) if config.object_file else None
     return {
         "run": source.run.path.resolve().name,
         "seed": config.seed,
@@ -102,4 +109,5 @@ def _provenance(source: Source, config: TrainingConfig, state: CheckpointState) 
         "git_changed_files": changed,
         # Models of before there were tasks say nothing: it was this one.
         **({} if config.task == DEFAULT_TASK else {"task": find_task(config.task).name}),
+        **({} if thing is None else {"object": msgspec.to_builtins(thing)}),
     }

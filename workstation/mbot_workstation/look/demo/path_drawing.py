@@ -1,7 +1,7 @@
 """The robot's path from above, drawn from a trajectory file."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -10,7 +10,12 @@ import numpy as np
 from mbot_protocol.drive.picture import Picture
 
 BACKGROUND, GRID, BORDER = (250, 250, 248), (228, 228, 224), (120, 120, 120)
-PATH, START, TOUCHED, OPEN = (30, 90, 200), (20, 130, 60), (200, 30, 35), (235, 170, 170)
+PATH, START = (30, 90, 200), (20, 130, 60)
+RED = (200, 30, 35)
+"""The paper's cube, where a file of before says no colour."""
+
+OPEN_SHARE = 0.35
+"""Of an object's colour, where it was not touched."""
 
 BORDER_M = 2.9
 MARGIN_M = 0.2
@@ -20,35 +25,47 @@ JUMP_M = 0.3
 
 
 @dataclass(frozen=True, slots=True)
+class ObjectLain:
+    """Where an object lay, whether it was touched, and its colour, 0-255."""
+
+    x_m: float
+    y_m: float
+    touched: bool
+    rgb: tuple[int, int, int] = RED
+
+
+@dataclass(frozen=True, slots=True)
 class Trajectory:
     """A trajectory file: path and objects in metres.
 
     Attributes:
         path: shape (n, 2).
-        objects: where the objects lay, in order, each with whether it was touched.
+        objects: in order.
 
     """
 
     path: np.ndarray
-    objects: list[tuple[float, float, bool]]
+    objects: list[ObjectLain]
 
 
 def read_trajectory(path: Path) -> Trajectory:
     """Read what `workstation virtual-robot --trajectory` wrote."""
     points: list[tuple[float, float]] = []
-    objects: list[tuple[float, float, bool]] = []
-    current: tuple[float, float] | None = None
+    objects: list[ObjectLain] = []
+    current: ObjectLain | None = None
     for line in path.read_text().splitlines():
         entry = json.loads(line)
         if "event" in entry:
             if current is not None:
-                objects.append((*current, entry["event"] == "touch"))
+                objects.append(replace(current, touched=entry["event"] == "touch"))
                 current = None
             continue
         points.append((entry["x"], entry["y"]))
-        current = (entry["object"][0], entry["object"][1])
+        x_m, y_m, _ = entry["object"]
+        red, green, blue = entry.get("colour", RED)
+        current = ObjectLain(x_m, y_m, touched=False, rgb=(red, green, blue))
     if current is not None:
-        objects.append((*current, False))
+        objects.append(current)
     return Trajectory(np.array(points).reshape(-1, 2), objects)
 
 
@@ -69,11 +86,14 @@ def draw_path(trajectory: Trajectory, side_px: int) -> Picture:
         if np.hypot(*(after - before)) < JUMP_M:
             cv2.line(picture, pixel(*before), pixel(*after), PATH, 2, cv2.LINE_AA)
     edge_px = max(4, round(CUBE_M * scale))
-    for number, (x_m, y_m, touched) in enumerate(trajectory.objects, 1):
-        column, row = pixel(x_m, y_m)
+    for number, lain in enumerate(trajectory.objects, 1):
+        column, row = pixel(lain.x_m, lain.y_m)
         corner = (column - edge_px // 2, row - edge_px // 2)
         opposite = (column + edge_px // 2, row + edge_px // 2)
-        cv2.rectangle(picture, corner, opposite, TOUCHED if touched else OPEN, -1)
+        share = 1.0 if lain.touched else OPEN_SHARE
+        mixed = share * np.array(lain.rgb) + (1 - share) * np.array(BACKGROUND)
+        cv2.rectangle(picture, corner, opposite, mixed.round().tolist(), -1)
+        cv2.rectangle(picture, corner, opposite, BORDER, 1)  # a white one is seen, too
         label = (column + edge_px, row - edge_px // 2)
         cv2.putText(
             picture, str(number), label, cv2.FONT_HERSHEY_SIMPLEX, 0.45, BORDER, 1, cv2.LINE_AA

@@ -85,10 +85,11 @@ def read_objects(path: Path | str | None) -> tuple[TargetObject, ...]:
     if path is None:
         return (RED_CUBE,)
     path = Path(path)
-    return tuple(_made(section, path) for section in read_toml(path, ObjectFile).object)
+    return tuple(made_object(section, path) for section in read_toml(path, ObjectFile).object)
 
 
-def _made(section: ObjectSection, path: Path) -> TargetObject:
+def made_object(section: ObjectSection, path: Path) -> TargetObject:
+    """One section's; the file's path says where others lie. Raises as `read_objects`."""
     texture = None if section.texture is None else _texture(path.parent / section.texture)
     if section.mesh is not None:
         return _mesh_object(section, path.parent / section.mesh, texture)
