@@ -30,7 +30,9 @@ from mbot_workstation.sim.calibrated.calibration_folder import (
 from mbot_workstation.sim.camera.camera_renderer import CameraRenderer
 from mbot_workstation.sim.camera.isp import IspSettings
 from mbot_workstation.sim.scene.room_generator import generate_room
+from mbot_workstation.sim.scene.target_object import RED_CUBE
 from mbot_workstation.sim.simulation import Simulation
+from mbot_workstation.tasks.episode import Setting
 from mbot_workstation.tasks.fetch.task import TASK
 from mbot_workstation.virtual import virtual_session as session
 from mbot_workstation.virtual.live_world import SLICE_S, LiveWorld
@@ -42,6 +44,7 @@ from .called import called
 from .small_world import ROOMS
 
 FETCH = (TASK, TASK.play(None, None, ends_on_failure=True))
+SETTING = Setting(contact_radius_m=0.09, border_m=2.9, footprints=(RED_CUBE.footprint,))
 
 
 @pytest.fixture
@@ -138,7 +141,7 @@ def test_a_guided_run_trains_on_the_calibrated_robot(folder: Path, tmp_path: Pat
 def test_commands_reach_the_wheels_a_latency_later() -> None:
     simulation = Simulation(room_picture=ROOMS[0])
     with McoreBoard() as board:
-        world = LiveWorld(simulation, board, *FETCH, seed=0, latency_s=0.1)
+        world = LiveWorld(simulation, board, *FETCH, SETTING, seed=0, latency_s=0.1)
         with serial.Serial(str(board.path), BAUD_RATE, timeout=10) as port:
             port.write(Joystick(-255, 255).to_bytes())
             assert port.read(4)

@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 
 from mbot_workstation.sim.pose import ORIGIN, Pose
-from mbot_workstation.tasks.episode import NOTHING
-from mbot_workstation.tasks.fetch.episode import FetchEpisode, Happening
-from mbot_workstation.tasks.fetch.rules import FetchRules
+from mbot_workstation.sim.scene.scene_look import Standing
+from mbot_workstation.tasks.episode import NOTHING, Moment
+from mbot_workstation.tasks.fetch.episode import FACTS, FetchEpisode, Happening
+from mbot_workstation.tasks.fetch.rules import WRONG_SCORE, FetchRules
 
 
 def task(**rules: object) -> FetchEpisode:
@@ -77,3 +78,34 @@ def test_the_result_is_json() -> None:
     fetch = task()
     fetch.advance(fetch.target, 1.0)
     assert json.loads(json.dumps(fetch.result()))["touches"] == 1
+
+
+CAN = Standing("can", 1.0, 0.0, 0.04, 0.12)
+
+
+def test_running_into_a_thing_costs_once_until_the_robot_has_left_it() -> None:
+    fetch = task(standing=(CAN,))
+    beside = Pose(CAN.x_m - 0.12, 0.0)
+    away = Pose(CAN.x_m - 0.14, 0.0)
+    told = [fetch.advance(robot, 0.4) for robot in (away, beside, beside, away, beside)]
+    assert [step.happening for step in told] == [
+        NOTHING, Happening.WRONG, NOTHING, NOTHING, Happening.WRONG
+    ]  # fmt: skip
+    assert [step.score for step in told] == [0, WRONG_SCORE, 0, 0, WRONG_SCORE]
+    assert not any(step.ended for step in told)
+    assert (fetch.result()["wrong_things"], fetch.result()["score"]) == (2, 2 * WRONG_SCORE)
+
+
+def test_facts_tell_the_way_around_a_thing_and_that_it_hides_the_object() -> None:
+    def facts(standing: tuple[Standing, ...]) -> dict[str, float]:
+        fetch = task(standing=standing)
+        fetch.advance(ORIGIN, 0.4)
+        fetch.target = Pose(2.0, 0.0)
+        told = fetch.facts(Moment(ORIGIN, 0.4, ORIGIN, 0.35, camera_ahead_m=0.06))
+        return dict(zip(FACTS.names or (), told, strict=True))
+
+    free, blocked = facts(()), facts((CAN,))
+    assert (free["aim_ahead_m"], free["aim_left_m"], free["seen_left_rad"]) == (2.0, 0.0, 0.0)
+    assert (blocked["target_ahead_m"], blocked["target_left_m"]) == (2.0, 0.0)
+    assert abs(blocked["aim_left_m"]) > CAN.radius_m
+    assert blocked["seen_left_rad"] == math.pi

@@ -47,6 +47,7 @@ def situation(
         seen_left_rad = math.atan2(left_m, ahead_m - 0.06)
     record = np.zeros(1, FACTS)
     record["target_ahead_m"], record["target_left_m"] = ahead_m, left_m
+    record["aim_ahead_m"], record["aim_left_m"] = ahead_m, left_m
     record["seen_left_rad"], record["time_left_s"] = seen_left_rad, time_left_s
     return record
 

@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 from mbot_protocol.drive.mcore import Joystick
+from mbot_workstation.sim.scene.target_object import RED_CUBE
 from mbot_workstation.sim.simulation import Simulation
+from mbot_workstation.tasks.episode import Setting
 from mbot_workstation.tasks.fetch.task import TASK
 from mbot_workstation.virtual.live_world import SLICE_S, LiveWorld
 from mbot_workstation.virtual.mcore_board import BoardState
@@ -14,6 +16,7 @@ from ..until import until
 from .small_world import ROOMS
 
 FETCH = (TASK, TASK.play(None, None, ends_on_failure=True))
+SETTING = Setting(contact_radius_m=0.09, border_m=2.9, footprints=(RED_CUBE.footprint,))
 
 FORWARD = Joystick(-255, 255)
 
@@ -34,7 +37,7 @@ class Board:
 
 def test_a_slice_made_up_for_does_not_obey_commands_that_came_later() -> None:
     simulation = Simulation(room_picture=ROOMS[0])
-    world = LiveWorld(simulation, Board(since_s=10.0), *FETCH, seed=0, free_floor=True)
+    world = LiveWorld(simulation, Board(since_s=10.0), *FETCH, SETTING, seed=0, free_floor=True)
     for moment_s in (9.985, 9.990, 9.995):
         world.advance(moment_s)
     assert abs(simulation.wheel_speeds_rad_s[0]) < 0.2  # it settles on its wheels
@@ -44,7 +47,9 @@ def test_a_slice_made_up_for_does_not_obey_commands_that_came_later() -> None:
 
 
 def test_a_stall_of_the_machine_leaves_no_trace_in_the_history() -> None:
-    world = LiveWorld(Simulation(room_picture=ROOMS[0]), Board(), *FETCH, seed=0, free_floor=True)
+    world = LiveWorld(
+        Simulation(room_picture=ROOMS[0]), Board(), *FETCH, SETTING, seed=0, free_floor=True
+    )
     kept: list[float] = []
     add = world.history.add
     world.history.add = lambda time_s, state: (kept.append(time_s), add(time_s, state))[1]
@@ -61,7 +66,7 @@ def test_a_stall_of_the_machine_leaves_no_trace_in_the_history() -> None:
 
 def test_the_way_counts_on_a_free_floor_and_being_carried_does_not() -> None:
     simulation = Simulation(room_picture=ROOMS[0])
-    world = LiveWorld(simulation, Board(), *FETCH, seed=0, free_floor=True)
+    world = LiveWorld(simulation, Board(), *FETCH, SETTING, seed=0, free_floor=True)
     for _ in range(400):
         world.advance(1.0)
     driven_m = world.status().result["distance_driven_m"]

@@ -59,6 +59,9 @@ def test_looks_are_seen_and_the_nominal_one_comes_back_to_the_bit() -> None:
         "light": replace(nominal, light_direction=(-1.0, 0.0, -0.2)),
         "ambient": replace(nominal, ambient_rgb=(0.4, 0.4, 0.5)),
         "shadow": replace(nominal, shadow=0.5),
+        "mirror": replace(nominal, floor_mirrors=0.4),
+        "label": replace(nominal, objects=(ObjectLook(labelled=True),)),
+        "room": replace(nominal, room_rgb=(1.0, 0.7, 0.5)),
     }
     for name, look in changes.items():
         assert (stage.picture(look) != untouched).any(), name
@@ -91,6 +94,23 @@ def test_distractors_are_drawn_where_they_stand() -> None:
     assert len(left) < SIDE // 4 < len(changed_columns(0.5, 0.0)), "near things are large"
     assert len(changed_columns(2.0, 0.0, math.pi / 2)) < len(changed_columns(2.0, 0.0)), "edge on"
     assert changed_columns(-2.0, 0.0) == [], "it is behind the robot"
+
+
+def test_a_floor_that_mirrors_shows_things_upside_down() -> None:
+    stage = Stage()
+    dark = replace(nominal_look(SceneParameters()), wall_height_m=0.0, floor_mirrors=0.5)
+    thing = Distractor("box", (0.05, 0.05, 0.3), (1.5, 0.6, 0.3), 0.0, (0.0, 1.0, 0.0))
+
+    def green_rows(look: SceneLook) -> list[int]:
+        picture = stage.picture(look)
+        greener = picture[..., 1] - picture[..., [0, 2]].max(axis=2)
+        return np.flatnonzero((greener > 30).any(axis=1)).tolist()
+
+    matt = green_rows(replace(dark, floor_mirrors=0.0, distractors=(thing,)))
+    mirrored = green_rows(replace(dark, distractors=(thing,)))
+    assert green_rows(dark) == []
+    assert max(mirrored) > max(matt) + 10, "below its foot"
+    assert min(mirrored) == min(matt)
 
 
 def test_a_shadow_falls_away_from_the_light() -> None:

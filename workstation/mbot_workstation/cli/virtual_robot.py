@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from mbot_workstation.sim.body.robot_parameters import RobotParameters
     from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
     from mbot_workstation.sim.effects.effects import RealWorldEffects
+    from mbot_workstation.sim.scene.scene_look import SceneLook
     from mbot_workstation.sim.scene.scene_parameters import SceneParameters
     from mbot_workstation.tasks.lesson import Lesson
     from mbot_workstation.virtual.camera_stream import CameraSettings
@@ -44,6 +45,14 @@ class CameraKind(StrEnum):
 
     FIXED = "fixed"
     PI = "pi"
+
+
+class ArenaKind(StrEnum):
+    """What the arena looks like."""
+
+    NOMINAL = "nominal"
+    ANY = "any"
+    HOME = "home"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,6 +109,12 @@ class VirtualRobotOptions:
         "--replay",
         panel=_CAMERA,
         metavar="RECORDING",
+    )
+    arena: ArenaKind = option(
+        ArenaKind.NOMINAL,
+        "any: floor, boards, light and object as --seed draws them. home: things stand about "
+        "besides, many of the object's colour; running into one costs.",
+        panel=_TASK,
     )
     calibration: Path | None = calibration_option()
     object: Path | None = object_option()
@@ -240,6 +255,7 @@ def virtual_robot(options: VirtualRobotOptions) -> None:
     - `workstation virtual-robot --panorama my-room.jpg --radius 2.5 --objects 10 --result run.json`
     - `workstation virtual-robot --calibration calibration/mbot-1`
     - `workstation virtual-robot --object models/objects/green-ball.toml`
+    - `workstation virtual-robot --arena home --seed 3` with things that are not the cube
     - `workstation virtual-robot --right-gain 0.5 --record handicap.mp4 --seconds 60`
     - `workstation virtual-robot --firmware stock.hex` has a board with the real firmware
     - `workstation virtual-robot --replay drives/mbot-1/drive-0012-20261122-171501`
@@ -321,6 +337,7 @@ def robot_settings(
     return VirtualRobotSettings(
         robot=robot,
         scene=scene,
+        look=_look(options, scene),
         room_picture=load_room(panorama) if panorama else generate_room(options.seed),
         task=full_reference(options.task),
         lesson=_lesson(options, scene, robot),
@@ -333,6 +350,19 @@ def robot_settings(
         seed=options.seed,
         free_floor=options.free_floor,
     )
+
+
+def _look(options: VirtualRobotOptions, scene: "SceneParameters") -> "SceneLook | None":
+    """The arena's look, if it is not the nominal one."""
+    import numpy as np
+
+    from mbot_workstation.sim.effects.home_looks import draw_home
+    from mbot_workstation.sim.effects.scene_looks import draw_look
+
+    if options.arena is ArenaKind.NOMINAL:
+        return None
+    draw = draw_home if options.arena is ArenaKind.HOME else draw_look
+    return draw(np.random.default_rng(options.seed), scene.objects)
 
 
 def _lesson(

@@ -43,6 +43,8 @@ class Task(Protocol):
         facts: what an episode says of itself at each decision, as a structured type.
         critic: those of `facts` that the critic is told, and the factor that brings each near 1.
         lessons: all there are; `course` says which are learned.
+        mistakes: those of `facts` that count what goes wrong without ending an episode, as keys
+            name them.
 
     """
 
@@ -54,6 +56,7 @@ class Task(Protocol):
     facts: "np.dtype[np.void]"
     critic: Mapping[str, float]
     lessons: tuple[Lesson, ...]
+    mistakes: tuple[str, ...] = ()
 
     def begin(self, lesson: Any, setting: Setting, rng: np.random.Generator) -> Episode:
         """Start an episode of one of its lessons, with the robot in the origin."""

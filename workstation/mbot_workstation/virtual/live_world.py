@@ -16,6 +16,7 @@ from mbot_protocol.drive.mcore import Joystick
 from mbot_workstation.pacer import Pacer
 from mbot_workstation.sim.body.motor import pwm_duties
 from mbot_workstation.sim.pose import ORIGIN, Pose
+from mbot_workstation.sim.scene.scene_look import SceneLook
 from mbot_workstation.sim.scene.target_object import TargetObject
 from mbot_workstation.sim.simulation import Simulation
 from mbot_workstation.tasks.episode import NOTHING, Setting
@@ -161,6 +162,7 @@ class LiveWorld:
         board: MotorSource,
         task: Task,
         lesson: Lesson,
+        setting: Setting,
         seed: int,
         latency_s: float = 0.0,
         *,
@@ -170,7 +172,7 @@ class LiveWorld:
 
         Args:
             simulation, board: the robot.
-            task, lesson: what it is to do.
+            task, lesson, setting: what it is to do, and where.
             seed: of the objects' places.
             latency_s: from the board's motors to the wheels' voltage, rounded to slices.
             free_floor: nothing is counted; a robot that stands is carried back to the middle.
@@ -179,7 +181,7 @@ class LiveWorld:
         self._simulation = simulation
         self._board = board
         self.task = task
-        self._episode = task.begin(lesson, setting_of(simulation), np.random.default_rng(seed))
+        self._episode = task.begin(lesson, setting, np.random.default_rng(seed))
         self._colours = [_colour(thing) for thing in simulation.scene.objects]
         self._odometer = Odometer()
         self.history = SceneHistory(SLICE_S)
@@ -271,13 +273,17 @@ class LiveWorld:
         return self._told
 
 
-def setting_of(simulation: Simulation) -> Setting:
-    """What an episode in this simulation is played with."""
+def setting_of(simulation: Simulation, look: SceneLook) -> Setting:
+    """What an episode in this simulation is played with, when it looks like this."""
     scene = simulation.scene
     return Setting(
         contact_radius_m=simulation.robot.touch_radius_m,
         border_m=scene.arena.border_m,
-        footprints=tuple(thing.footprint for thing in scene.objects),
+        footprints=tuple(
+            thing.footprint.scaled(worn.scale)
+            for thing, worn in zip(scene.objects, look.objects, strict=True)
+        ),
+        standing=look.standing,
     )
 
 

@@ -14,13 +14,15 @@ from typing import Self
 
 from mbot_protocol.drive.picture import Picture
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.effects.scene_looks import training_floors
+from mbot_workstation.sim.scene.scene_look import SceneDresser, SceneLook, nominal_look
 from mbot_workstation.sim.scene.scene_parameters import SceneParameters
 from mbot_workstation.sim.simulation import SceneState, Simulation
 from mbot_workstation.tasks.find import DEFAULT_TASK, find_task
 from mbot_workstation.tasks.lesson import Lesson
 from mbot_workstation.virtual.camera_stream import CameraSettings, CameraStream
 from mbot_workstation.virtual.emulated.emulated_board import EmulatedBoard
-from mbot_workstation.virtual.live_world import LiveWorld
+from mbot_workstation.virtual.live_world import LiveWorld, setting_of
 from mbot_workstation.virtual.mcore_board import McoreBoard
 from mbot_workstation.virtual.mjpeg_server import MjpegServer
 
@@ -31,6 +33,7 @@ class VirtualRobotSettings:
 
     Attributes:
         robot, scene: what is simulated.
+        look: of the arena, its made-up floors and things besides; None is the nominal one.
         room_picture: panorama, shape (h, 2 h, 3), RGB; None generates one.
         task: what it is to do, by its name or file.
         lesson: of it, as it is played; None is the usual one.
@@ -47,6 +50,7 @@ class VirtualRobotSettings:
 
     robot: RobotParameters = field(default_factory=RobotParameters)
     scene: SceneParameters = field(default_factory=SceneParameters)
+    look: SceneLook | None = None
     room_picture: Picture | None = None
     task: str = DEFAULT_TASK
     lesson: Lesson | None = None
@@ -73,7 +77,10 @@ class VirtualRobot:
     def __init__(self, settings: VirtualRobotSettings) -> None:
         task = find_task(settings.task)
         scene = task.scene(settings.scene)
-        self.simulation = Simulation(settings.robot, scene, settings.room_picture)
+        floors = () if settings.look is None else training_floors()
+        self.simulation = Simulation(settings.robot, scene, settings.room_picture, floors)
+        look = settings.look or nominal_look(scene)
+        SceneDresser(self.simulation.model, 1 + len(floors), scene.objects).wear(look)
         self.server = MjpegServer(settings.camera_port)
         self.board = _board(settings)
         self.world = LiveWorld(
@@ -81,6 +88,7 @@ class VirtualRobot:
             self.board,
             task,
             settings.lesson or task.play(None, None, ends_on_failure=True),
+            setting_of(self.simulation, look),
             settings.seed,
             settings.latency_s,
             free_floor=settings.free_floor,

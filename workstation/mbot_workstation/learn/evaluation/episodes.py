@@ -1,6 +1,6 @@
 """Seeded episodes of the task for one driver, and what they amount to."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -33,6 +33,7 @@ class EpisodeResult:
         decisions: its length.
         count: of what the task counts.
         completed: whether those were all.
+        mistakes: how often each of the task's was made.
 
     """
 
@@ -40,6 +41,7 @@ class EpisodeResult:
     decisions: int
     count: int
     completed: bool
+    mistakes: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +63,7 @@ class Score:
         success: share of complete episodes.
         decisions_per_count: all decisions, those of failed episodes too, by all counts; None
             without one.
+        mistakes: an episode, of each kind.
 
     """
 
@@ -70,6 +73,7 @@ class Score:
     success: Estimate
     length: Estimate
     decisions_per_count: Estimate | None
+    mistakes: Mapping[str, Estimate] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,9 +170,11 @@ def _episodes(
 
 
 def _result(info: dict[str, Any], trial: Trial) -> EpisodeResult:
-    episode, count = info["episode"], int(info[find_task(trial.task).counted])
+    task, episode = find_task(trial.task), info["episode"]
+    count = int(info[task.counted])
+    mistakes = {name: int(info[name]) for name in task.mistakes}
     completed = count >= trial.lesson.goal
-    return EpisodeResult(float(episode["r"]), int(episode["l"]), count, completed)
+    return EpisodeResult(float(episode["r"]), int(episode["l"]), count, completed, mistakes)
 
 
 def score(results: Sequence[EpisodeResult]) -> Score:
@@ -185,6 +191,10 @@ def score(results: Sequence[EpisodeResult]) -> Score:
         success=_ratio(completed, ones),
         length=_ratio(decisions, ones),
         decisions_per_count=_ratio(decisions, counts) if counts.any() else None,
+        mistakes={
+            name: _ratio(np.array([one.mistakes[name] for one in results], np.float64), ones)
+            for name in results[0].mistakes
+        },
     )
 
 

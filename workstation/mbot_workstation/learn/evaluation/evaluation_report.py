@@ -32,10 +32,13 @@ def fields(line: Line, lines: Sequence[Line], task: Task) -> dict[str, object]:
         "decisions_per_count": f"decisions_per_{task.counted_one}",
     }
     share = share_of_oracle(line, lines)
+    score = asdict(line.score)
+    mistakes = score.pop("mistakes")
     return {
         "contestant": line.contestant,
         "preset": line.preset,
-        **{own.get(name, name): value for name, value in asdict(line.score).items()},
+        **{own.get(name, name): value for name, value in score.items()},
+        **mistakes,
         "share_of_oracle": None if share is None else round(share, 4),
     }
 
@@ -52,11 +55,18 @@ def share_of_oracle(line: Line, lines: Sequence[Line]) -> float | None:
 def table(lines: Sequence[Line], title: str, task: Task) -> Table:
     """All lines, within 80 columns; intervals of the others are in `fields`."""
     has_oracle = any(share_of_oracle(line, lines) is not None for line in lines)
+    mistakes = [
+        name
+        for name in task.mistakes
+        if any(line.score.mistakes[name].mean > 0 for line in lines if line.score.mistakes)
+    ]
     grid = Table(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0))
     grid.add_column("preset", no_wrap=True)
     grid.add_column("contestant", overflow="fold")
     for name in ("reward, 95 %", *headings(task, "\n")):
         grid.add_column(name, justify="right", no_wrap=True)
+    for name in mistakes:
+        grid.add_column(name.replace("_", "\n"), justify="right", no_wrap=True)
     if has_oracle:
         grid.add_column("of the\noracle", justify="right", no_wrap=True)
     for line in lines:
@@ -69,9 +79,10 @@ def table(lines: Sequence[Line], title: str, task: Task) -> Table:
             f"{one.count.mean:.2f}",
             f"{100 * one.success.mean:.0f} %",
             "none" if decisions is None else f"{decisions.mean:.1f}",
-            "" if share is None else f"{100 * share:.1f} %",
+            *(f"{one.mistakes[name].mean:.2f}" for name in mistakes),
         )
-        grid.add_row(*cells[: 7 if has_oracle else 6])
+        oracle = ("" if share is None else f"{100 * share:.1f} %",) if has_oracle else ()
+        grid.add_row(*cells, *oracle)
     return grid
 
 

@@ -34,7 +34,7 @@ MOST_ALONG_WALLS = 5
 MOST_PIECES = 46
 """Of all things: twice as many are drawn where the floor mirrors them."""
 
-ITS_COLOUR, NATURAL = 0.45, 0.25
+ITS_COLOUR, NATURAL = 0.5, 0.25
 """Shares of things that have the object's colour, and that of wood, cardboard or clay."""
 
 FROM_START_M = 0.5

@@ -120,6 +120,8 @@ ROUGH_LESSON = FetchLesson(
         (("left_gain", (0.4, 0.7)),),
         (("right_gain", (0.4, 0.7)),),
         (("camera_latency_ms", (100.0, 400.0)),),
+        (("camera_latency_ms", (150.0, 420.0)), ("left_gain", (0.5, 1.0))),
+        (("camera_latency_ms", (150.0, 420.0)), ("right_gain", (0.5, 1.0))),
         (("friction_scale", (0.15, 0.4)),),
         (("exposure_gain", (0.45, 1.7)), ("exposure_ms", (10.0, 60.0))),
         _BADLY_MOUNTED,
@@ -130,7 +132,7 @@ ROUGH_LESSON = FetchLesson(
     needs_training=True,
 )
 """Robots worse than any unit measured, among usual ones: a weak motor, pictures as late as the
-paper's, a slippery floor, dim or glaring light and long exposures, a camera that is not where it
+paper's, both at once, a slippery floor, dim or glaring light and long exposures, a camera that is not where it
 should be, or a bit of everything with slow wheels besides; and better ones, down to no lag,
 no dead band and no blur: of the policy that had not seen those, one in eight drives on `ideal`
 robots failed. For a policy that holds when a robot wears."""

@@ -32,6 +32,7 @@ class Fetch(Task):
     counted, counted_one, counted_done = "touches", "object", "touched"
     happenings = (NOTHING, *Happening)
     facts = FACTS
+    mistakes = ("wrong_things",)
     critic: Mapping[str, float] = {
         "target_ahead_m": 0.5,
         "target_left_m": 0.5,
