@@ -48,6 +48,7 @@ def situation(
     record = np.zeros(1, FACTS)
     record["target_ahead_m"], record["target_left_m"] = ahead_m, left_m
     record["aim_ahead_m"], record["aim_left_m"] = ahead_m, left_m
+    record["suspect_ahead_m"] = record["suspect_left_m"] = math.nan
     record["seen_left_rad"], record["time_left_s"] = seen_left_rad, time_left_s
     return record
 

@@ -6,7 +6,7 @@ ranges there are is assumed; no picture of docs/results was looked at for them.
 
 import colorsys
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,7 +25,7 @@ from mbot_workstation.sim.scene.finishes import FINISHES
 from mbot_workstation.sim.scene.floor_textures import HOME_KINDS
 from mbot_workstation.sim.scene.scene_look import Distractor, ObjectLook, SceneLook, Standing
 from mbot_workstation.sim.scene.target_object import Rgb, Shape, TargetObject
-from mbot_workstation.sim.scene.things import LARGE, SMALL, Thing
+from mbot_workstation.sim.scene.things import LARGE, SMALL, Make, Thing
 
 MOST_STANDING = 7
 """Things inside the arena; one of five arenas has none."""
@@ -34,8 +34,11 @@ MOST_ALONG_WALLS = 5
 MOST_PIECES = 46
 """Of all things: twice as many are drawn where the floor mirrors them."""
 
-ITS_COLOUR, NATURAL = 0.5, 0.25
-"""Shares of things that have the object's colour, and that of wood, cardboard or clay."""
+ITS_COLOUR, NATURAL = 0.5, 0.4
+"""Share of things that have the object's colour; of the others, that of wood, cardboard or clay."""
+
+WOODEN = ("carton", "cupboard")
+"""Half of these, which have its colour else, and all others of them look like wood or cardboard."""
 
 FROM_START_M = 0.5
 """No thing stands nearer to where the robot begins, beside its own radius."""
@@ -100,14 +103,14 @@ def _things(
     pieces = _patches(rng)
     standing: list[Standing] = []
     for _ in range(max(0, int(rng.integers(-1, MOST_STANDING + 1)))):
-        name, thing = _drawn(rng, objects, SMALL)
-        x, y = rng.uniform(-2.6, 2.6, 2).tolist()
+        name, thing, is_alike = _drawn(rng, objects, SMALL)
+        x, y = (rng.choice([1.0, 0.6]) * rng.uniform(-2.6, 2.6, 2)).tolist()
         if math.hypot(x, y) < FROM_START_M + thing.radius_m:
             continue
-        standing.append(Standing(name, x, y, thing.radius_m, thing.height_m))
+        standing.append(Standing(name, x, y, thing.radius_m, thing.height_m, is_alike))
         pieces += _placed(rng, thing, x, y, look)
     for _ in range(int(rng.integers(MOST_ALONG_WALLS + 1))):
-        _, thing = _drawn(rng, objects, LARGE if rng.random() < 0.6 else SMALL)
+        _, thing, _ = _drawn(rng, objects, LARGE if rng.random() < 0.6 else SMALL)
         angle = rng.uniform(-math.pi, math.pi)
         to_border = ARENA_M / max(abs(math.cos(angle)), abs(math.sin(angle)))
         away = min(to_border + thing.radius_m + rng.uniform(0.05, 1.2), 4.7)
@@ -159,21 +162,19 @@ def _patches(rng: np.random.Generator) -> list[Distractor]:
 
 
 def _drawn(
-    rng: np.random.Generator, objects: Sequence[TargetObject], kinds: dict[str, object]
-) -> tuple[str, Thing]:
-    """A thing, and what it is called."""
+    rng: np.random.Generator, objects: Sequence[TargetObject], kinds: Mapping[str, Make]
+) -> tuple[str, Thing, bool]:
+    """A thing, what it is called, and whether it has an object's colour."""
     name = str(rng.choice(list(kinds)))
-    make = SMALL.get(name) or LARGE[name]
-    return name, make(rng, _colour(rng, objects, name))
+    is_alike = rng.random() < ITS_COLOUR and not any(name in ALIKE[one.shape] for one in objects)
+    if is_alike and name in WOODEN:
+        is_alike = bool(rng.random() < 0.5)
+    colour = like_an_object(rng, objects) if is_alike else _other_colour(rng, objects, name)
+    return name, kinds[name](rng, colour), is_alike
 
 
-def _colour(rng: np.random.Generator, objects: Sequence[TargetObject], name: str) -> Rgb:
-    drawn = rng.random()
-    if drawn < ITS_COLOUR and not any(name in ALIKE[thing.shape] for thing in objects):
-        if name in ("carton", "cupboard") and rng.random() < 0.5:
-            return _natural(rng)
-        return like_an_object(rng, objects)
-    if drawn < ITS_COLOUR + NATURAL:
+def _other_colour(rng: np.random.Generator, objects: Sequence[TargetObject], name: str) -> Rgb:
+    if name in WOODEN or rng.random() < NATURAL:
         return _natural(rng)
     if rng.random() < 0.4:
         return nearly_an_object(rng, objects)

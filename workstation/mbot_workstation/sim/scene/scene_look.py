@@ -82,6 +82,7 @@ class Standing:
         x_m, y_m: where its middle is, in the arena's frame.
         radius_m: of a circle about it.
         height_m: of its top.
+        is_alike: whether it has the object's colour, so that from afar it may be the object.
 
     """
 
@@ -90,6 +91,7 @@ class Standing:
     y_m: float
     radius_m: float
     height_m: float
+    is_alike: bool = False
 
 
 @dataclass(frozen=True, slots=True)

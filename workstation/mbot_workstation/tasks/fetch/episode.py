@@ -69,6 +69,8 @@ FACTS = np.dtype(
         ("seen_left_rad", np.float32),
         ("aim_ahead_m", np.float32),
         ("aim_left_m", np.float32),
+        ("suspect_ahead_m", np.float32),
+        ("suspect_left_m", np.float32),
         ("wrong_things", np.int32),
     ]
 )
@@ -76,8 +78,16 @@ FACTS = np.dtype(
 with the border; where the object is, in the robot's frame; in which direction from the camera the
 picture shows it, left positive, or would if it were in view. Pictures are old: in a turn that is
 not where the object is now, NaN while they still show the one that was touched, and pi while
-something hides it. Where to drive first, since something may stand in the way; how often the robot
-ran into something that is not the object."""
+something hides it. Where to drive first, since something may stand in the way. Where something of
+its colour is that the picture shows too small to tell it from the object, and that nobody has seen
+from nearby since the object appeared; NaN without one. How often the robot ran into something that
+is not the object."""
+
+TOLD_APART_M = 1.0
+"""From here a cube of 10 cm is 7 pixels wide: enough to see that it is none. Assumed."""
+
+IN_VIEW_RAD = math.radians(27.0)
+"""Half the camera's horizontal field of view."""
 
 OBJECT_HEIGHT_M = 0.10
 """Nominal: what is much lower hides nothing."""
@@ -158,8 +168,30 @@ class FetchEpisode:
             *from_robot(moment.robot, self.target),
             seen_left_rad,
             *from_robot(moment.robot, aim),
+            *self._suspect(moment),
             self._wrong_things,
         )
+
+    def _suspect(self, moment: Moment) -> tuple[float, float]:
+        """The nearest in view, in the robot's frame; those that are near are none any more."""
+        nearest_m, found = math.inf, (math.nan, math.nan)
+        for number, thing in enumerate(self.rules.standing):
+            if not thing.is_alike or number in self._looked_at:
+                continue
+            place = Pose(thing.x_m, thing.y_m)
+            ahead_m, left_m = from_robot(moment.seen_from, place)
+            if abs(math.atan2(left_m, ahead_m - moment.camera_ahead_m)) > IN_VIEW_RAD:
+                continue
+            others = tuple(one for one in self.rules.standing if one is not thing)
+            if is_hidden(moment.seen_from, place, others, thing.height_m):
+                continue
+            away_m = math.hypot(ahead_m, left_m)
+            if away_m < TOLD_APART_M:
+                self._looked_at.add(number)
+            elif away_m < nearest_m:
+                aim = aim_around(moment.robot, place, others, self.rules.touch_radius_m)
+                nearest_m, found = away_m, from_robot(moment.robot, aim)
+        return found
 
     def result(self) -> Mapping[str, Any]:
         """The run so far: a FetchResult."""
@@ -218,6 +250,7 @@ class FetchEpisode:
     def _next_object(self, robot: Pose) -> None:
         self.target = spawn(robot, self.rules, self._rng)
         self.kind = draw_kind(self.rules, self._rng)
+        self._looked_at: set[int] = set()
         self.object_s = 0.0
 
 

@@ -3,7 +3,9 @@
 The oracle cannot be imitated: it turns straight to objects behind the robot, which no picture
 shows. The guide does what a policy with a memory could do: turn clockwise until the object comes
 into view, as the paper's policy does, then drive as the oracle would, also for a while after it
-was lost from sight. However long it searches, it turns on and stays where it is: where there is no
+was lost from sight. What has the object's colour and is too far away to be told from it, it drives
+to until it can be: so its student goes and looks, and need not know what no picture shows. However
+long it searches, it turns on and stays where it is: where there is no
 object, or a table ends, nothing tells a robot where it could look instead. So it needs eyes that
 reach 5 m, across the arena; whoever sees 2.8 m misses objects in half of the episodes and more
 (`test_guidance.py`). Nor does it stand still between turns, for pictures without blur: who has lost
@@ -16,13 +18,12 @@ It asks for full speed and the turn on top of it: the wheels keep the turn and g
 (`learning/full_speed.py`).
 """
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.effects.effects import EffectRanges
+from mbot_workstation.tasks.fetch.episode import IN_VIEW_RAD
 from mbot_workstation.tasks.fetch.oracle import Actions, Oracle, middle
 
 SEARCH_SPEED = 0.32
@@ -33,9 +34,6 @@ SEARCH_BEGINS = 1.5
 """Times as fast in the first decision of a turn, in which wheels only begin to follow: it turned
 31 degrees. Driving by itself the guide takes 15.9 decisions an object so, not 16.2 (nominal, 384
 episodes that 0.32 and 1.5 were not chosen by)."""
-
-IN_VIEW_RAD = math.radians(27.0)
-"""Half the camera's horizontal field of view."""
 
 
 class FetchGuide:
@@ -57,7 +55,7 @@ class FetchGuide:
         self._oracle = Oracle(robots, middle(preset), nominal)
         self._remembers = remembers
         self._unseen_for = np.full(robots, remembers + 1)
-        self._noticed = np.zeros(robots, np.bool_)
+        self._noticed = self._goes = np.zeros(robots, np.bool_)
         self._time_left_s = np.full(robots, -np.inf)
         self._driven = self._blind = np.zeros((robots, 2), np.float32)
 
@@ -77,29 +75,34 @@ class FetchGuide:
 
         """
         targets = np.stack([facts["aim_ahead_m"], facts["aim_left_m"]], axis=1)
-        seen = self.shows(facts)
+        seen, stale = _in_view(facts), np.isnan(facts["seen_left_rad"])
         another = facts["time_left_s"] > self._time_left_s  # each object has its own time
         self._time_left_s = facts["time_left_s"].copy()
         self._noticed &= ~another
         self._unseen_for[~self._noticed] = self._remembers + 1
         self._unseen_for = np.where(seen, 0, self._unseen_for + 1)
         lost = self._unseen_for > self._remembers
+        suspects = np.stack([facts["suspect_ahead_m"], facts["suspect_left_m"]], axis=1)
+        suspects[stale | np.isnan(targets[:, 0])] = np.nan
+        self._goes = lost & np.isfinite(suspects[:, 0])
+        self._noticed &= ~lost
+        lost &= ~self._goes
         aims = np.where(lost[:, None], np.nan, targets)
+        aims[self._goes] = suspects[self._goes]
         last_turn = self._oracle.last_turn
         actions = self._oracle.act(aims.astype(np.float64))
         begins = last_turn > -SEARCH_SPEED  # clockwise is negative, of both wheels together
         turn = np.where(begins, SEARCH_BEGINS * SEARCH_SPEED, SEARCH_SPEED)
         blind = self._oracle.commands(turn, -turn)
         actions[lost] = blind[lost]
-        stale = np.isnan(facts["seen_left_rad"])
         actions[np.isnan(targets[:, 0]) | stale] = np.nan
-        self._driven, self._blind, self._noticed = actions, blind, self._noticed & ~lost
+        self._driven, self._blind = actions, blind
         at_full_speed = actions + 1 - actions.mean(axis=1, keepdims=True)
         return np.where(lost[:, None], actions, at_full_speed)
 
     def shows(self, facts: NDArray[np.void]) -> NDArray[np.bool_]:
-        """Whether each picture shows the object; FACTS, shape (n,)."""
-        return np.abs(facts["seen_left_rad"]) <= IN_VIEW_RAD
+        """Whether each picture shows the object, or what may be it; FACTS, shape (n,)."""
+        return _in_view(facts) | np.isfinite(facts["suspect_ahead_m"])
 
     def forget(self, who: NDArray[np.bool_]) -> None:
         """These, shape (robots,), remember no object from now on."""
@@ -112,7 +115,12 @@ class FetchGuide:
         unnoticed: who searches on can't be told to go back to it.
         """
         self._oracle.drove(actions)
-        self._noticed |= _distance(actions, self._driven) < _distance(actions, self._blind)
+        went = _distance(actions, self._driven) < _distance(actions, self._blind)
+        self._noticed |= went & ~self._goes
+
+
+def _in_view(facts: NDArray[np.void]) -> NDArray[np.bool_]:
+    return np.abs(facts["seen_left_rad"]) <= IN_VIEW_RAD
 
 
 def _distance(one: Actions, other: Actions) -> NDArray[np.float32]:

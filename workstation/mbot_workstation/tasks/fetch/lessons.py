@@ -132,7 +132,7 @@ ROUGH_LESSON = FetchLesson(
     needs_training=True,
 )
 """Robots worse than any unit measured, among usual ones: a weak motor, pictures as late as the
-paper's, both at once, a slippery floor, dim or glaring light and long exposures, a camera that is not where it
-should be, or a bit of everything with slow wheels besides; and better ones, down to no lag,
-no dead band and no blur: of the policy that had not seen those, one in eight drives on `ideal`
-robots failed. For a policy that holds when a robot wears."""
+paper's, both at once, a slippery floor, dim or glaring light and long exposures, a camera that
+is not where it should be, or a bit of everything with slow wheels besides; and better ones, down
+to no lag, no dead band and no blur: of the policy that had not seen those, one in eight drives
+on `ideal` robots failed. For a policy that holds when a robot wears."""
