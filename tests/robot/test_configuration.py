@@ -1,4 +1,3 @@
-import subprocess
 import sys
 from pathlib import Path
 
@@ -12,6 +11,8 @@ from mbot_agent.doctor import examine_lens
 from mbot_protocol.drive.actions import MotorMap, Steps
 from mbot_protocol.drive.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError
+
+from ..ran import ran
 
 EXAMPLE = Path(__file__).parents[2] / "deploy" / "config.toml"
 
@@ -254,13 +255,7 @@ def test_an_unusable_calibration_stops_the_daemon_with_one_line(
         old, new = change.split(" -> ")
         for path in folder.iterdir():
             path.write_text(path.read_text().replace(old, new))
-    done = subprocess.run(
-        [sys.executable, "-m", "mbot_agent.main", action, "--config", robot_toml],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=30,
-    )
+    done = ran(sys.executable, "-m", "mbot_agent.main", action, "--config", robot_toml)
     assert done.returncode == 2, done.stderr
     assert done.stderr.count("\n") == 1
     assert words in done.stderr
@@ -270,13 +265,7 @@ def test_motors_can_be_stopped_whatever_the_calibration_says(robot_toml: Path) -
     """stop-motors uses the configured port even if the calibration is unusable."""
     (robot_toml.parent / "calibration" / "motion.toml").write_text("broken =")
     robot_toml.write_text(robot_toml.read_text() + '[board]\nport = "/dev/none-such"\n')
-    done = subprocess.run(
-        [sys.executable, "-m", "mbot_agent.main", "stop-motors", "--config", robot_toml],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=30,
-    )
+    done = ran(sys.executable, "-m", "mbot_agent.main", "stop-motors", "--config", robot_toml)
     assert "/dev/none-such" in done.stderr
     assert "calibration" not in done.stderr
 

@@ -20,6 +20,8 @@ import pytest
 from mbot_agent import configuration
 from mbot_protocol.wire.keys import check_robot_id
 
+from ..ran import ran
+
 CHECKOUT = Path(__file__).parents[2]
 SCRIPT = CHECKOUT / "deploy" / "install.sh"
 UNIT = CHECKOUT / "deploy" / "systemd" / "mbot-agent.service"
@@ -630,5 +632,5 @@ def test_the_unit_starts_what_the_script_installs(machine: Machine) -> None:
 
 def test_shellcheck_has_nothing_to_say() -> None:
     shellcheck = Path(sys.executable).with_name("shellcheck")  # of the extra [dev]
-    result = subprocess.run([shellcheck, SCRIPT], capture_output=True, text=True, check=False)
+    result = ran(shellcheck, SCRIPT)
     assert result.returncode == 0, result.stdout

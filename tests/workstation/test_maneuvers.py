@@ -5,7 +5,6 @@ import os
 import pty
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -43,11 +42,9 @@ from mbot_workstation.measure.tracks.commands_csv import read_commands
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS, maneuver_named
 from mbot_workstation.measure.tracks.recording_toml import read_info
 
+from ..ran import LIMIT_S, WORKSTATION, ran, without_robot
 from ..until import until
 from .fake_robot import CLOCK_AHEAD_NS, FakeRobot
-
-WORKSTATION = (sys.executable, "-c", "from mbot_workstation.main import main; main()")
-LIMIT_S = 30
 
 
 @pytest.fixture
@@ -439,20 +436,11 @@ def test_a_real_terminal_gives_single_keys() -> None:
 
 
 def environment(robot: FakeRobot) -> dict[str, str]:
-    clean = {name: value for name, value in os.environ.items() if not name.startswith("MBOT_")}
-    return clean | {"TERM": "xterm", "COLUMNS": "200", "MBOT_ROBOT": robot.address}
+    return without_robot() | {"TERM": "xterm", "MBOT_ROBOT": robot.address}
 
 
 def maneuvers(robot: FakeRobot, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*WORKSTATION, "maneuvers", *arguments],
-        env=environment(robot),
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=LIMIT_S,
-        check=False,
-    )
+    return ran(*WORKSTATION, "maneuvers", *arguments, env=environment(robot))
 
 
 SHORT = ("run", "--yes", "--seconds", "0.3", "--pause", "0", "--repetitions", "2")

@@ -49,10 +49,8 @@ from mbot_workstation.measure.tracking.overhead_track import (
 from mbot_workstation.measure.tracks.track import Array, Track
 from mbot_workstation.measure.tracks.track_file import TrackFile, read_track
 
+from ..ran import LIMIT_S, WORKSTATION, ran
 from .overhead_film import Overhead, drive, film, marker_sheet, sheet_corners, webcam
-
-WORKSTATION = (sys.executable, "-c", "from mbot_workstation.main import main; main()")
-LIMIT_S = 100
 
 
 def guess(like: CameraModel, fov_deg: float = 65.0) -> CameraModel:
@@ -156,14 +154,7 @@ def test_a_marker_of_another_size_than_declared_is_named() -> None:
 
 def workstation(*arguments: str, path: str | None = None) -> subprocess.CompletedProcess[str]:
     environment = dict(os.environ) | ({"PYTHONPATH": path} if path else {})
-    return subprocess.run(
-        [*WORKSTATION, "track", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=LIMIT_S,
-        check=False,
-        env=environment,
-    )
+    return ran(*WORKSTATION, "track", *arguments, env=environment)
 
 
 @pytest.fixture(scope="module")

@@ -1,13 +1,13 @@
 """Mistakes in the words of a command line, each one line, and exit code 2."""
 
 import os
-import subprocess
-import sys
 
 import pytest
 
 from mbot_workstation import main
 from mbot_workstation.cli.usage_words import is_usage_error
+
+from ..ran import WORKSTATION, ran
 
 WORDS = [
     ("evaluat servo", "no such command 'evaluat'; did you mean evaluate? see `workstation --help`"),
@@ -61,14 +61,7 @@ def test_no_words_at_all_show_the_help_and_nothing_else(
 
 def test_a_shell_completes_subcommands() -> None:
     asked = {"_WORKSTATION_COMPLETE": "complete_bash", "COMP_WORDS": "workstation ev"}
-    done = subprocess.run(
-        [sys.executable, "-m", "mbot_workstation.main"],
-        env=os.environ | asked | {"COMP_CWORD": "1"},
-        capture_output=True,
-        text=True,
-        timeout=100,
-        check=False,
-    )
+    done = ran(*WORKSTATION, env=os.environ | asked | {"COMP_CWORD": "1"})
     assert (done.returncode, done.stdout.split()) == (0, ["evaluate"])
 
 
