@@ -223,7 +223,7 @@ def test_root_installs_nothing_that_is_not_pinned_by_its_digest(
 
 
 def test_all_that_the_robot_and_its_build_want_is_pinned() -> None:
-    """What `make pins` would write anew; on Bookworm numpy and OpenCV are older ones."""
+    """What `make pins` would write; on Bookworm numpy and OpenCV are older ones."""
     project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())
     tested = dict(re.findall(r"(?m)^(.+)==(.+)$", (CHECKOUT / "constraints.txt").read_text()))
     wanted = [*project["project"]["dependencies"]]

@@ -37,7 +37,7 @@ def test_the_only_robot_is_found_and_asked(link: RobotLink) -> None:
 
 
 def test_no_close_of_a_connection_with_a_robot_that_is_gone_is_waited_for() -> None:
-    """Also of one that Zenoh has made anew by itself."""
+    """Also of one that Zenoh has reopened by itself."""
     port = free_port()
     with ExitStack() as stack:
         with FakeRobot("mbot-1", port) as robot:
