@@ -12,6 +12,7 @@ from mbot_protocol.drive.actions import MotorMap, Steps
 from mbot_protocol.drive.camera_model import CameraModel
 from mbot_protocol.errors import ConfigurationError
 
+from ..protocol.test_calibration import CAMERA_TEXT, MOTION_TEXT
 from ..ran import ran
 
 EXAMPLE = Path(__file__).parents[2] / "deploy" / "config.toml"
@@ -146,34 +147,6 @@ def test_a_wide_lens_has_eight_numbers_and_no_lens_six() -> None:
         decode(f"{LENS}distortion = [0, 0, 0, 0, 0, 0]", "x")
     with pytest.raises(ConfigurationError, match=r"distorsion is unknown \(line 9\)"):
         decode(f"{LENS}distorsion = [0, 0, 0, 0, 0]", "x")
-
-
-CAMERA_TEXT = """
-width_px = 2028
-height_px = 1520
-focal_x_px = 1936.5
-focal_y_px = 1934.0
-principal_x_px = 1020.25
-principal_y_px = 751.0
-distortion = [-0.11, 0.05, 0.0005, -0.0003, 0.0]
-reprojection_error_px = 0.31
-pictures = 21
-made_on = "2026-11-21"
-"""
-
-MOTION_TEXT = """
-free_speed_rpm = 118.0
-wheel_radius_m = 0.0319
-track_m = 0.117
-wheel_friction = 0.85
-load_loss = 0.03
-latency_ms = 31.0
-made_on = "2026-11-21"
-left_motor = { gain = 1.05, dead_band = 52.5, time_constant_ms = 95, trim = 0.9, \
-dead_band_compensation = 45 }
-right_motor = { gain = 0.95, dead_band = 47, time_constant_ms = 105, trim = 1.0, \
-dead_band_compensation = 40 }
-""".replace("\\\n", "")
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.cli.identify import gap_report
 from mbot_workstation.learn.studies.tolerance_file import write_tolerances
 from mbot_workstation.measure.gap_report.page import light_from, page, way
-from mbot_workstation.measure.gap_report.report import as_fields, build
+from mbot_workstation.measure.gap_report.report import as_fields
 from mbot_workstation.measure.gap_report.simulated_view import FramePair
 from mbot_workstation.measure.identification.exclusion import Exclusion, Fault
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS, maneuver_named
@@ -208,11 +208,6 @@ def test_where_nothing_was_gained_is_said() -> None:
 def test_light_is_told_by_where_it_comes_from() -> None:
     assert light_from((0, 0.5, -0.5)) == "45° above the horizon, 90° to the right"
     assert light_from((-1, -1, 0)) == "0° above the horizon, 45° to the left"
-
-
-def test_a_recording_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="missing"):
-        build([tmp_path / "missing"], None, None, None)
 
 
 run_command = partial(output_of, gap_report)
