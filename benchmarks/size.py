@@ -15,7 +15,7 @@ PROTOCOL = "shared/protocol/mbot_protocol"
 BUDGETS = {
     f"{WORKSTATION}/cli": 5500,
     f"{WORKSTATION}/look": 3400,
-    f"{WORKSTATION}/measure": 15200,
+    f"{WORKSTATION}/measure": 15260,
     f"{WORKSTATION}/learn": 8100,
     f"{WORKSTATION}/virtual": 2600,
     f"{WORKSTATION}/fleet": 6500,

@@ -9,15 +9,22 @@ import pytest
 
 from mbot_protocol.drive.actions import MotorMap, WheelMaps
 from mbot_protocol.errors import ConfigurationError
+from mbot_workstation.measure.tracks.axes_check import check_frame
 from mbot_workstation.measure.tracks.commands_csv import CommandedRun, write_commands
+from mbot_workstation.measure.tracks.direction_check import check_directions
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS, maneuver_named
+from mbot_workstation.measure.tracks.motion import DrivenRun
+from mbot_workstation.measure.tracks.plausibility import check_runs
 from mbot_workstation.measure.tracks.recording_folder import (
     COMMANDS_FILE,
     read_maneuvers,
     write_maneuvers,
 )
 from mbot_workstation.measure.tracks.run import CommandSeries, Run, UnusableRunError
+from mbot_workstation.measure.tracks.session_track import find_tracker_ahead_s, parts_of
 from mbot_workstation.measure.tracks.track import Array, Track
+from mbot_workstation.measure.tracks.track_format import TrackFormat
+from mbot_workstation.measure.tracks.unit_check import check_units
 
 from .driven_robot import Robot, Tracker, session, track_of
 
@@ -336,6 +343,24 @@ def test_a_wrongly_labelled_run_is_named(tmp_path: Path, runs: tuple[Run, ...]) 
     with pytest.raises(UnusableRunError, match="turns at") as caught:
         read_maneuvers(tmp_path)
     assert caught.value.number == 2
+
+
+def test_what_a_robot_drove_passes_every_check(runs: tuple[Run, ...]) -> None:
+    check_runs(Path("recording"), runs, TrackFormat())
+    driven = [DrivenRun.of(run) for run in runs]
+    check_units(driven, "m")
+    check_frame(driven, TrackFormat())
+    check_directions(driven)
+
+
+def test_runs_are_found_in_one_long_track() -> None:
+    made = session(repetitions=1, duration_s=3.0)
+    told = [CommandedRun(r.number, r.maneuver, r.repetition, r.commands) for r in made]
+    whole = track_of(Robot(), [run.commands for run in made], 0, carried=True)
+    ahead_s = find_tracker_ahead_s(told, whole)
+    for run, part in zip(made, parts_of(whole, told, ahead_s), strict=True):
+        assert part is not None
+        assert part.time_s[0] < run.commands.start_s + ahead_s < part.time_s[-1]
 
 
 # commands.csv and the folder itself
