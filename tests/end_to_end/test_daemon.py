@@ -42,11 +42,6 @@ MEMORY_MB = 112
 network camera, whose decoder takes 1."""
 
 
-@pytest.fixture
-def daemon(tmp_path: Path, board: FakeBoard) -> Daemon:
-    return Daemon(tmp_path, board.path)
-
-
 def test_from_push_to_driving_to_stop(daemon: Daemon, board: FakeBoard) -> None:
     with daemon.camera(), daemon.start():
         assert daemon.is_up()

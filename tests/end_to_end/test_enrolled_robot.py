@@ -5,11 +5,8 @@ import tarfile
 from dataclasses import dataclass
 from pathlib import Path
 
-import pytest
-
 from ..free_port import free_port
 from ..ran import WORKSTATION, ran, without_robot
-from ..robot.fake_board import FakeBoard
 from .processes import ROBOT_ID, Daemon
 
 
@@ -34,11 +31,6 @@ def copy_to_the_robot(bundle: Path, daemon: Daemon) -> None:
         tar.extractall(root, filter="data")
     text = (root / "etc" / "mbot-agent" / "enrolment.toml").read_text()
     (daemon.directory / "enrolment.toml").write_text(text.replace('"/etc/', f'"{root}/etc/'))
-
-
-@pytest.fixture
-def daemon(tmp_path: Path, board: FakeBoard) -> Daemon:
-    return Daemon(tmp_path, board.path)
 
 
 def test_two_people_and_a_robot(daemon: Daemon, tmp_path: Path) -> None:

@@ -15,11 +15,13 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from typer.testing import CliRunner
 
 from mbot_protocol.drive.actions import MotorMap, WheelMaps
 from mbot_protocol.errors import ConfigurationError, RefusedError, UnreachableError
 from mbot_protocol.v1.messages_pb2 import Command, CommandReply, Fault, State
 from mbot_protocol.wire.keys import COMMAND, STATUS, STOP
+from mbot_workstation.cli.maneuvers import app
 from mbot_workstation.fleet.link import remote_control
 from mbot_workstation.fleet.link.remote_control import RemoteControl
 from mbot_workstation.fleet.link.robot_link import RobotLink
@@ -45,13 +47,6 @@ from mbot_workstation.measure.tracks.recording_toml import read_info
 from ..ran import LIMIT_S, WORKSTATION, ran, without_robot
 from ..until import until
 from .fake_robot import CLOCK_AHEAD_NS, FakeRobot
-
-
-@pytest.fixture
-def link(robot: FakeRobot) -> Iterator[RobotLink]:
-    with RobotLink(robot.address) as open_link:
-        yield open_link
-
 
 # Plan
 
@@ -578,8 +573,8 @@ def test_no_is_an_answer(robot: FakeRobot, tmp_path: Path) -> None:
     ],
 )
 def test_nonsense_is_refused(robot: FakeRobot, arguments: tuple[str, ...], words: str) -> None:
-    run = maneuvers(robot, "run", "--yes", *arguments)
-    assert (run.returncode, words in run.stderr) == (2, True)
+    result = CliRunner().invoke(app, ["run", "--yes", "--robot", robot.address, *arguments])
+    assert words in f"{result.exception} {result.output}"
     assert drives(robot) == []
 
 

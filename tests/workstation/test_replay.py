@@ -39,11 +39,6 @@ late, and in the end the daemon was killed."""
 MODEL = RECORDED / "seeing.onnx"
 
 
-@pytest.fixture(scope="module")
-def drive() -> RecordedDrive:
-    return read_drive(RECORDED)
-
-
 def test_a_recording_is_read_beat_by_beat(drive: RecordedDrive) -> None:
     assert (drive.robot_id, drive.name) == ("virtual", "recorded-drive")
     assert len(drive.beats) == 13

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from msgspec import structs
 from typer.testing import CliRunner
 
-from mbot_protocol.beat.recorded_drive import RecordedDrive, read_drive
+from mbot_protocol.beat.recorded_drive import RecordedDrive
 from mbot_protocol.drive.camera_model import CameraModel, nominal_pi_camera
 from mbot_protocol.drive.picture import Observer, Picture
 from mbot_protocol.errors import ConfigurationError
@@ -33,11 +33,6 @@ from ..until import until
 RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"
 CAMERA = nominal_pi_camera(640, 480)
 LENS = structs.replace(CAMERA, distortion=(-0.2, 0.05, 0.001, -0.001, 0.0))
-
-
-@pytest.fixture(scope="module")
-def drive() -> RecordedDrive:
-    return read_drive(RECORDED)
 
 
 def pictures(drive: RecordedDrive) -> list[Picture]:

@@ -1,6 +1,5 @@
 import socket
 import time
-from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
@@ -23,12 +22,6 @@ from mbot_workstation.fleet.link.security import LinkSecurity, link_security
 from ..free_port import free_port
 from ..until import until
 from .fake_robot import SESSION_ID, FakeRobot
-
-
-@pytest.fixture
-def link(robot: FakeRobot) -> Iterator[RobotLink]:
-    with RobotLink(robot.address) as link:
-        yield link
 
 
 def test_the_only_robot_is_found_and_asked(link: RobotLink) -> None:
