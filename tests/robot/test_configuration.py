@@ -4,13 +4,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mbot_agent import main
+from mbot_agent.board import motor_stop
 from mbot_agent.camera.picture_check import PictureCheck
 from mbot_agent.configuration import CameraSettings, Configuration, decode, load, load_board
 from mbot_agent.configuration_files import calibrated
 from mbot_agent.doctor import examine_lens
 from mbot_protocol.drive.actions import MotorMap, Steps
 from mbot_protocol.drive.camera_model import CameraModel
-from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.errors import ConfigurationError, UnreachableError
 
 from ..protocol.test_calibration import CAMERA_TEXT, MOTION_TEXT
 from ..ran import ran
@@ -234,13 +236,15 @@ def test_an_unusable_calibration_stops_the_daemon_with_one_line(
     assert words in done.stderr
 
 
-def test_motors_can_be_stopped_whatever_the_calibration_says(robot_toml: Path) -> None:
+def test_motors_can_be_stopped_whatever_the_calibration_says(
+    robot_toml: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """stop-motors uses the configured port even if the calibration is unusable."""
     (robot_toml.parent / "calibration" / "motion.toml").write_text("broken =")
     robot_toml.write_text(robot_toml.read_text() + '[board]\nport = "/dev/none-such"\n')
-    done = ran(sys.executable, "-m", "mbot_agent.main", "stop-motors", "--config", robot_toml)
-    assert "/dev/none-such" in done.stderr
-    assert "calibration" not in done.stderr
+    monkeypatch.setattr(motor_stop, "TIME_LIMIT_S", 0.1)
+    with pytest.raises(UnreachableError, match="/dev/none-such"):
+        main._stop_motors(robot_toml)  # pyright: ignore[reportPrivateUsage]
 
 
 def test_frames_of_another_shape_than_the_calibration_are_no_frames(robot_toml: Path) -> None:
