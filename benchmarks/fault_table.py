@@ -317,7 +317,7 @@ FAULTS = (
         "slow subscriber",
         (Bar("publishing ≤ 10 ms<!--published-->, p99", "publish p99 ms", 10),),
         (f"{FIRE}::test_a_subscriber_that_stopped_reading_holds_nobody_up",),
-        back="it is given up, and connects anew",
+        back="it is given up, and reconnects",
     ),
     Fault(
         "two pushes at once",
@@ -484,7 +484,7 @@ BESIDE = (
             "tests/workstation/test_by_hand.py::test_keys_that_were_held_up_drive_nothing",
         ),
         "it moves nothing",
-        back="take hold anew",
+        back="take hold again",
     ),
     Fault(
         "a crash on a full disk, told to drive at a start",

@@ -44,7 +44,7 @@ def shuffled(policy: OnnxPolicy) -> None:
 
 
 class Frozen:
-    """Holds each robot's state once it has made so many decisions; a state of zeros begins anew."""
+    """Holds each robot's state once it has made so many decisions; a state of zeros starts over."""
 
     def __init__(self) -> None:
         self._decisions: NDArray[np.int64] = np.zeros(0, np.int64)

@@ -224,7 +224,7 @@ class Runner:
             os._exit(0)
 
     def _reached(self) -> Reach:
-        """Which tests call what, looked at anew when anything has changed."""
+        """Which tests call what, looked up again when anything has changed."""
         sources = sorted([*targets().values(), *(ROOT / "tests").rglob("*.py")])
         digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
         cached = CACHE / f"reach-{digest}.pickle"

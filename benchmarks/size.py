@@ -14,20 +14,20 @@ PROTOCOL = "shared/protocol/mbot_protocol"
 
 BUDGETS = {
     f"{WORKSTATION}/cli": 5650,
-    f"{WORKSTATION}/look": 3400,
-    f"{WORKSTATION}/measure": 15200,
-    f"{WORKSTATION}/learn": 8500,
-    f"{WORKSTATION}/virtual": 2600,
-    f"{WORKSTATION}/fleet": 6650,
-    f"{WORKSTATION}/tasks": 1300,
-    f"{WORKSTATION}/sim": 5600,
+    f"{WORKSTATION}/look": 3380,
+    f"{WORKSTATION}/measure": 15260,
+    f"{WORKSTATION}/learn": 8470,
+    f"{WORKSTATION}/virtual": 2580,
+    f"{WORKSTATION}/fleet": 6610,
+    f"{WORKSTATION}/tasks": 1500,
+    f"{WORKSTATION}/sim": 6290,
     f"{WORKSTATION}/pictures": 420,
     WORKSTATION: 320,
     PROTOCOL: 5600,
-    "robot/mbot_agent": 9500,
-    "robot/mbot_update": 1400,
-    "tests": 55750,
-    "benchmarks": 4700,
+    "robot/mbot_agent": 9430,
+    "robot/mbot_update": 1380,
+    "tests": 55700,
+    "benchmarks": 4780,
 }
 """Lines by folder; what lies in a folder with a budget of its own counts there. They are what
 stands today; the aim is 50,000 of source in all, 10,000 of them measuring, and 38,000 of tests.

@@ -1,10 +1,18 @@
-"""Which tests are slow: they run in `make test-all` and in CI, not in `make test`."""
+"""Which tests are slow: they run in `make test-all` and in CI, not in `make test`. And a robot's
+board and daemon."""
 
 import signal
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
+
+from .robot.fake_board import FakeBoard
+
+if TYPE_CHECKING:
+    from .end_to_end.processes import Daemon
 
 settings.register_profile("any machine", deadline=None)
 settings.load_profile("any machine")
@@ -23,3 +31,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.path.relative_to(here).parts[0] in SLOW_FOLDERS:
             item.add_marker(pytest.mark.slow)
+
+
+@pytest.fixture
+def board() -> Iterator[FakeBoard]:
+    with FakeBoard() as fake:
+        yield fake
+
+
+@pytest.fixture
+def daemon(tmp_path: Path, board: FakeBoard) -> "Daemon":
+    from .end_to_end.processes import Daemon
+
+    return Daemon(tmp_path, board.path)

@@ -2,7 +2,6 @@
 
 import fcntl
 import os
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +11,7 @@ import pytest
 from mbot_workstation.fleet.models.key_folder import KeyFolder
 
 from .mistake_table import MISTAKES, Mistake, page, prepare
+from .ran import ran
 
 PAGE = Path(__file__).parents[1] / "docs" / "results" / "first-hour.md"
 PROGRAMS = {"workstation": "mbot_workstation.main", "mbot-agent": "mbot_agent.main"}
@@ -40,15 +40,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 def test_a_mistake_is_answered_by_its_line(mistake: Mistake, folder: Path) -> None:
     program, *words = mistake.command.split()
     environment = {name: v for name, v in os.environ.items() if not name.startswith("MBOT_")}
-    done = subprocess.run(
-        [sys.executable, "-m", PROGRAMS[program], *words],
-        cwd=folder,
+    done = ran(
+        sys.executable,
+        "-m",
+        PROGRAMS[program],
+        *words,
         env=environment | {"XDG_CONFIG_HOME": "config", "COLUMNS": "80"},
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
+        cwd=folder,
         timeout=300,
-        check=False,
     )
     assert done.stderr == mistake.line.replace("{folder}", str(folder)) + "\n"
     assert (done.returncode, done.stdout) == (mistake.code, "")

@@ -3,7 +3,6 @@
 import ast
 import io
 import re
-import subprocess
 import tokenize
 from collections import Counter
 from collections.abc import Iterator
@@ -11,6 +10,8 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+
+from .ran import ran
 
 CHECKOUT = Path(__file__).parents[1]
 SOURCE = (
@@ -110,9 +111,7 @@ def test_one_kind_of_board_is_known_where_it_is_spoken_to() -> None:
 
 def test_nothing_names_this_machine() -> None:
     place = str(CHECKOUT.parent) + "/"
-    found = subprocess.run(
-        ["git", "grep", "-lF", place], cwd=CHECKOUT, capture_output=True, text=True, check=False
-    )
+    found = ran("git", "grep", "-lF", place, cwd=CHECKOUT)
     # A checkout may lie right below a folder that every machine has.
     everywhere = ("/", "/home/", "/opt/", "/root/", "/srv/", "/tmp/", "/var/tmp/")
     assert found.stdout == "" or place in everywhere

@@ -13,7 +13,7 @@ SITE = Path(__file__).with_name("site")
 
 
 class NotApplicableError(Exception):
-    """The function is not there as its source has it, such as one made anew by a decorator."""
+    """The function is not there as its source has it, such as one that a decorator has replaced."""
 
 
 def apply(mutant: Mutant) -> None:

@@ -164,7 +164,7 @@ class Helm:
         self._board.stop()
 
     def _end_press(self) -> None:
-        """Whatever ends a press ends it for good: who still holds has to take hold anew."""
+        """Whatever ends a press ends it for good: who still holds has to take hold again."""
         if self._press is not None:
             self._is_over(self._press)
             self._press = None

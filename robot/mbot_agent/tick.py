@@ -36,7 +36,7 @@ class Tick:
         captured_ns: when the frame was taken.
         observation: what the policy sees, shape (64, 64, 3), uint8, RGB.
         observed_ns: when that was ready.
-        memory: what the policy went on with, if it was asked to drive; None: it began anew.
+        memory: what the policy went on with, if it was asked to drive; None: it started over.
         action: what the policy answered, if it was asked to drive.
         decided_ns: when it had.
         steps: the same in motor steps.

@@ -51,7 +51,7 @@ def too_many(folders: ReleaseFolders) -> bool:
     return short_lives(folders) >= TOO_MANY
 
 
-def begin_anew(folders: ReleaseFolders) -> None:
+def start_over(folders: ReleaseFolders) -> None:
     """Another release runs, or the same one has been put there once more."""
     atomic_file.remove(folders.lives)
 

@@ -123,7 +123,7 @@ def is_up() -> bool:
 
 
 def reload_units() -> None:
-    """Let systemd read the daemon's unit anew, which lies in its release."""
+    """Let systemd read the daemon's unit again, which lies in its release."""
     _run(["systemctl", "daemon-reload"], 60)
 
 

@@ -70,7 +70,7 @@ def change_over(folders: ReleaseFolders, version: str, number: str = "", floor: 
     """
     old, before = folders.current, system.service()
     if version == old:
-        short_lives.begin_anew(folders)
+        short_lives.start_over(folders)
         outcome = Outcome(number, version, "installed", version)
         folders.note(replace(folders.ledger.accepted(version, version, floor), outcome=outcome))
         return outcome
@@ -96,7 +96,7 @@ def change_over(folders: ReleaseFolders, version: str, number: str = "", floor: 
     except OSError as error:
         # It would run on, though nobody has accepted it, until a boot goes back unasked.
         return _go_back(folders, version, number, f"the disk takes no note of it: {error.strerror}")
-    short_lives.begin_anew(folders)
+    short_lives.start_over(folders)
     folders.sweep()
     return outcome
 

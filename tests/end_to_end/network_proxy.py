@@ -3,7 +3,6 @@
 import asyncio
 import threading
 from collections.abc import Callable
-from types import TracebackType
 from typing import Self
 
 CHUNK_BYTES = 4096
@@ -34,12 +33,7 @@ class NetworkProxy:
         self.address = starting.result(10)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._call(self._abort_all)
         self._call(self._server.close)
         self._loop.call_soon_threadsafe(self._loop.stop)

@@ -2,9 +2,6 @@
 
 import signal
 import time
-from pathlib import Path
-
-import pytest
 
 from mbot_protocol.v1.messages_pb2 import Command, CommandReply, Run, Stop
 from mbot_protocol.wire.keys import COMMAND, STOP
@@ -18,11 +15,6 @@ from .processes import Daemon, Process, beats_on, until
 FORWARD = constant_model(0.6, 0.6, name="first")
 SECOND = constant_model(0.6, 0.5, name="second")
 FORWARD_BOARD = (-169, 169)
-
-
-@pytest.fixture
-def daemon(tmp_path: Path, board: FakeBoard) -> Daemon:
-    return Daemon(tmp_path, board.path)
 
 
 def test_no_run_from_before_a_stop_moves_the_robot_after_it(

@@ -1,13 +1,13 @@
 """`workstation calibrate demo`: the afternoon of measuring, by the commands that a person types."""
 
 import json
-import subprocess
 from pathlib import Path
 
 import pytest
 
 from mbot_workstation.measure.rehearsal.afternoon import LEAVES, TRUTH_FOLDER
 
+from ..ran import ran
 from .processes import PROGRAMS
 
 
@@ -16,13 +16,7 @@ from .processes import PROGRAMS
 def test_the_afternoon_finds_the_robot_that_nobody_has_measured(tmp_path: Path) -> None:
     folder = tmp_path / "afternoon"
     command = [PROGRAMS.format("workstation"), "calibrate", "demo", "--json", "-o", str(folder)]
-    done = subprocess.run(
-        [*command, "--seconds", "1.5", "--photos", "10"],
-        capture_output=True,
-        text=True,
-        timeout=540,
-        check=False,
-    )
+    done = ran(*command, "--seconds", "1.5", "--photos", "10", timeout=540)
     assert done.returncode == 0, done.stderr
     rows = json.loads(done.stdout)
     assert len(rows) >= 16

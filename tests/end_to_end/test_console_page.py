@@ -169,7 +169,7 @@ def test_run_is_shut_while_something_is_wrong_and_says_what(
 
 
 def seen_by_hand(page: Page, board: FakeBoard, key: str) -> bool:
-    """Hold a key until it has driven for a second; anew, as a person does, if the hand was lost.
+    """Hold a key until it has driven for a second; again, as a person does, if the hand was lost.
 
     A page that does not come to its turn for 0.25 s has let go, rightly: on a busy machine it may.
     """

@@ -20,6 +20,7 @@ from mbot_workstation.fleet.link.robot_link import RobotLink
 from mbot_workstation.fleet.models.stored_models import activate
 from mbot_workstation.fleet.telemetry.stream import TelemetryStream
 
+from ..ran import ran
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
 from .daemon_watch import resident_mb
@@ -39,11 +40,6 @@ FORWARD_BOARD = (-169, 169)
 MEMORY_MB = 112
 """With a policy that has no memory of its own, of which the shipped one takes some 4 MB more, and a
 network camera, whose decoder takes 1."""
-
-
-@pytest.fixture
-def daemon(tmp_path: Path, board: FakeBoard) -> Daemon:
-    return Daemon(tmp_path, board.path)
 
 
 def test_from_push_to_driving_to_stop(daemon: Daemon, board: FakeBoard) -> None:
@@ -247,7 +243,7 @@ def test_stop_motors_is_what_systemd_runs_after_a_crash(daemon: Daemon, board: F
         process.signal(signal.SIGKILL)
         process.wait()
     command = [PROGRAMS.format("mbot-agent"), "stop-motors", "--config", str(daemon.config)]
-    assert subprocess.run(command, check=False, capture_output=True).returncode == 0
+    assert ran(*command).returncode == 0
     assert board.speeds == (0, 0)
 
 
@@ -354,13 +350,7 @@ def test_the_watchdog_is_fed_by_finished_ticks(daemon: Daemon, tmp_path: Path) -
 
 
 def run_agent(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [PROGRAMS.format("mbot-agent"), *arguments],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+    return ran(PROGRAMS.format("mbot-agent"), *arguments)
 
 
 @pytest.mark.parametrize(

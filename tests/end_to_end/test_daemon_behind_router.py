@@ -3,7 +3,6 @@ README, STOP first. A stand-in that declares its keys otherwise than the daemon 
 """
 
 import json
-import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -24,6 +23,7 @@ from mbot_workstation.fleet.link.robot_link import RobotLink
 from mbot_workstation.fleet.models.push import push
 
 from ..free_port import free_port
+from ..ran import ran
 from ..reliability.effort import second_worst
 from ..robot.fake_board import FakeBoard
 from ..robot.tiny_models import constant_model
@@ -76,9 +76,7 @@ def test_every_command_of_the_readme_comes_through_and_stop_first(
             "HOME": str(tmp_path),
             "XDG_CONFIG_HOME": str(tmp_path),
         }
-        done = subprocess.run(
-            command, capture_output=True, text=True, timeout=60, env=environment, check=False
-        )
+        done = ran(*command, env=environment)
         assert done.returncode == fails, (arguments, done.stdout, done.stderr)
         return done.stdout + done.stderr
 

@@ -1,19 +1,13 @@
 """From `workstation enroll` to a robot that is found by its name, as two people would do it."""
 
-import os
 import subprocess
-import sys
 import tarfile
 from dataclasses import dataclass
 from pathlib import Path
 
-import pytest
-
 from ..free_port import free_port
-from ..robot.fake_board import FakeBoard
+from ..ran import WORKSTATION, ran, without_robot
 from .processes import ROBOT_ID, Daemon
-
-WORKSTATION = (sys.executable, "-c", "from mbot_workstation.main import main; main()")
 
 
 @dataclass(frozen=True)
@@ -23,16 +17,8 @@ class Desk:
     folder: Path
 
     def do(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        environment = {name: v for name, v in os.environ.items() if not name.startswith("MBOT_")}
-        environment |= {"XDG_CONFIG_HOME": str(self.folder), "LOGNAME": self.folder.name}
-        return subprocess.run(
-            [*WORKSTATION, *arguments],
-            env=environment | {"COLUMNS": "200"},
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-        )
+        who = {"XDG_CONFIG_HOME": str(self.folder), "LOGNAME": self.folder.name}
+        return ran(*WORKSTATION, *arguments, env=without_robot() | who)
 
     def bundle(self, name: str) -> Path:
         return self.folder / "mbot-agent" / "fleet" / f"{name}.tar"
@@ -45,11 +31,6 @@ def copy_to_the_robot(bundle: Path, daemon: Daemon) -> None:
         tar.extractall(root, filter="data")
     text = (root / "etc" / "mbot-agent" / "enrolment.toml").read_text()
     (daemon.directory / "enrolment.toml").write_text(text.replace('"/etc/', f'"{root}/etc/'))
-
-
-@pytest.fixture
-def daemon(tmp_path: Path, board: FakeBoard) -> Daemon:
-    return Daemon(tmp_path, board.path)
 
 
 def test_two_people_and_a_robot(daemon: Daemon, tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from mbot_workstation.fleet.telemetry.stream import TelemetryStream
 
 from ..promised import promised
 from ..protocol.test_dry_run import huge_tensor
+from ..ran import ran
 from ..reliability.motion import drives_again
 from ..robot.fake_board import FakeBoard
 from ..robot.model_bench import digest
@@ -185,7 +186,7 @@ def test_a_workstation_that_dies_in_mid_push_leaves_nothing_behind(daemon: Daemo
         daemon.push(FORWARD)
         script = str(HERE / "dying_push.py")
         command = [sys.executable, script, daemon.address, str(path), secret.hex()]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        done = ran(*command)
         assert done.returncode == -signal.SIGKILL, done.stderr
         with daemon.link() as link:
             assert [model.name for model in list_models(link)] == ["good"]
@@ -228,13 +229,7 @@ def workstation(daemon: Daemon, *arguments: str) -> subprocess.CompletedProcess[
         "XDG_CONFIG_HOME": str(daemon.directory / "home"),
         "MBOT_ROBOT": daemon.address,
     }
-    return subprocess.run(
-        [PROGRAMS.format("workstation"), *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=environment,
-    )
+    return ran(PROGRAMS.format("workstation"), *arguments, env=environment)
 
 
 def test_from_no_key_to_a_signed_push(daemon: Daemon) -> None:

@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
 
@@ -30,11 +29,6 @@ LONGER_THAN_THE_LEASE_S = 2.5
 """After 2 s of silence both sides give the link up."""
 
 Record = Callable[[str, object], None]
-
-
-@pytest.fixture
-def daemon(tmp_path: Path, board: FakeBoard) -> Daemon:
-    return Daemon(tmp_path, board.path)
 
 
 @pytest.fixture

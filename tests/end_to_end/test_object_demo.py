@@ -1,12 +1,12 @@
 """Another object from a file to a drive, as docs/objects.md prints it: train, export, demo."""
 
 import json
-import subprocess
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from ..ran import ran
 from .processes import PROGRAMS
 
 CHECKOUT = Path(__file__).parents[2]
@@ -14,14 +14,7 @@ BALL = str(CHECKOUT / "models" / "objects" / "green-ball.toml")
 
 
 def workstation(folder: Path, *words: str) -> dict[str, Any]:
-    done = subprocess.run(
-        [PROGRAMS.format("workstation"), *words, "--json"],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=170,
-        check=False,
-    )
+    done = ran(PROGRAMS.format("workstation"), *words, "--json", cwd=folder, timeout=170)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 

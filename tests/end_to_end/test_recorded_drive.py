@@ -25,11 +25,6 @@ RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture
-def daemon(tmp_path: Path, board: FakeBoard) -> Daemon:
-    return Daemon(tmp_path, board.path)
-
-
 def test_a_killed_daemon_leaves_a_drive_that_is_fetched_and_decided_again(
     daemon: Daemon, board: FakeBoard, tmp_path: Path
 ) -> None:

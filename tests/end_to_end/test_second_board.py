@@ -4,7 +4,6 @@ import os
 import pty
 import select
 import signal
-import subprocess
 import sys
 import threading
 import tty
@@ -19,6 +18,7 @@ from mbot_agent.configuration import BoardSettings
 from mbot_protocol.v1.messages_pb2 import State
 from mbot_workstation.fleet.link.remote_control import RemoteControl
 
+from ..ran import ran
 from ..robot.tiny_models import constant_model
 from .line_board_daemon import LineSession
 from .processes import HERE, Daemon, Process, until
@@ -119,7 +119,7 @@ def test_a_board_of_another_kind_is_driven_and_stopped(
         process.freeze()
         process.signal(signal.SIGKILL)
     assert line_board.last == DRIVES, "nobody was left to stop it"
-    done = subprocess.run(daemon.command("stop-motors"), capture_output=True, check=False)
+    done = ran(*daemon.command("stop-motors"))
     assert done.returncode == 0, done.stderr
     assert line_board.lines[-2:] == ["S", "S"]
 
@@ -146,10 +146,10 @@ def test_its_reset_disarms_and_its_silence_is_a_lost_board(
 def test_check_looks_at_it_and_an_unknown_kind_is_named(
     daemon: LineDaemon, line_board: LineBoard
 ) -> None:
-    done = subprocess.run(daemon.command("check"), capture_output=True, text=True, check=False)
+    done = ran(*daemon.command("check"))
     assert f"ok       board    {line_board.path}: firmware line-board 1" in done.stdout
     daemon.config.write_text(daemon.config.read_text().replace('"lines"', '"linse"'))
-    done = subprocess.run(daemon.command("run"), capture_output=True, text=True, check=False)
+    done = ran(*daemon.command("run"))
     assert done.returncode == 2
     assert "board.kind is 'linse', expected one of mcore, lines" in done.stderr
 

@@ -47,11 +47,6 @@ Record = Callable[[str, object], None]
 
 
 @pytest.fixture
-def daemon(tmp_path: Path, board: FakeBoard) -> Daemon:
-    return Daemon(tmp_path, board.path)
-
-
-@pytest.fixture
 def running(daemon: Daemon) -> Iterator[Process]:
     with daemon.camera(), daemon.start() as process:
         assert daemon.is_up()

@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import pytest
 
 from mbot_workstation.virtual.emulated.board_simulator import simulator_program
 
+from ..ran import ran
 from .simulated_board import Simulator
 
 HERE = Path(__file__).parent
@@ -68,6 +68,6 @@ def drives_on(firmware_folder: Path) -> Path:
 
 
 def _build(*command: str) -> None:
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    done = ran(*command)
     if done.returncode != 0:
         pytest.fail(f"{' '.join(command)}\n{done.stdout}{done.stderr}", pytrace=False)

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from ..end_to_end.processes import PROGRAMS
+from ..ran import ran
 from ..until import until
 from .simulated_board import emulators_of, is_emulator
 
@@ -19,9 +20,7 @@ WORKSTATION = PROGRAMS.format("workstation")
 
 def demo(folder: Path, *options: str) -> "subprocess.CompletedProcess[str]":
     command = (WORKSTATION, "demo", "--json", "--seconds", "5", "--output", str(folder / "demo"))
-    return subprocess.run(
-        [*command, *options], capture_output=True, text=True, timeout=100, check=False
-    )
+    return ran(*command, *options)
 
 
 @contextmanager
@@ -70,13 +69,7 @@ def test_the_demo_drives_it_if_told_to(tmp_path: Path, drives_on: Path) -> None:
 def test_a_wrong_firmware_is_one_line_and_exit_code_2(command: str, tmp_path: Path) -> None:
     photo = tmp_path / "photo.elf"
     photo.write_bytes(b"\xff\xd8\xff")
-    done = subprocess.run(
-        [WORKSTATION, command, "--firmware", str(photo)],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+    done = ran(WORKSTATION, command, "--firmware", str(photo))
     assert done.returncode == 2
     assert done.stderr.startswith(f"workstation: {photo} is not firmware of an mCore board")
     assert len(done.stderr.splitlines()) == 1

@@ -12,7 +12,6 @@ import signal
 import subprocess
 import time
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 CHECKOUT = Path(__file__).parents[2]
@@ -99,12 +98,7 @@ class Machine:
         self.devpts = Path(f"/proc/{self._init}/root/dev/pts")
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.cut_power()
 
     def cut_power(self) -> None:

@@ -14,7 +14,6 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 PACKAGES = "linux-image-amd64,kmod,socat,python3-libcamera,python3-prctl,libarchive13t64"
@@ -116,12 +115,7 @@ class VirtualMachine:
         self.boot_s = time.monotonic() - began_s
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.cut_power()
 
     def cut_power(self) -> None:

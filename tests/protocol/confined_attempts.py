@@ -2,8 +2,9 @@
 emulated arm64 of tests/pi has no pytest.
 """
 
-import subprocess
 import sys
+
+from ..ran import ran
 
 PROGRAM = """
 import ctypes, os, resource, signal, socket, subprocess, sys, threading
@@ -85,7 +86,5 @@ HARMLESS = {
 def outcome(body: str) -> str:
     """ "refused", "done", or what else has happened."""
     program = PROGRAM.format(body=f"    {body}")
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=30, check=False
-    )
+    done = ran(sys.executable, "-c", program)
     return done.stdout + done.stderr

@@ -46,7 +46,7 @@ def test_a_stop_is_told_as_far_as_it_is_known() -> None:
     assert changes(before, now, LastStop(why="stuck")) == [("WARN", "stopped: stuck")]
 
 
-def test_another_life_of_the_daemon_begins_anew() -> None:
+def test_another_life_of_the_daemon_starts_over() -> None:
     again = decision(0, session_id=2)
     again.missed_ticks = 0
     assert changes(decision(7), again) == changes(None, again)

@@ -6,7 +6,6 @@ import errno
 import platform
 import re
 import struct
-import subprocess
 import sys
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import pytest
 
 from mbot_protocol.policy.confinement import ALLOWED, MACHINES, Machine, bpf
 
+from ..ran import ran
 from .confined_attempts import FORBIDDEN, HARMLESS, outcome
 
 
@@ -37,7 +37,7 @@ def answer_of(program: str) -> str:
     program = f"{program}\nfrom mbot_protocol.policy.confinement import confine\n"
     program += "import os\nprint(confine(), flush=True)\nos._exit(0)"
     command = [sys.executable, "-c", program]
-    return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
+    return ran(*command).stdout.strip()
 
 
 def test_a_machine_that_nobody_has_tried_is_not_confined() -> None:

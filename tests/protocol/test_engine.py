@@ -27,6 +27,7 @@ from mbot_workstation.fleet.models.servo_policy import ServoGains, servo_model
 from mbot_workstation.learn.learning.policy_export import export_policy
 from mbot_workstation.learn.learning.trained_policy import trained_policy
 
+from ..ran import ran
 from ..robot.tiny_models import constant_model, counting_model, seeing_model
 
 CHECKOUT = Path(__file__).parents[2]
@@ -170,12 +171,12 @@ def test_where_onnxruntime_is_missing_a_dry_run_is_by_opencv(
     model = tmp_path / "model.onnx"
     model.write_bytes(for_armv6)
     path = os.pathsep.join([str(missing), os.environ.get("PYTHONPATH", "")])
-    done = subprocess.run(
-        [sys.executable, "-c", WITHOUT_ONNXRUNTIME, str(model)],
-        capture_output=True,
-        text=True,
+    done = ran(
+        sys.executable,
+        "-c",
+        WITHOUT_ONNXRUNTIME,
+        str(model),
         env={**os.environ, "PYTHONPATH": path},
-        check=False,
     )
     assert done.stdout == "None 80 True\n", done.stderr
 

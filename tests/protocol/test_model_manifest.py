@@ -1,11 +1,9 @@
-import contextlib
-
 import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mbot_protocol.errors import MbotError, NewerSchemaError, RefusedError
+from mbot_protocol.errors import NewerSchemaError, RefusedError
 from mbot_protocol.signing.model_manifest import ModelManifest, SignedTensor, decode, encode
 
 MANIFEST = ModelManifest(
@@ -72,9 +70,3 @@ def test_a_newer_manifest_says_who_must_upgrade() -> None:
     newer = msgspec.json.encode({"version": 2, "something": "else"})
     with pytest.raises(NewerSchemaError, match=r"version 2.*up to 1: upgrade mbot-agent"):
         decode(newer)
-
-
-@given(st.binary(max_size=200) | st.text(max_size=200).map(str.encode))
-def test_garbage_is_refused_but_never_crashes(data: bytes) -> None:
-    with contextlib.suppress(MbotError):
-        decode(data)

@@ -242,7 +242,7 @@ def test_shapes_made_of_constants_and_shapes_are_fixed() -> None:
 
 @pytest.mark.parametrize("name", ["one", "observation", "level"])
 def test_nothing_is_what_it_is_not(name: str) -> None:
-    """A node that makes anew what counts as a constant, or the picture."""
+    """A node that redefines what counts as a constant, or the picture."""
     again = helper.make_node("Identity", ["level"], [name])
     with pytest.raises(ContractError, match="twice"):
         check_structure(network(*BRIGHTEST, again, weights=[weight("one", 1)]))

@@ -2,7 +2,6 @@
 
 import threading
 import time
-from types import TracebackType
 from typing import Literal, Self
 
 import cv2
@@ -61,12 +60,7 @@ class FaultyCamera:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._closing = True
         self._thread.join(5)
         self.die()

@@ -182,7 +182,7 @@ def test_a_wrong_device_never_gets_a_drive_frame(
             assert until(lambda: motors.fault is not None and "baud" in motors.fault.detail)
             motors.drive(for_10_s())
             asked = received.count(VERSION_REQUEST)
-            # It is asked anew meanwhile, over a port that was opened anew.
+            # It is asked again meanwhile, over a port that was reopened.
             assert until(lambda: received.count(VERSION_REQUEST) >= asked + 2)
         frames = bytes(received).count(FULL_SPEED.to_bytes())
     record_property("motor frames", frames)

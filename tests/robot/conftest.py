@@ -5,14 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from .fake_board import FakeBoard
 from .lock_watch import HELD, LockWatch, SpiedThreading, watched_modules
-
-
-@pytest.fixture
-def board() -> Iterator[FakeBoard]:
-    with FakeBoard() as fake:
-        yield fake
 
 
 @pytest.fixture(autouse=True)

@@ -8,7 +8,6 @@ import threading
 import time
 import tty
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from mbot_protocol.drive.mcore import END, HEADER, wants_arming
@@ -70,12 +69,7 @@ class FakeBoard:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.unplug()
 
     @property

@@ -97,7 +97,7 @@ def test_the_thread_says_it_once_and_tells_what_is_so(monkeypatch: pytest.Monkey
     assert (capture.light, source.orders[3:]) == ("unknown", [True])  # and never asked again
 
 
-def test_a_camera_that_is_opened_anew_in_mid_drive_settles_first(
+def test_a_camera_that_is_reopened_in_mid_drive_settles_first(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     source = Adjustable()

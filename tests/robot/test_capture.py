@@ -64,7 +64,7 @@ def test_people_see_the_newest_frame_and_none_that_is_damaged() -> None:
     assert camera.capture.glance() is None
 
 
-def test_a_still_picture_is_refused_once_it_drives_and_believed_anew_once_forgiven(
+def test_a_still_picture_is_refused_once_it_drives_and_believed_again_once_forgiven(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     camera, still = Encoded(identical_frames="refuse-while-driving"), noise(7)

@@ -1,17 +1,21 @@
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from mbot_agent import main
+from mbot_agent.board import motor_stop
 from mbot_agent.camera.picture_check import PictureCheck
 from mbot_agent.configuration import CameraSettings, Configuration, decode, load, load_board
 from mbot_agent.configuration_files import calibrated
 from mbot_agent.doctor import examine_lens
 from mbot_protocol.drive.actions import MotorMap, Steps
 from mbot_protocol.drive.camera_model import CameraModel
-from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.errors import ConfigurationError, UnreachableError
+
+from ..protocol.test_calibration import CAMERA_TEXT, MOTION_TEXT
+from ..ran import ran
 
 EXAMPLE = Path(__file__).parents[2] / "deploy" / "config.toml"
 
@@ -147,34 +151,6 @@ def test_a_wide_lens_has_eight_numbers_and_no_lens_six() -> None:
         decode(f"{LENS}distorsion = [0, 0, 0, 0, 0]", "x")
 
 
-CAMERA_TEXT = """
-width_px = 2028
-height_px = 1520
-focal_x_px = 1936.5
-focal_y_px = 1934.0
-principal_x_px = 1020.25
-principal_y_px = 751.0
-distortion = [-0.11, 0.05, 0.0005, -0.0003, 0.0]
-reprojection_error_px = 0.31
-pictures = 21
-made_on = "2026-11-21"
-"""
-
-MOTION_TEXT = """
-free_speed_rpm = 118.0
-wheel_radius_m = 0.0319
-track_m = 0.117
-wheel_friction = 0.85
-load_loss = 0.03
-latency_ms = 31.0
-made_on = "2026-11-21"
-left_motor = { gain = 1.05, dead_band = 52.5, time_constant_ms = 95, trim = 0.9, \
-dead_band_compensation = 45 }
-right_motor = { gain = 0.95, dead_band = 47, time_constant_ms = 105, trim = 1.0, \
-dead_band_compensation = 40 }
-""".replace("\\\n", "")
-
-
 @pytest.fixture
 def robot_toml(tmp_path: Path) -> Path:
     """A configuration beside its calibration, as both lie on the robot."""
@@ -254,31 +230,21 @@ def test_an_unusable_calibration_stops_the_daemon_with_one_line(
         old, new = change.split(" -> ")
         for path in folder.iterdir():
             path.write_text(path.read_text().replace(old, new))
-    done = subprocess.run(
-        [sys.executable, "-m", "mbot_agent.main", action, "--config", robot_toml],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=30,
-    )
+    done = ran(sys.executable, "-m", "mbot_agent.main", action, "--config", robot_toml)
     assert done.returncode == 2, done.stderr
     assert done.stderr.count("\n") == 1
     assert words in done.stderr
 
 
-def test_motors_can_be_stopped_whatever_the_calibration_says(robot_toml: Path) -> None:
+def test_motors_can_be_stopped_whatever_the_calibration_says(
+    robot_toml: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """stop-motors uses the configured port even if the calibration is unusable."""
     (robot_toml.parent / "calibration" / "motion.toml").write_text("broken =")
     robot_toml.write_text(robot_toml.read_text() + '[board]\nport = "/dev/none-such"\n')
-    done = subprocess.run(
-        [sys.executable, "-m", "mbot_agent.main", "stop-motors", "--config", robot_toml],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=30,
-    )
-    assert "/dev/none-such" in done.stderr
-    assert "calibration" not in done.stderr
+    monkeypatch.setattr(motor_stop, "TIME_LIMIT_S", 0.1)
+    with pytest.raises(UnreachableError, match="/dev/none-such"):
+        main._stop_motors(robot_toml)  # pyright: ignore[reportPrivateUsage]
 
 
 def test_frames_of_another_shape_than_the_calibration_are_no_frames(robot_toml: Path) -> None:

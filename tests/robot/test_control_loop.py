@@ -536,7 +536,7 @@ def test_a_daemon_that_starts_with_a_fault_in_the_way_says_so_at_once(
 
 
 @pytest.mark.parametrize("gap", ["held", "unacknowledged", "refused"])
-def test_a_policy_goes_on_from_what_it_did_and_begins_anew_behind_a_gap(
+def test_a_policy_goes_on_from_what_it_did_and_starts_over_behind_a_gap(
     bench: Bench, monkeypatch: pytest.MonkeyPatch, gap: str
 ) -> None:
     bench.pilot.use(Policy(counting_model()))

@@ -123,7 +123,7 @@ def test_when_too_much_is_held_all_go_who_may_only_look_or_drive_and_nobody_is_k
 
 
 def test_a_fifth_session_that_comes_again_and_again_costs_the_four_nothing() -> None:
-    """Zenoh's client connects anew by itself, and each handshake is a dozen messages."""
+    """Zenoh's client reconnects by itself, and each handshake is a dozen messages."""
     keeper = Doorkeeper(ACCESS)
     four = {visitor("person:vera", port): Traffic() for port in range(MOST_A_NAME)}
     fifth = visitor("person:vera", 100)

@@ -20,6 +20,8 @@ import pytest
 from mbot_agent import configuration
 from mbot_protocol.wire.keys import check_robot_id
 
+from ..ran import ran
+
 CHECKOUT = Path(__file__).parents[2]
 SCRIPT = CHECKOUT / "deploy" / "install.sh"
 UNIT = CHECKOUT / "deploy" / "systemd" / "mbot-agent.service"
@@ -221,7 +223,7 @@ def test_root_installs_nothing_that_is_not_pinned_by_its_digest(
 
 
 def test_all_that_the_robot_and_its_build_want_is_pinned() -> None:
-    """What `make pins` would write anew; on Bookworm numpy and OpenCV are older ones."""
+    """What `make pins` would write; on Bookworm numpy and OpenCV are older ones."""
     project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())
     tested = dict(re.findall(r"(?m)^(.+)==(.+)$", (CHECKOUT / "constraints.txt").read_text()))
     wanted = [*project["project"]["dependencies"]]
@@ -630,5 +632,5 @@ def test_the_unit_starts_what_the_script_installs(machine: Machine) -> None:
 
 def test_shellcheck_has_nothing_to_say() -> None:
     shellcheck = Path(sys.executable).with_name("shellcheck")  # of the extra [dev]
-    result = subprocess.run([shellcheck, SCRIPT], capture_output=True, text=True, check=False)
+    result = ran(shellcheck, SCRIPT)
     assert result.returncode == 0, result.stdout

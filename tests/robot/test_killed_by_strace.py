@@ -6,7 +6,6 @@ call before, and the empty file it makes is what the kill at the first write lea
 """
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import pytest
 from mbot_agent.models.model_directory import ModelDirectory
 from mbot_agent.models.sequence_floors import SequenceFloors
 
+from ..ran import ran
 from . import crash_process
 from .crash_process import KEY, NEW, OLD, digest, prepare
 
@@ -41,7 +41,7 @@ def run(root: Path, call: str, injection: str) -> list[str]:
         str(WHEN),
         str(points),
     ]
-    done = subprocess.run([*command, *program], capture_output=True, text=True, check=False)
+    done = ran(*command, *program)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 

@@ -159,28 +159,6 @@ def test_a_push_that_trickles_is_forgotten_after_a_minute(
     assert robot.push(SECOND).accepted
 
 
-def test_a_push_whose_sender_died_is_forgotten(
-    robot: Robot, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    begun = robot.begin(FIRST)
-    later_s = time.monotonic() + intake.EXPIRES_S + 1
-    monkeypatch.setattr(time, "monotonic", lambda: later_s)
-    robot.service.expire_staging()
-    reply = robot.chunk(begun.push_id, 0, FIRST)
-    assert "not under way" in reply.reason
-    assert robot.push(SECOND).accepted
-
-
-def test_chunks_out_of_order_or_size_are_refused(robot: Robot) -> None:
-    begun = robot.begin(FIRST)
-    assert "begins at byte 5" in robot.chunk(begun.push_id, 5, FIRST[:10]).reason
-    assert "expected 1 to" in robot.chunk(begun.push_id, 0, FIRST + b"more").reason
-    assert "expected 1 to" in robot.chunk(begun.push_id, 0, b"").reason
-    assert "not under way" in robot.chunk("another", 0, FIRST).reason
-    robot.chunk(begun.push_id, 0, FIRST[:10])
-    assert "bytes have arrived" in robot.commit(begun.push_id).reason
-
-
 def test_a_model_for_another_rate_is_accepted_with_a_word(robot: Robot) -> None:
     reply = robot.push(constant_model(decision_rate_hz=10.0))
     assert reply.accepted

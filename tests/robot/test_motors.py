@@ -348,9 +348,7 @@ def test_a_newer_command_outlives_the_loss_of_an_older_one(
         assert board.wait_for(0, 0)
 
 
-def test_a_board_that_obeys_nothing_but_stops_is_opened_anew(
-    motors: Motors, board: FakeBoard
-) -> None:
+def test_a_board_that_obeys_nothing_but_stops_is_reopened(motors: Motors, board: FakeBoard) -> None:
     """As long as somebody tells it to drive, all the time as a hand does."""
     board.latched = True
     mark = len(board.received)
@@ -507,7 +505,7 @@ def test_a_word_is_not_kept_for_a_board_that_comes_back(
 def test_that_a_board_has_latched_is_found_out_and_one_lost_command_is_not_it(
     latching: tuple[Motors, FakeBoard], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # With 50 ms a machine that stalls loses the board now and then, and the count begins anew.
+    # With 50 ms a machine that stalls loses the board now and then, and the count starts over.
     monkeypatch.setattr(mcore_session, "ACKNOWLEDGE_TIMEOUT_S", 0.3)
     motors, board = latching
     motors.arm()
@@ -664,7 +662,7 @@ def test_a_driven_board_that_is_lost_keeps_nobody_waiting(motors: Motors, board:
     assert motors.wait_stopped(5.0)
 
 
-def test_a_thread_that_stumbles_opens_the_board_anew(
+def test_a_thread_that_stumbles_reopens_the_board(
     motors: Motors,
     board: FakeBoard,
     monkeypatch: pytest.MonkeyPatch,

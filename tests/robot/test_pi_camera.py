@@ -130,7 +130,7 @@ def test_a_hanging_camera_is_an_error_in_time() -> None:
             source.read()
 
 
-def test_a_hung_camera_is_closed_and_started_anew() -> None:
+def test_a_hung_camera_is_closed_and_restarted() -> None:
     with CaptureThread(CameraSettings()) as capture:
         assert until(capture.is_fresh)
         first = StandIn.newest

@@ -247,18 +247,6 @@ def test_a_robot_knows_what_it_is(tmp_path: Path) -> None:
     assert found.free_bytes > 0
 
 
-def test_one_push_at_a_time_and_a_silent_one_is_forgotten(
-    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = archive(tmp_path)
-    begun = robot.begin(path)
-    assert "another push is under way" in robot.begin(path).reason
-    later_s = time.monotonic() + intake.EXPIRES_S + 1
-    monkeypatch.setattr(time, "monotonic", lambda: later_s)
-    assert "not under way" in robot.chunk(begun.push_id, 0, b"x").reason
-    assert robot.begin(path).accepted
-
-
 def test_half_a_release_of_an_earlier_start_is_swept_and_a_whole_one_is_not(
     robot: Robot, tmp_path: Path
 ) -> None:

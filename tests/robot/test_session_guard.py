@@ -348,7 +348,7 @@ def test_with_many_here_nobody_is_kept_waiting_to_go(turned: Turned) -> None:
 def test_a_fifth_session_is_not_heard_for_a_while_and_then_shown_out(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Its client would connect anew at once, with all of TLS, hundreds of times a second."""
+    """Its client would reconnect at once, with all of TLS, hundreds of times a second."""
     monkeypatch.setattr(session_guard, "HELD_S", 1.0)
     monkeypatch.setattr(doorkeeper, "NEWCOMER_S", 0.2)
     ends = [linked() for _ in range(MOST_A_NAME + 1)]

@@ -123,7 +123,7 @@ def test_ends_in_an_update_and_of_the_machine_are_no_deaths(robot: Robot, ends: 
 
 
 @pytest.mark.parametrize("damage", [b"", b"0.2", b"0.2 many", b"\xff\xfe", b"0.1 9"])
-def test_a_damaged_count_begins_anew(robot: Robot, ends: Ends, damage: bytes) -> None:
+def test_a_damaged_count_starts_over(robot: Robot, ends: Ends, damage: bytes) -> None:
     robot.folders.lives.write_bytes(damage)
     ends.end()
     assert ends.counted == 1

@@ -14,6 +14,7 @@ from mbot_agent.configuration import DEFAULT_STATE_DIRECTORY
 from mbot_protocol.daemon_state import DIRECTORY
 
 from ..promised import promised
+from ..ran import ran
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 UNIT = DEPLOY / "systemd" / "mbot-agent.service"
@@ -52,12 +53,7 @@ def test_systemd_accepts_every_line(tmp_path: Path) -> None:
     )
 
     # Mistakes are printed, yet the exit status stays 0.
-    result = subprocess.run(
-        [systemd_tool("systemd-analyze"), "verify", "--man=no", unit],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    result = ran(systemd_tool("systemd-analyze"), "verify", "--man=no", unit)
 
     assert result.stdout + result.stderr == ""
     assert result.returncode == 0
@@ -66,28 +62,18 @@ def test_systemd_accepts_every_line(tmp_path: Path) -> None:
 def test_verify_would_notice_a_mistake(tmp_path: Path) -> None:
     unit = tmp_path / UNIT.name
     unit.write_text(UNIT.read_text().replace("WatchdogSec=", "WatchDogSecs="))
-    result = subprocess.run(
-        [systemd_tool("systemd-analyze"), "verify", "--man=no", unit],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    result = ran(systemd_tool("systemd-analyze"), "verify", "--man=no", unit)
     assert "WatchDogSecs" in result.stdout + result.stderr
 
 
 def test_exposure_is_low() -> None:
     exposure = promised("unit-exposure")  # a unit with nothing but User= has 9.2
-    result = subprocess.run(
-        [
-            systemd_tool("systemd-analyze"),
-            "security",
-            "--offline=true",
-            f"--threshold={exposure * 10:.0f}",  # in tenths
-            UNIT,
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
+    result = ran(
+        systemd_tool("systemd-analyze"),
+        "security",
+        "--offline=true",
+        f"--threshold={exposure * 10:.0f}",
+        UNIT,
     )
     assert result.returncode == 0, result.stdout + result.stderr
     told = re.search(r"Overall exposure level for .*: ([\d.]+)", result.stdout)
@@ -184,12 +170,8 @@ def test_the_updaters_units_are_faultless_and_make_no_cycle(tmp_path: Path) -> N
     (tmp_path / "all.target").write_text(
         "[Unit]\nWants=multi-user.target " + " ".join(unit.name for unit in units) + "\n"
     )
-    result = subprocess.run(
-        [systemd_tool("systemd-analyze"), "verify", "--man=no", "all.target", *units],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=tmp_path,
+    result = ran(
+        systemd_tool("systemd-analyze"), "verify", "--man=no", "all.target", *units, cwd=tmp_path
     )
     told = [line for line in (result.stdout + result.stderr).splitlines() if "mbot-agent" in line]
     assert told == []

@@ -3,7 +3,6 @@
 import errno
 import os
 import re
-import subprocess
 import sys
 import time
 from dataclasses import replace
@@ -17,6 +16,7 @@ from mbot_update import main, taking_in, update_steps
 from mbot_workstation.fleet.models.signing_key import SigningKey
 from mbot_workstation.fleet.releases.make_release import UPDATER_MODULES, put_updater
 
+from ..ran import ran
 from .release_bench import COMPUTER, FILES, Robot, archive, signed_manifest
 
 
@@ -273,7 +273,7 @@ def test_the_updater_runs_with_the_systems_python_alone(tmp_path: Path) -> None:
     (tmp_path / "opt/mbot-agent/releases").mkdir(parents=True)
     command = [sys.executable, "-I", "-S", "-B", "-X", "importtime", str(tmp_path / "updater")]
     command += ["--root", str(tmp_path), "releases", "--json"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = ran(*command)
     assert done.returncode == 0, done.stderr
     assert '"releases": []' in done.stdout
     imported = set(re.findall(r"\| +mbot_protocol\.([\w.]+)$", done.stderr, re.MULTILINE))

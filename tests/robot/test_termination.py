@@ -7,6 +7,8 @@ import pytest
 
 from mbot_agent.process.termination import THREAD_DIED
 
+from ..ran import ran
+
 PROGRAM = """
 import logging, os, signal, threading
 logging.basicConfig(format="%(message)s", level=logging.INFO)
@@ -43,12 +45,7 @@ def test_motors_are_called_stopped_only_by_the_boards_word(confirmed: bool) -> N
 @pytest.mark.parametrize("stop", ["lambda: True", "lambda: 1 / 0"])
 def test_an_exception_that_ends_any_thread_ends_the_process(stop: str) -> None:
     """Motors first; and whatever comes of that."""
-    done = subprocess.run(
-        [sys.executable, "-c", FALLS_OVER.format(stop=stop)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = ran(sys.executable, "-c", FALLS_OVER.format(stop=stop))
     assert done.returncode == THREAD_DIED
     if stop == "lambda: True":
         assert "the thread 'a part' died: motors stopped, ending" in done.stderr

@@ -408,9 +408,9 @@ def test_a_boot_goes_back_from_what_nobody_accepted_and_wakes_nobody(
     diary = Diary(robot, monkeypatch)
     update_steps.recover(robot.folders)
     assert (robot.folders.current, robot.folders.ledger.came_from) == ("0.1", "")
-    read_anew = ["systemctl"] if current == "0.2" else []
+    read_again = ["systemctl"] if current == "0.2" else []
     restarted = ["restart"] if current == "0.2" and state == "active" else []
-    assert diary.steps == ["turns to 0.1", "notes nothing", *read_anew, *restarted]
+    assert diary.steps == ["turns to 0.1", "notes nothing", *read_again, *restarted]
 
 
 def test_a_boot_on_a_full_disk_needs_no_note_where_nothing_went_on(

@@ -1,6 +1,5 @@
 import json
 import subprocess
-import sys
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -41,30 +40,12 @@ from mbot_workstation.sim.calibrated.calibration_folder import (
 )
 from mbot_workstation.sim.engine import mujoco
 
+from ..ran import WORKSTATION, ran
 from .calibrations import BODY
-
-SCRIPT = """
-import sys, typer
-from mbot_protocol.errors import MbotError
-from mbot_workstation.cli.calibrate import body
-app = typer.Typer()
-app.command()(body)
-try:
-    app()
-except MbotError as error:
-    print(f"workstation: {error}", file=sys.stderr)
-    sys.exit(error.exit_code)
-"""
 
 
 def calibrate_body(*arguments: str | Path) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(
-        [sys.executable, "-c", SCRIPT, *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60,
-    )
+    return ran(*WORKSTATION, "calibrate", "body", *map(str, arguments))
 
 
 def robot_of(body: BodyCalibration) -> RobotParameters:
@@ -244,10 +225,6 @@ def test_a_wrong_measure_of_the_robot_is_named(key: str, value: object, words: s
 def test_a_camera_that_stands_too_high_is_named() -> None:
     with pytest.raises(ValueError, match=r"75 mm would be 0\.075"):
         MountCalibration(height_m=75.0, ahead_m=0.06)
-
-
-def test_a_robot_that_adds_up_needs_no_warning() -> None:
-    assert warnings(BODY) == []
 
 
 def test_parts_that_do_not_add_up_to_the_weighed_robot_are_named() -> None:

@@ -135,7 +135,7 @@ def test_a_tap_is_no_held_key() -> None:
     keys.take("w", FIRST_REPEAT_WITHIN_S)
     assert keys.wheels(0.8) == (0.4, 0.4)
     assert keys.wheels(0.8 + HELD_FOR_S + 0.01) is None
-    keys.take("w", 0.8 + HELD_FOR_S + 0.01)  # late: it has to begin anew
+    keys.take("w", 0.8 + HELD_FOR_S + 0.01)  # late: it has to start over
     assert keys.wheels(1.01) is None
     keys.take("d", 1.02)
     assert keys.wheels(1.02) is None, "another key was held"

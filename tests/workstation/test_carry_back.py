@@ -19,7 +19,7 @@ def test_it_waits_until_the_run_is_surely_over() -> None:
     waited_s = carried_after_s(carry, FAR)
     assert waited_s is not None
     assert abs(waited_s - STANDING_S) < 2 * STEP_S
-    # Once carried it stands in the middle; far away again it waits anew.
+    # Once carried it stands in the middle; far away again it waits once more.
     assert carried_after_s(carry, ORIGIN) is None
 
 

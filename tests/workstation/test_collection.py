@@ -95,7 +95,7 @@ def test_an_update_finds_the_rollout_as_it_was(units: int, monkeypatch: pytest.M
         learner.collection = Collection(environment)
         learner.learn(320)
     lived = learner.rollout_buffer.everything()
-    assert lived.forgot.sum() > 2, "nobody has begun anew"
+    assert lived.forgot.sum() > 2, "nobody has started over"
     with torch.no_grad():
         known = learner._known(lived)  # pyright: ignore[reportPrivateUsage]
         wheels = torch.distributions.Normal(

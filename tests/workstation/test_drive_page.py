@@ -15,7 +15,7 @@ from msgspec import structs
 from PIL import Image, ImageSequence
 from typer.testing import CliRunner
 
-from mbot_protocol.beat.recorded_drive import RecordedDrive, read_drive
+from mbot_protocol.beat.recorded_drive import RecordedDrive
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision, Fault, State
 from mbot_workstation.cli.drives import ReportOptions
@@ -32,11 +32,6 @@ from .called import output_of
 
 called_film = partial(output_of, film_command)
 RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"
-
-
-@pytest.fixture
-def drive() -> RecordedDrive:
-    return read_drive(RECORDED)
 
 
 def test_a_sentence_says_what_happened(drive: RecordedDrive) -> None:

@@ -1,12 +1,12 @@
 """OpenGL that does not start is one line, whatever the library behind it raises."""
 
 import os
-import subprocess
-import sys
 
 import pytest
 
 from mbot_workstation.sim.engine import mujoco, open_gl_context, open_renderer
+
+from ..ran import WORKSTATION, ran
 
 VIRTUAL = ("virtual-robot", "--seconds", "1")
 EVALUATE = ("evaluate", "servo", "--episodes", "1", "--workers", "1")
@@ -29,14 +29,7 @@ def test_a_setting_that_does_not_work_is_one_line(
     environment = os.environ | {name: value}
     for display in ("DISPLAY", "WAYLAND_DISPLAY"):
         environment.pop(display, None)
-    done = subprocess.run(
-        [sys.executable, "-m", "mbot_workstation.main", *command],
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=100,
-        check=False,
-    )
+    done = ran(*WORKSTATION, *command, env=environment)
     if value == "osmesa" and done.returncode == 0:
         pytest.skip("this machine has OSMesa")
     assert done.returncode == 2, done.stderr

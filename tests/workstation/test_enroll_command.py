@@ -3,7 +3,6 @@
 import json
 import os
 import subprocess
-import sys
 import tarfile
 import tomllib
 from pathlib import Path
@@ -13,9 +12,8 @@ import pytest
 from mbot_agent.configuration import load
 from mbot_workstation.fleet.models.key_folder import KeyFolder
 
+from ..ran import WORKSTATION, ran
 from .pasted import pasted
-
-WORKSTATION = (sys.executable, "-c", "from mbot_workstation.main import main; main()", "enroll")
 
 
 class Desk:
@@ -30,14 +28,7 @@ class Desk:
         }
 
     def enroll(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [*WORKSTATION, *arguments],
-            env=self._environment,
-            capture_output=True,
-            text=True,
-            timeout=30,
-            check=False,
-        )
+        return ran(*WORKSTATION, "enroll", *arguments, env=self._environment)
 
     def said(self, *arguments: str) -> str:
         done = self.enroll(*arguments)

@@ -122,12 +122,12 @@ def test_a_recorded_policy_does_what_it_did_on_the_robot() -> None:
     del actions[8]
     then = [(beat.decision.action.left, beat.decision.action.right) for beat in decided]
     np.testing.assert_allclose(actions, then, atol=1e-5)
-    never_anew = [Glance(one.frame, one.told or (0.0, 0.0)) for one in glances]
-    other = ActivationReader(model).look_back(never_anew, [9])[0].action
+    uninterrupted = [Glance(one.frame, one.told or (0.0, 0.0)) for one in glances]
+    other = ActivationReader(model).look_back(uninterrupted, [9])[0].action
     assert np.abs(np.subtract(other, then[8])).max() > 1e-3
 
 
-def test_telemetry_tells_where_a_policy_began_anew(tmp_path: Path) -> None:
+def test_telemetry_tells_where_a_policy_started_over(tmp_path: Path) -> None:
     path = tmp_path / "drive.mcap"
     with TelemetryFile(path, "mbot-1") as recording:
         for number in (0, 1, 2, 4, 5, 6, 7, 8):  # 3 was lost

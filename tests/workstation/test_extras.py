@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from ..ran import ran
+
 SOURCE = Path(__file__).parents[2] / "workstation" / "mbot_workstation"
 OTHERS = [
     ".".join(("mbot_workstation", *path.relative_to(SOURCE).with_suffix("").parts))
@@ -16,9 +18,7 @@ OTHERS = [
 
 def run(missing: str, code: str) -> subprocess.CompletedProcess[str]:
     blocked = f"import sys; sys.modules['{missing}'] = None; "
-    return subprocess.run(
-        [sys.executable, "-c", blocked + code], capture_output=True, text=True, check=False
-    )
+    return ran(sys.executable, "-c", blocked + code)
 
 
 def test_all_but_measuring_works_without_its_libraries() -> None:

@@ -23,6 +23,7 @@ from mbot_workstation.tasks.fetch.lessons import FetchLesson
 from mbot_workstation.tasks.fetch.oracle import Oracle, middle
 from mbot_workstation.tasks.fetch.rules import DECISION_S, TIME_LIMIT_DECISIONS
 
+from ..ran import ran
 from .scripted_pilot import MistakenPilot, ScriptedPilot, wheels_as_plan
 from .small_world import ROOMS
 
@@ -292,9 +293,7 @@ def test_workers_that_die_before_they_are_told_anything_are_named(tmp_path: Path
         "from mbot_workstation.learn.worlds.rooms import evaluation_rooms\n"
         "TaskVecEnv(2, rooms=evaluation_rooms([]), workers=2)\n"
     )
-    done = subprocess.run(
-        [sys.executable, str(script)], capture_output=True, text=True, timeout=60, check=False
-    )
+    done = ran(sys.executable, str(script))
     assert done.returncode == 1
     assert "WorkerGoneError: the worker of robots 0 to 0 has gone" in done.stderr
 

@@ -12,9 +12,10 @@ import pytest
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.cli.identify import gap_report
+from mbot_workstation.cli.presenter import plain
 from mbot_workstation.learn.studies.tolerance_file import write_tolerances
+from mbot_workstation.measure.gap_report.answer import gap_answer
 from mbot_workstation.measure.gap_report.page import light_from, page, way
-from mbot_workstation.measure.gap_report.report import as_fields, build
 from mbot_workstation.measure.gap_report.simulated_view import FramePair
 from mbot_workstation.measure.identification.exclusion import Exclusion, Fault
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS, maneuver_named
@@ -102,7 +103,7 @@ def test_a_known_gap_is_what_the_page_says() -> None:
     driven_ones = MANEUVERS[:2]
     runs = compared_runs(driven_ones, offset=(0.03, -0.04, math.radians(2)))
     result = report(runs, ALL, tolerances())
-    found = as_fields(result)
+    found = plain(gap_answer(result, "gap.html"))
     assert found["calibrated"]["position_m"] == pytest.approx(0.05)
     assert found["calibrated"]["worst_position_m"] == pytest.approx(0.05)
     assert found["calibrated"]["yaw_deg"] == pytest.approx(2)
@@ -126,7 +127,7 @@ def test_a_known_gap_is_what_the_page_says() -> None:
 
 def test_runs_that_are_too_short_for_a_speed_say_none() -> None:
     result = report(compared_runs(MANEUVERS[:1], 1, duration_s=0.9), ONLY_MOTION)
-    assert as_fields(result)["maneuvers"]["forward-forward"]["rates"] == []
+    assert gap_answer(result, "gap.html").maneuvers["forward-forward"].rates == []
     assert result.driving.calibrated.speed_share is None
     assert "No run is long enough" in Page(page(result)).text
 
@@ -208,11 +209,6 @@ def test_where_nothing_was_gained_is_said() -> None:
 def test_light_is_told_by_where_it_comes_from() -> None:
     assert light_from((0, 0.5, -0.5)) == "45° above the horizon, 90° to the right"
     assert light_from((-1, -1, 0)) == "0° above the horizon, 45° to the left"
-
-
-def test_a_recording_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="missing"):
-        build([tmp_path / "missing"], None, None, None)
 
 
 run_command = partial(output_of, gap_report)

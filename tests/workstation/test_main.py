@@ -1,6 +1,5 @@
 import itertools
 import json
-import os
 import re
 import signal
 import subprocess
@@ -36,30 +35,20 @@ from mbot_protocol.wire.keys import (
 
 from ..free_port import free_port
 from ..promised import promised
+from ..ran import LIMIT_S, WORKSTATION, ran, without_robot
 from ..until import until
 from .fake_robot import OLD_MODEL, FakeRobot
 from .samples import decision, picture, small_policy
 
-WORKSTATION = (sys.executable, "-c", "from mbot_workstation.main import main; main()")
-LIMIT_S = 30
 HEAVY = ("mujoco", "zenoh", "onnx", "cv2", "torch", "numpy", "google.protobuf", "mcap")
 
 
 def environment(robot: FakeRobot | None) -> dict[str, str]:
-    clean = {name: value for name, value in os.environ.items() if not name.startswith("MBOT_")}
-    clean |= {"TERM": "dumb", "COLUMNS": "200"}
-    return clean | ({"MBOT_ROBOT": robot.address} if robot else {})
+    return without_robot() | ({"MBOT_ROBOT": robot.address} if robot else {})
 
 
 def workstation(robot: FakeRobot | None, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*WORKSTATION, *arguments],
-        env=environment(robot),
-        capture_output=True,
-        text=True,
-        timeout=LIMIT_S,
-        check=False,
-    )
+    return ran(*WORKSTATION, *arguments, env=environment(robot))
 
 
 @contextmanager

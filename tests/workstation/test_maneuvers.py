@@ -5,7 +5,6 @@ import os
 import pty
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,11 +15,13 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from typer.testing import CliRunner
 
 from mbot_protocol.drive.actions import MotorMap, WheelMaps
 from mbot_protocol.errors import ConfigurationError, RefusedError, UnreachableError
 from mbot_protocol.v1.messages_pb2 import Command, CommandReply, Fault, State
 from mbot_protocol.wire.keys import COMMAND, STATUS, STOP
+from mbot_workstation.cli.maneuvers import app
 from mbot_workstation.fleet.link import remote_control
 from mbot_workstation.fleet.link.remote_control import RemoteControl
 from mbot_workstation.fleet.link.robot_link import RobotLink
@@ -43,18 +44,9 @@ from mbot_workstation.measure.tracks.commands_csv import read_commands
 from mbot_workstation.measure.tracks.maneuver import MANEUVERS, maneuver_named
 from mbot_workstation.measure.tracks.recording_toml import read_info
 
+from ..ran import LIMIT_S, WORKSTATION, ran, without_robot
 from ..until import until
 from .fake_robot import CLOCK_AHEAD_NS, FakeRobot
-
-WORKSTATION = (sys.executable, "-c", "from mbot_workstation.main import main; main()")
-LIMIT_S = 30
-
-
-@pytest.fixture
-def link(robot: FakeRobot) -> Iterator[RobotLink]:
-    with RobotLink(robot.address) as open_link:
-        yield open_link
-
 
 # Plan
 
@@ -439,20 +431,11 @@ def test_a_real_terminal_gives_single_keys() -> None:
 
 
 def environment(robot: FakeRobot) -> dict[str, str]:
-    clean = {name: value for name, value in os.environ.items() if not name.startswith("MBOT_")}
-    return clean | {"TERM": "xterm", "COLUMNS": "200", "MBOT_ROBOT": robot.address}
+    return without_robot() | {"TERM": "xterm", "MBOT_ROBOT": robot.address}
 
 
 def maneuvers(robot: FakeRobot, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*WORKSTATION, "maneuvers", *arguments],
-        env=environment(robot),
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=LIMIT_S,
-        check=False,
-    )
+    return ran(*WORKSTATION, "maneuvers", *arguments, env=environment(robot))
 
 
 SHORT = ("run", "--yes", "--seconds", "0.3", "--pause", "0", "--repetitions", "2")
@@ -590,8 +573,8 @@ def test_no_is_an_answer(robot: FakeRobot, tmp_path: Path) -> None:
     ],
 )
 def test_nonsense_is_refused(robot: FakeRobot, arguments: tuple[str, ...], words: str) -> None:
-    run = maneuvers(robot, "run", "--yes", *arguments)
-    assert (run.returncode, words in run.stderr) == (2, True)
+    result = CliRunner().invoke(app, ["run", "--yes", "--robot", robot.address, *arguments])
+    assert words in f"{result.exception} {result.output}"
     assert drives(robot) == []
 
 

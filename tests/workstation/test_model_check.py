@@ -2,7 +2,7 @@ import hashlib
 from pathlib import Path
 
 import pytest
-from onnx import TensorProto, helper
+from onnx import ModelProto, helper
 
 from mbot_protocol.errors import ConfigurationError, ContractError, NewerSchemaError
 from mbot_protocol.policy.policy_contract import LARGEST_MODEL_BYTES, PolicyMetadata
@@ -26,64 +26,42 @@ def test_a_policy_that_follows_the_contract_passes(tmp_path: Path) -> None:
     assert checked.metadata == PolicyMetadata("new")
 
 
+def with_node(operator: str) -> ModelProto:
+    model = small_policy()
+    model.graph.node.append(helper.make_node(operator, ["float"], ["where"]))
+    return model
+
+
 @pytest.mark.parametrize(
     ("data", "text"),
     [
         (b"", "empty"),
         (b"a text, not a model", "not an ONNX model"),
-        (b"\x80\x02}q\x00", "not an ONNX model"),
         (small_policy().SerializeToString()[:-40], "truncated or damaged"),
-        (small_policy().SerializeToString()[:20], "truncated|damaged"),
         (b"\x08\x08", "damaged"),
+        (
+            small_policy(input_shape=(1, 3, 64, 64)),
+            r"input is 'observation' uint8 \[1, 3, 64, 64\]",
+        ),
+        (small_policy(outputs=2), r"2 outputs \(action, colour\), expected 1: action"),
+        (small_policy(properties={}), "no mbot.contract_version"),
+        (with_node("NonZero"), "the operator 'NonZero', which a robot does not run"),
     ],
 )
-def test_a_damaged_file_is_told_in_one_line(tmp_path: Path, data: bytes, text: str) -> None:
-    path = write(tmp_path / "policy.onnx", data)
+def test_what_a_robot_would_refuse_is_told_in_one_line(
+    tmp_path: Path, data: bytes | ModelProto, text: str
+) -> None:
+    path = tmp_path / "policy.onnx"
+    write(path, data if isinstance(data, bytes) else data.SerializeToString())
     with pytest.raises(ContractError, match=text) as caught:
         check_model(path)
     assert str(caught.value).startswith(str(path))
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("change", "text"),
-    [
-        ({"input_shape": (1, 3, 64, 64)}, r"input is 'observation' uint8 \[1, 3, 64, 64\]"),
-        ({"input_type": TensorProto.FLOAT}, r"input is 'observation' float32"),
-        ({"output_shape": (1, 3)}, r"output is 'action' float32 \[1, 3\], expected .* \[1, 2\]"),
-        ({"outputs": 2}, r"2 outputs \(action, colour\), expected 1: action"),
-        ({"properties": {}}, "no mbot.contract_version"),
-        ({"properties": PROPERTIES | {"mbot.decision_rate_hz": "99"}}, "decision_rate_hz is 99"),
-    ],
-)
-def test_what_is_off_the_contract_is_named(
-    tmp_path: Path, change: dict[str, object], text: str
-) -> None:
-    model = small_policy(**change)  # pyright: ignore[reportArgumentType]
-    with pytest.raises(ContractError, match=text):
-        check_model(write(tmp_path / "policy.onnx", model.SerializeToString()))
-
-
 def test_a_newer_contract_asks_for_an_upgrade(tmp_path: Path) -> None:
     model = small_policy(properties=PROPERTIES | {"mbot.contract_version": "3"})
     with pytest.raises(NewerSchemaError, match="contract 3"):
-        check_model(write(tmp_path / "policy.onnx", model.SerializeToString()))
-
-
-def test_weights_in_another_file_are_refused(tmp_path: Path) -> None:
-    model = small_policy(weights_bytes=8)
-    ballast = model.graph.initializer[-1]
-    ballast.ClearField("raw_data")
-    ballast.data_location = TensorProto.EXTERNAL
-    ballast.external_data.add(key="location", value="weights.bin")
-    with pytest.raises(ContractError, match="external_data=False"):
-        check_model(write(tmp_path / "policy.onnx", model.SerializeToString()))
-
-
-def test_what_a_robot_would_refuse_is_refused_here(tmp_path: Path) -> None:
-    model = small_policy()
-    model.graph.node.append(helper.make_node("NonZero", ["float"], ["where"]))
-    with pytest.raises(ContractError, match="the operator 'NonZero', which a robot does not run"):
         check_model(write(tmp_path / "policy.onnx", model.SerializeToString()))
 
 

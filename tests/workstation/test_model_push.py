@@ -1,5 +1,4 @@
 import time
-from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 
@@ -34,12 +33,6 @@ from mbot_workstation.fleet.models.stored_models import StoredModel, activate, l
 
 from .fake_robot import NONCE, OLD_MODEL, ROBOT_ID, FakeRobot
 from .samples import small_policy
-
-
-@pytest.fixture
-def link(robot: FakeRobot) -> Iterator[RobotLink]:
-    with RobotLink(robot.address) as link:
-        yield link
 
 
 @pytest.fixture

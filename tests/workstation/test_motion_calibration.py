@@ -76,8 +76,6 @@ MISTAKES = [
     ("latency_ms = 31.0", "", "latency_ms is missing"),
     ("gain = 1.05", "gain = 105", "left_motor: gain is 105"),
     ("gain = 1.05", "gian = 1.05", "left_motor.gian is unknown (line 10); did you mean gain?"),
-    ("trim = 0.9", "trim = 1.2", "left_motor: trim is 1.2"),
-    ("trim = 0.9", "trim = 0.17", "dead_band_compensation is 45, expected below 255 x trim"),
     ("dead_band = 47", "dead_band = 'much'", "right_motor.dead_band is 'much'"),
     ("time_constant_ms = 105.0", "time_constant_ms = 0.105", "time_constant_ms is 0.105"),
     ("low = 1.04", "low = 1.5", "low, high are 1.5, 1.06"),

@@ -2,13 +2,13 @@
 
 import ctypes
 import itertools
-import os
 import re
 import signal
 import subprocess
 import sys
 import threading
 import time
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -20,7 +20,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mbot_protocol.drive.camera_model import CameraModel
-from mbot_protocol.errors import ConfigurationError, UnreachableError
+from mbot_protocol.errors import ConfigurationError, MbotError, UnreachableError
+from mbot_workstation.cli.track import track as track_command
 from mbot_workstation.measure.targets.marker_detection import (
     MarkerDetector,
     refine_corners,
@@ -49,10 +50,9 @@ from mbot_workstation.measure.tracking.overhead_track import (
 from mbot_workstation.measure.tracks.track import Array, Track
 from mbot_workstation.measure.tracks.track_file import TrackFile, read_track
 
+from ..ran import LIMIT_S, WORKSTATION
+from .called import output_of
 from .overhead_film import Overhead, drive, film, marker_sheet, sheet_corners, webcam
-
-WORKSTATION = (sys.executable, "-c", "from mbot_workstation.main import main; main()")
-LIMIT_S = 100
 
 
 def guess(like: CameraModel, fov_deg: float = 65.0) -> CameraModel:
@@ -154,16 +154,13 @@ def test_a_marker_of_another_size_than_declared_is_named() -> None:
 # Films
 
 
-def workstation(*arguments: str, path: str | None = None) -> subprocess.CompletedProcess[str]:
-    environment = dict(os.environ) | ({"PYTHONPATH": path} if path else {})
-    return subprocess.run(
-        [*WORKSTATION, "track", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=LIMIT_S,
-        check=False,
-        env=environment,
-    )
+tracked = partial(output_of, track_command)
+
+
+def refused(*arguments: str) -> str:
+    with pytest.raises(ConfigurationError) as caught:
+        tracked(*arguments)
+    return str(caught.value)
 
 
 @pytest.fixture(scope="module")
@@ -183,9 +180,7 @@ def eight(tmp_path_factory: pytest.TempPathFactory, view: Overhead) -> Path:
 def test_a_film_is_enough(eight: Path, tmp_path: Path) -> None:
     """Nothing is known but the marker's edge: neither the camera, nor where it hangs."""
     output = tmp_path / "a" / "new" / "folder" / "t.tum"
-    done = workstation(str(eight), "--output", str(output))
-    assert done.returncode == 0, done.stderr
-    assert "poses in 8.0 s" in done.stdout
+    assert "poses in 8.0 s" in tracked(str(eight), "--output", str(output))
     track = read_track(output)
     assert 225 <= len(track) <= 230
     check(track, *drive(8))
@@ -205,9 +200,8 @@ def test_a_calibrated_camera_is_used_as_it_is(eight: Path, view: Overhead, tmp_p
         'reprojection_error_px = 0.1\npictures = 20\nmade_on = "2026-11-21"\n'
     )
     output = tmp_path / "t.tum"
-    done = workstation(str(eight), "--output", str(output), "--camera", str(tmp_path))
-    assert done.returncode == 0, done.stderr
-    assert "camera 2.19 m above the marker, tilted by 12 degrees" in done.stdout
+    said = tracked(str(eight), "--output", str(output), "--camera", str(tmp_path))
+    assert "camera 2.19 m above the marker, tilted by 12 degrees" in said
     check(read_track(output), *drive(8), largest_m=0.002)
 
 
@@ -223,34 +217,31 @@ def test_the_floor_may_be_given(view: Overhead, tmp_path: Path, reference: str) 
         film(path, view, poses, board_mm=60)
         options = ("--board-mm", "60")
     # The field of view is known, the distortion is not.
-    done = workstation(str(path), "--output", str(output), *options, "--fov-deg", "62")
-    assert done.returncode == 0, done.stderr
-    assert "80.0 were declared" in done.stdout or "80 were declared" in done.stdout
+    said = tracked(str(path), "--output", str(output), *options, "--fov-deg", "62")
+    assert "80.0 were declared" in said or "80 were declared" in said
     rows = read_track(output)
     worst_m, scale = misfit(rows.position_m[:, :2], poses[: len(rows), :2])
     assert worst_m < 0.03
     assert scale == pytest.approx(1, abs=0.02)
-    wrong = workstation(
-        str(path), "--output", str(tmp_path / "u.tum"), *options, "--marker-mm", "107"
-    )
-    assert (wrong.returncode, "check --marker-mm" in wrong.stderr) == (2, True)
+    unwritten = str(tmp_path / "u.tum")
+    wrong = refused(str(path), "--output", unwritten, *options, "--marker-mm", "107")
+    assert "check --marker-mm" in wrong
     assert not (tmp_path / "u.tum").exists()
     assert len(times_s) == len(rows)
 
 
 def test_a_mirrored_film_is_named(view: Overhead, tmp_path: Path) -> None:
     film(tmp_path / "film.avi", view, drive(1)[1], mirrored=True)
-    done = workstation(str(tmp_path / "film.avi"), "--output", str(tmp_path / "t.tum"))
-    assert (done.returncode, "the pictures are mirrored" in done.stderr) == (2, True)
+    said = refused(str(tmp_path / "film.avi"), "--output", str(tmp_path / "t.tum"))
+    assert "the pictures are mirrored" in said
 
 
 @pytest.mark.slow
 def test_a_film_without_what_is_looked_for_is_named(eight: Path, tmp_path: Path) -> None:
     output = ("--output", str(tmp_path / "t.tum"))
-    done = workstation(str(eight), *output, "--marker-id", "8")
-    assert (done.returncode, "is in 0 pictures only" in done.stderr) == (2, True)
-    done = workstation(str(eight), *output, "--corners", "1", "1")
-    assert (done.returncode, "should lie on the floor is in none" in done.stderr) == (2, True)
+    assert "is in 0 pictures only" in refused(str(eight), *output, "--marker-id", "8")
+    none = refused(str(eight), *output, "--corners", "1", "1")
+    assert "should lie on the floor is in none" in none
     assert not (tmp_path / "t.tum").exists()
 
 
@@ -303,27 +294,22 @@ def test_ctrl_c_ends_a_live_camera_and_keeps_the_track(eight: Path, tmp_path: Pa
     ],
 )
 def test_nonsense_is_refused(
-    tmp_path: Path, arguments: tuple[str, ...], code: int, words: str
+    tmp_path: Path,
+    arguments: tuple[str, ...],
+    code: int,
+    words: str,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setitem(sys.modules, "openvr", None)  # should it be installed
     output = () if "--output" in arguments else ("--output", str(tmp_path / "t.tum"))
-    done = workstation(*arguments, *output, path=str(without_openvr(tmp_path)))
-    assert done.returncode == code
-    assert words in done.stderr
-    assert "Traceback" not in done.stderr
-
-
-def without_openvr(folder: Path) -> Path:
-    """A place that hides an openvr package, should one be installed."""
-    place = folder / "hidden"
-    place.mkdir(exist_ok=True)
-    (place / "openvr.py").write_text("raise ImportError('hidden')\n")
-    return place
+    with pytest.raises(MbotError) as caught:
+        tracked(*arguments, *output)
+    assert (caught.value.exit_code, words in str(caught.value)) == (code, True)
 
 
 def test_what_exists_is_not_overwritten(eight: Path, tmp_path: Path) -> None:
     (tmp_path / "t.tum").write_text("years of work")
-    done = workstation(str(eight), "--output", str(tmp_path / "t.tum"))
-    assert (done.returncode, "exists already" in done.stderr) == (2, True)
+    assert "exists already" in refused(str(eight), "--output", str(tmp_path / "t.tum"))
     assert (tmp_path / "t.tum").read_text() == "years of work"
 
 

@@ -139,11 +139,6 @@ def refused(folder: Path) -> str:
     return text
 
 
-def test_a_declared_csv_is_read(tmp_path: Path, runs: tuple[Run, ...]) -> None:
-    found = read_maneuvers(csv_recording(tmp_path, runs))
-    assert np.allclose(found.runs[5].track.position_m, runs[5].track.position_m, atol=1e-6)
-
-
 @pytest.mark.parametrize(("unit", "factor"), [("mm", 1000), ("cm", 100), ("inch", 39.37)])
 def test_positions_in_another_unit_are_named(
     tmp_path: Path, runs: tuple[Run, ...], unit: str, factor: float

@@ -101,7 +101,7 @@ def test_a_hands_command_is_good_for_no_longer_than_it_holds(
     assert (over.drive.press, over.drive.let_go, over.drive.hold_ms) == (4, True, 1)
 
 
-def test_after_a_stop_of_ones_own_one_takes_hold_anew(
+def test_after_a_stop_of_ones_own_one_takes_hold_again(
     robot: FakeRobot, control: RemoteControl
 ) -> None:
     """As each of the maneuvers does: of a press that is over a robot takes no more."""

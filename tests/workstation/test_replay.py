@@ -21,6 +21,7 @@ from mbot_protocol.drive.actions import AS_BUILT, Steps
 from mbot_protocol.errors import ConfigurationError, ContractError
 from mbot_protocol.policy.policy_contract import FULL_VIEW, FieldOfView, PolicyMetadata
 from mbot_workstation.cli.drives import DIFFERS
+from mbot_workstation.cli.presenter import plain
 from mbot_workstation.cli.subcommands import app
 from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
 from mbot_workstation.look.drives import replay_words
@@ -36,11 +37,6 @@ RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"
 late, and in the end the daemon was killed."""
 
 MODEL = RECORDED / "seeing.onnx"
-
-
-@pytest.fixture(scope="module")
-def drive() -> RecordedDrive:
-    return read_drive(RECORDED)
 
 
 def test_a_recording_is_read_beat_by_beat(drive: RecordedDrive) -> None:
@@ -146,7 +142,7 @@ def test_a_model_that_wants_to_see_another_view_is_noticed(
     assert "  it wants to see 80 x 60 degrees, the pictures show 55.3 x 42.9 degrees:" in lines
     assert max(len(line) for line in lines) <= 80
     shown = {"shown_deg": [55.3, 42.9], "wanted_deg": [80.0, 60.0]}
-    assert replay_words.fields(found)["other_views"] == [shown]
+    assert plain(replay_words.replay_answer(found).other_views) == [shown]
 
     assert replay(with_view(drive, 80, 60), [], other).other_views == ()
     assert replay(with_view(drive, 55.3, 42.9), [MODEL]).other_views == ()

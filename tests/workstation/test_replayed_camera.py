@@ -2,7 +2,6 @@
 
 import json
 import subprocess
-import sys
 import threading
 from dataclasses import replace
 from itertools import pairwise
@@ -17,7 +16,7 @@ from hypothesis import strategies as st
 from msgspec import structs
 from typer.testing import CliRunner
 
-from mbot_protocol.beat.recorded_drive import RecordedDrive, read_drive
+from mbot_protocol.beat.recorded_drive import RecordedDrive
 from mbot_protocol.drive.camera_model import CameraModel, nominal_pi_camera
 from mbot_protocol.drive.picture import Observer, Picture
 from mbot_protocol.errors import ConfigurationError
@@ -28,16 +27,12 @@ from mbot_workstation.virtual.live_report import LiveReport
 from mbot_workstation.virtual.replay_session import ReplaySettings, play
 from mbot_workstation.virtual.replayed_camera import BackProjection, Frame, ReplayedCamera, frames
 
+from ..ran import WORKSTATION
 from ..until import until
 
 RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"
 CAMERA = nominal_pi_camera(640, 480)
 LENS = structs.replace(CAMERA, distortion=(-0.2, 0.05, 0.001, -0.001, 0.0))
-
-
-@pytest.fixture(scope="module")
-def drive() -> RecordedDrive:
-    return read_drive(RECORDED)
 
 
 def pictures(drive: RecordedDrive) -> list[Picture]:
@@ -136,9 +131,10 @@ def test_options_of_the_simulation_are_refused(tmp_path: Path) -> None:
 
 def test_the_command_shows_the_recording(tmp_path: Path) -> None:
     ready = tmp_path / "ready.json"
-    program = [sys.executable, "-m", "mbot_workstation.main", "virtual-robot", "--json"]
     where = ["--board", str(tmp_path / "board"), "--camera-port", "0", "--ready-file", str(ready)]
-    with subprocess.Popen([*program, *where, "--replay", str(RECORDED)]) as running:
+    with subprocess.Popen(
+        [*WORKSTATION, "virtual-robot", "--json", *where, "--replay", str(RECORDED)]
+    ) as running:
         try:
             assert until(ready.exists)
             found: dict[str, Any] = json.loads(ready.read_text())

@@ -20,6 +20,7 @@ from mbot_workstation.cli.subcommands import app
 from mbot_workstation.look.drives.rerun_view import RerunView, changes
 
 from ..free_port import free_port
+from ..ran import WORKSTATION, ran
 from ..until import until
 from .fake_robot import FakeRobot
 from .samples import decision, picture
@@ -51,7 +52,7 @@ def test_what_changed_is_told_once() -> None:
 @pytest.mark.skipif(shutil.which("setpriv") is None, reason="not Linux")
 def test_a_page_ends_with_its_command_even_where_that_is_killed(tmp_path: Path) -> None:
     ports = free_port(), free_port()
-    command = [sys.executable, "-m", "mbot_workstation.main", "view", str(RECORDED), "--web"]
+    command = [*WORKSTATION, "view", str(RECORDED), "--web"]
     command += ["--no-browser", "--grpc-port", str(ports[0]), "--web-port", str(ports[1])]
     with (tmp_path / "said").open("w") as said, subprocess.Popen(command, stdout=said) as viewing:
         assert until(lambda: "look at" in (tmp_path / "said").read_text(), 60)
@@ -63,11 +64,11 @@ def test_a_page_ends_with_its_command_even_where_that_is_killed(tmp_path: Path) 
 @pytest.mark.slow
 def test_a_page_ends_with_its_command_and_takes_no_others_ports(tmp_path: Path) -> None:
     ports = free_port(), free_port()
-    command = [sys.executable, "-m", "mbot_workstation.main", "view", str(RECORDED), "--web"]
+    command = [*WORKSTATION, "view", str(RECORDED), "--web"]
     command += ["--no-browser", "--grpc-port", str(ports[0]), "--web-port", str(ports[1])]
     with (tmp_path / "said").open("w") as said, subprocess.Popen(command, stdout=said) as first:
         assert until(lambda: "look at" in (tmp_path / "said").read_text(), 60)
-        second = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+        second = ran(*command)
         assert second.returncode == 2
         assert f"port {ports[0]} is taken" in second.stderr
         assert len(second.stderr.splitlines()) == 1

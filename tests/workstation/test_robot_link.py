@@ -1,6 +1,5 @@
 import socket
 import time
-from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
@@ -25,19 +24,13 @@ from ..until import until
 from .fake_robot import SESSION_ID, FakeRobot
 
 
-@pytest.fixture
-def link(robot: FakeRobot) -> Iterator[RobotLink]:
-    with RobotLink(robot.address) as link:
-        yield link
-
-
 def test_the_only_robot_is_found_and_asked(link: RobotLink) -> None:
     assert link.robot_id == "mbot-1"
     assert link.status().session_id == SESSION_ID
 
 
 def test_no_close_of_a_connection_with_a_robot_that_is_gone_is_waited_for() -> None:
-    """Also of one that Zenoh has made anew by itself."""
+    """Also of one that Zenoh has reopened by itself."""
     port = free_port()
     with ExitStack() as stack:
         with FakeRobot("mbot-1", port) as robot:

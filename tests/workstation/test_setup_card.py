@@ -25,9 +25,9 @@ from mbot_workstation.fleet.releases.boot_card import (
 from mbot_workstation.fleet.releases.boot_hook import hook
 from mbot_workstation.fleet.releases.robot_wheels import TARGETS
 
+from ..ran import WORKSTATION, ran
 from .small_release import small_release
 
-PROGRAM = (sys.executable, "-c", "from mbot_workstation.main import main; main()", "setup-card")
 assert command
 
 PLAIN = "console=tty1 root=PARTUUID=abc-02 rootfstype=ext4 rootwait\n"
@@ -202,9 +202,7 @@ def test_a_person_makes_a_card(boot: Path, release: Path, tmp_path: Path) -> Non
 
     def run(*options: str) -> subprocess.CompletedProcess[str]:
         arguments = (str(boot), "--robot", "mbot-1", "--release", str(release), *options)
-        return subprocess.run(
-            (*PROGRAM, *arguments), env=environment, capture_output=True, text=True, check=False
-        )
+        return ran(*WORKSTATION, "setup-card", *arguments, env=environment)
 
     without = run()
     assert without.returncode == 2
@@ -226,6 +224,6 @@ def test_a_person_makes_a_card(boot: Path, release: Path, tmp_path: Path) -> Non
 def test_shellcheck_has_nothing_to_say() -> None:
     scripts = sorted((Path(__file__).parents[2] / "deploy/first-boot").glob("*.sh"))
     shellcheck = Path(sys.executable).with_name("shellcheck")
-    result = subprocess.run([shellcheck, *scripts], capture_output=True, text=True, check=False)
+    result = ran(shellcheck, *scripts)
     assert scripts
     assert result.returncode == 0, result.stdout

@@ -163,6 +163,23 @@ def test_a_mistake_in_a_tasks_file_is_told_with_its_line(tmp_path: Path) -> None
         evaluate("random", trial)
 
 
+BESIDE = "from {} import StayInCircle\nTASK = StayInCircle()\n"
+
+
+def test_a_task_imports_what_lies_beside_it_in_other_processes_too(tmp_path: Path) -> None:
+    path, beside = tmp_path / "round.py", tmp_path / "circle.py"
+    path.write_text(BESIDE.format(".circle"))
+    beside.write_text(ITS.replace("self._left_s -= elapsed_s", "self._left_s -= nothing"))
+    lesson = find_task(str(path)).lessons[0]
+    trial = Trial(lesson, preset("ideal"), ROOMS, episodes=1, workers=1, task=str(path))
+    line = beside.read_text().splitlines().index("        self._left_s -= nothing") + 1
+    with pytest.raises(ConfigurationError, match=rf"circle.py:{line}: NameError"):
+        evaluate("random", trial)
+    (tmp_path / "plain.py").write_text(BESIDE.format("circle"))
+    with pytest.raises(ConfigurationError, match=r"by `from \.circle import \.\.\.`"):
+        find_task(str(tmp_path / "plain.py"))
+
+
 BACK = """
 class Back(Drive):
     def advance(self, robot, elapsed_s):

@@ -47,7 +47,7 @@ def test_the_window_knows_rate_and_latencies_of_the_last_hundred() -> None:
     assert summaries["decide"].p50_ms == summaries["decide"].p99_ms == 10.0
 
 
-def test_gaps_are_counted_and_a_new_session_begins_anew() -> None:
+def test_gaps_are_counted_and_a_new_session_starts_over() -> None:
     window = window_of(3)
     window.add(Sample(decision(6), 3.0))
     assert window.lost == 3

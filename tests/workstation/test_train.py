@@ -3,7 +3,6 @@ import json
 import pickle
 import signal
 import subprocess
-import sys
 import threading
 import time
 import zipfile
@@ -40,6 +39,7 @@ from mbot_workstation.learn.learning.training_run import TrainingResult, begin_r
 from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
 from mbot_workstation.tasks.fetch.task import TASK
 
+from ..ran import WORKSTATION, ran
 from ..until import until
 
 TINY = TrainingConfig(
@@ -153,7 +153,7 @@ def test_stop_ends_with_a_checkpoint(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_ctrl_c_saves_and_resume_goes_on(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", COMMAND, "train", "--runs", str(tmp_path), "--name", "run"]
+    command = [*WORKSTATION, "train", "--runs", str(tmp_path), "--name", "run"]
     options = ["--robots", "2", "--workers", "1", "--made-up-rooms", "1", "--preset", "ideal"]
     pipe = subprocess.PIPE
     events = tmp_path / "run" / "tensorboard"
@@ -170,18 +170,9 @@ def test_ctrl_c_saves_and_resume_goes_on(tmp_path: Path) -> None:
     assert "decisions in" in out
     step = read_state(RunDirectory(tmp_path / "run").last_checkpoint()).step
     assert step > 0
-    resumed = subprocess.run(
-        [*command[:3], "train", "--resume", str(tmp_path / "run"), "--steps", "1"],
-        capture_output=True,
-        text=True,
-        timeout=LIMIT_S,
-        check=False,
-    )
+    resumed = ran(*WORKSTATION, "train", "--resume", str(tmp_path / "run"), "--steps", "1")
     assert resumed.returncode == 2, resumed.stderr
     assert f"has made {step:,} decisions already, 1 are asked for" in resumed.stderr
-
-
-COMMAND = "from mbot_workstation.main import main; main()"
 
 
 def test_a_crash_while_saving_leaves_the_checkpoint_before(tmp_path: Path) -> None:

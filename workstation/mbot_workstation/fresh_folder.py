@@ -1,4 +1,4 @@
-"""A folder that a command leaves its work in and makes anew each time, without anybody else's."""
+"""A folder that a command leaves its work in and empties each time, without anybody else's."""
 
 import shutil
 from collections.abc import Collection

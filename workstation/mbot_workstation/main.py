@@ -4,6 +4,8 @@
 import errno
 import sys
 
+from mbot_protocol.errors import MbotError
+
 EXTRAS = dict.fromkeys(("gymnasium", "joblib", "stable_baselines3", "torch"), "train") | {
     "scipy": "measure"
 }
@@ -23,13 +25,16 @@ def main() -> None:
         if error.errno not in NO_ROOM:
             raise
         what = f"can't write {error.filename}" if error.filename else "can't write any more"
-        code = _said(f"{what}: {error.strerror}; make room on the disk", 1)
+        full = MbotError(
+            f"{what}: {error.strerror}", kind="no-room", remedy="make room on the disk"
+        )
+        code = _told(full)
     except ModuleNotFoundError as error:
         library = (error.name or "").partition(".")[0]
         if library not in EXTRAS:
             raise
         remedy = f"pip install -c constraints.txt -e '.[{EXTRAS[library]}]' in the checkout"
-        code = _said(f"this command needs {library}: {remedy}", 1)
+        code = _told(MbotError(f"this command needs {library}: {remedy}", kind="no-library"))
     sys.exit(code)
 
 
@@ -40,7 +45,6 @@ def _run() -> int:
 
     import typer
 
-    from mbot_protocol.errors import MbotError
     from mbot_workstation.cli.subcommands import app
 
     try:
@@ -48,24 +52,29 @@ def _run() -> int:
         code = app(prog_name="workstation", standalone_mode=False) or 0
         return _said("interrupted", code) if code == INTERRUPTED else code
     except MbotError as error:
-        # Names and words of strangers' files may stand in it.
-        words = "".join(c if c.isprintable() else " " for c in str(error))
-        if "--json" in sys.argv:
-            import json
-
-            told = {"kind": error.kind, "text": words, "remedy": error.remedy, "facts": error.facts}
-            print(json.dumps({"error": told}, default=str), file=sys.stderr)
-            return error.exit_code
-        return _said(words, error.exit_code)
+        return _told(error)
     except typer.Abort:
         return _said("interrupted", INTERRUPTED)
     except Exception as error:
-        from mbot_workstation.cli.usage_words import is_usage_error, usage_words
+        from mbot_workstation.cli.usage_words import is_usage_error, usage_error
 
         if not is_usage_error(error):
             raise
-        words = usage_words(error)
-        return _said(words, USAGE) if words else USAGE
+        found = usage_error(error)
+        return _told(found) if found is not None else USAGE
+
+
+def _told(error: MbotError) -> int:
+    """In a line, or in JSON where a program reads; its exit code."""
+    # Names and words of strangers' files may stand in it.
+    words = "".join(c if c.isprintable() else " " for c in str(error))
+    if "--json" not in sys.argv:
+        return _said(words, error.exit_code)
+    import json
+
+    told = {"kind": error.kind, "text": words, "remedy": error.remedy, "facts": error.facts}
+    print(json.dumps({"error": told}, default=str), file=sys.stderr)
+    return error.exit_code
 
 
 def _said(words: str, code: int) -> int:

@@ -41,7 +41,7 @@ LATCHED_AFTER_REFUSALS = 2
 """Drive commands that were not acknowledged, though the stops between them were."""
 
 LOST_AFTER_FAILURES = 2
-"""The same in a row, of firmware that never latches: its port is closed and opened anew."""
+"""The same in a row, of firmware that never latches: its port is closed and reopened."""
 
 
 class Motors:
@@ -216,7 +216,7 @@ class Motors:
                 self._stopped.set()  # there is nothing left that could be waited for
                 self._sleep(back_off.next_s())
             except Exception as error:
-                log.exception("the motor thread stumbled; opening the board anew")
+                log.exception("the motor thread stumbled; reopening the board")
                 self._lost(UnreachableError(f"internal error: {error}"))
                 self._stopped.set()
                 self._sleep(back_off.next_s())

@@ -31,7 +31,7 @@ class Automatics:
         self._drove_ns: int | None = None
 
     def opened(self, now_ns: int) -> None:
-        """The camera was opened: its automatics begin anew."""
+        """The camera was opened: its automatics start over."""
         self._opened_ns = now_ns
 
     def drives(self, driving: bool, now_ns: int) -> None:

@@ -126,7 +126,7 @@ class CaptureThread:
             except Exception as error:  # whatever a camera's library raises, the next try may do
                 fault = Fault("camera-lost", f"internal error: {type(error).__name__} {error}")
                 if fault != self._fault:
-                    log.exception("the camera thread stumbled; opening the camera anew")
+                    log.exception("the camera thread stumbled; reopening the camera")
                 self._note(fault)
             self._closing.wait(back_off.next_s())
 

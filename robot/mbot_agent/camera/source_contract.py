@@ -1,7 +1,7 @@
 """What a source of frames is, and a frame as it comes from there.
 
 Each source is a context manager whose `read` blocks for the next frame and never longer than
-READ_TIMEOUT_S, so that a dead camera can be closed and opened anew.
+READ_TIMEOUT_S, so that a dead camera can be closed and reopened.
 """
 
 from collections.abc import Callable

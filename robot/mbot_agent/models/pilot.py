@@ -72,7 +72,7 @@ class Pilot:
 
     @property
     def memory(self) -> Memory | None:
-        """What it will go on with; None: it begins anew. The loop's thread only."""
+        """What it will go on with; None: it starts over. The loop's thread only."""
         return self._memory
 
     def decide(self, observation: Picture, due_ns: int) -> Action | Fault:
@@ -104,7 +104,7 @@ class Pilot:
             self._memory = Memory(self._answer.state, (left, right))
 
     def forget(self) -> None:
-        """Begin anew: what it remembers has nothing to do with what comes next."""
+        """Start over: what it remembers has nothing to do with what comes next."""
         self._memory = self._answer = None
 
     def rehearse(self, observation: Picture | None, due_ns: int) -> None:

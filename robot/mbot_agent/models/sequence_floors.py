@@ -49,5 +49,7 @@ class SequenceFloors:
         except (OSError, msgspec.DecodeError) as error:
             # Refusing every push for a damaged file would need a person at the robot, and a
             # recorded push still lacks the nonce.
-            log.error("the sequences accepted so far are unreadable, counting anew: %s", error)
+            log.error(
+                "the sequences accepted so far are unreadable, counting from scratch: %s", error
+            )
             return {}

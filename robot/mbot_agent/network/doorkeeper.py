@@ -45,7 +45,7 @@ BANNED_S = 30.0
 SURPLUS = f"has {MOST_A_NAME} sessions already"
 BANNED = "is to stay away for a while"
 COME_AGAIN = (SURPLUS, BANNED)
-"""Whose client connects anew at once: it is to be held for a while, not turned away."""
+"""Whose client reconnects at once: it is to be held for a while, not turned away."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +133,7 @@ class Doorkeeper:
         what it holds for them.
 
         Nobody tells how much is held for whom, so nobody is kept away for it: whoever means no harm
-        connects anew by itself.
+        reconnects by itself.
         """
         return {
             visitor: "may hold too much of the daemon's memory"

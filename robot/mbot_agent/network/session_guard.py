@@ -2,8 +2,8 @@
 
 Zenoh admits whoever has a certificate of the fleet's authority, and drops what no rule allows, but
 it keeps the session. Here those who have to go (doorkeeper) are shown out. Zenoh has no call to
-close a session, so its socket is shut down, by the far end's address. A client that would connect
-anew at once, 250 times a second with all of TLS, is first held for a while and not heard.
+close a session, so its socket is shut down, by the far end's address. A client that would reconnect
+at once, 250 times a second with all of TLS, is first held for a while and not heard.
 
 Nor by going without a word: as soon as a link is there its socket is told not to linger
 (connected_sockets).

@@ -174,7 +174,7 @@ def calibrate_demo(options: CalibrateDemoOptions) -> Answer:
     from rich.console import Console
 
     from mbot_workstation.measure.rehearsal.afternoon import REPORT, Afternoon, rehearse
-    from mbot_workstation.measure.rehearsal.outcome import as_fields, as_table
+    from mbot_workstation.measure.rehearsal.outcome import as_table, outcome_answer
     from mbot_workstation.measure.tracks.maneuver import maneuver_named
 
     if options.tolerance is not None and not options.tolerance.is_file():
@@ -191,7 +191,7 @@ def calibrate_demo(options: CalibrateDemoOptions) -> Answer:
     )
     rows = rehearse(afternoon, Console(stderr=options.as_json))
     page = f"\n{options.output / REPORT}  how far robot and simulation are apart"
-    return Answer(as_fields(rows), ["\nThe truth", as_table(rows), page])
+    return Answer(outcome_answer(rows), ["\nThe truth", as_table(rows), page])
 
 
 app.command("body")(body)

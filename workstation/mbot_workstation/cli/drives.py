@@ -420,4 +420,4 @@ def replay(options: ReplayOptions) -> Answer:
         write_picture(options.strip, replay_words.strip(found))
         print(f"drawn into {options.strip}", file=sys.stderr)
     exit_code = 0 if found.is_as_expected else DIFFERS
-    return Answer(replay_words.fields(found), replay_words.lines(found), exit_code=exit_code)
+    return Answer(replay_words.replay_answer(found), replay_words.lines(found), exit_code=exit_code)

@@ -85,7 +85,7 @@ def identify(options: IdentifyOptions) -> Answer:
     from mbot_workstation.measure.identification.fit import identify as fit
     from mbot_workstation.measure.identification.motion_file import motion_calibration
     from mbot_workstation.measure.identification.motor_trim import trim_choice
-    from mbot_workstation.measure.identification.result_words import as_fields
+    from mbot_workstation.measure.identification.result_words import fit_answer
     from mbot_workstation.measure.tracks.recording_folder import read_maneuvers
     from mbot_workstation.measure.tracks.run import common_robot, common_wheel_maps
     from mbot_workstation.sim.calibrated.calibration_folder import write_motion
@@ -112,15 +112,15 @@ def identify(options: IdentifyOptions) -> Answer:
         ways = [motion_calibration(found, way) for way in (uneven.straight, uneven.left_alone)]
         if options.policy is not None and uneven.is_a_choice:
             tried = _tried(options.policy, files, *ways)
-        trims = tried.is_better_trimmed if tried else not options.no_trim
+        trims = tried.chosen == "trimmed" if tried else not options.no_trim
         written = [str(write_motion(folder, ways[0] if trims else ways[1]))]
-    value = as_fields(found, uneven, written) | ({"trim_trial": tried.fields()} if tried else {})
     error = MbotError(
         "on the held-out runs the identified robot is further off than before, so nothing was "
         "written: look at the tables; are all runs of one robot, on one floor?",
         kind="worse-than-before",
     )
     said = _identified_words(found, uneven, tried, written)
+    value = fit_answer(found, uneven, written, tried)
     return Answer(value, said, error=error if found.is_worse else None)
 
 
@@ -222,8 +222,9 @@ def gap_report(options: GapReportOptions) -> Answer:
     """
     from rich.console import Console
 
+    from mbot_workstation.measure.gap_report.answer import gap_answer
     from mbot_workstation.measure.gap_report.page import page, printed
-    from mbot_workstation.measure.gap_report.report import as_fields, build
+    from mbot_workstation.measure.gap_report.report import build
 
     with Console(stderr=True).status("reading") as status:
         report = build(
@@ -236,5 +237,5 @@ def gap_report(options: GapReportOptions) -> Answer:
         status.update("drawing the page")
         text = page(report)
     atomic_file.save(options.output, text.encode())
-    value = as_fields(report) | {"path": str(options.output)}
+    value = gap_answer(report, str(options.output))
     return Answer(value, [*printed(report), f"wrote {options.output}"])

@@ -92,24 +92,39 @@ def _fault(task: Any) -> str:
 
 
 def _load(path: Path) -> ModuleType:
-    """Run a user's file. Its classes have a module's name, so that other processes know them."""
+    """Run a user's file. Its classes have a module's name, so that other processes know them; to
+    what lies beside it, `from .other import ...`, it is as a package, so that other tasks' files of
+    these names are none of its.
+    """
     name = f"mbot_task_{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
-    spec = importlib.util.spec_from_file_location(name, path)
+    beside = [str(path.parent)]
+    spec = importlib.util.spec_from_file_location(name, path, submodule_search_locations=beside)
     if spec is None or spec.loader is None or not path.is_file():
         raise ConfigurationError(f"no file {path}")
     module = sys.modules[name] = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:  # whatever a user's code raises
-        del sys.modules[name]
-        raise ConfigurationError(f"{path} can't be run: {type(error).__name__}: {error}") from None
+        for mine in [one for one in sys.modules if one == name or one.startswith(f"{name}.")]:
+            del sys.modules[mine]
+        wrong = f"{path} can't be run: {type(error).__name__}: {error}"
+        missing = (isinstance(error, ModuleNotFoundError) and error.name) or ""
+        if (path.parent / f"{missing}.py").is_file():
+            wrong += f"; import what lies beside it by `from .{missing} import ...`"
+        raise ConfigurationError(wrong) from None
     return module
 
 
 def mistake_in(reference: str, error: Exception) -> ConfigurationError | None:
-    """An exception of a user's file, as its author reads it; None if it comes from elsewhere."""
-    frames = traceback.extract_tb(error.__traceback__)
-    if not is_file(reference) or not any(frame.filename == reference for frame in frames):
+    """An exception of a user's file, or of one beside it, as its author reads it; None if it comes
+    from elsewhere.
+    """
+    if not is_file(reference):
         return None
-    line = [frame.lineno for frame in frames if frame.filename == reference][-1]
-    return ConfigurationError(f"{reference}:{line}: {type(error).__name__}: {error}")
+    folder = Path(reference).parent
+    frames = traceback.extract_tb(error.__traceback__)
+    mine = [frame for frame in frames if Path(frame.filename).parent == folder]
+    if not mine:
+        return None
+    where = f"{mine[-1].filename}:{mine[-1].lineno}"
+    return ConfigurationError(f"{where}: {type(error).__name__}: {error}")

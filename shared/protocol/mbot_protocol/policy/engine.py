@@ -83,7 +83,7 @@ class OnnxRuntime:
             raise ContractError(
                 f"onnxruntime cannot load the model: {engine_words(error)}"
             ) from None
-        # Python's session holds on to the file, to make itself anew when a GPU fails: 4 MB.
+        # Python's session holds on to the file, to rebuild itself when a GPU fails: 4 MB.
         self._session._model_bytes = None
         _give_back()
 

@@ -86,7 +86,7 @@ class GamepadState:
         self._let_go = self._stop = self._run = False
         # Up is negative. Who holds and drives has not meant the policy to take over.
         wheels = mixed(-self._stick[ABS_Y], TURN_SHARE * self._stick[ABS_X])
-        # Let go and pressed anew since the last look: that it was let go is heard, too.
+        # Let go and pressed again since the last look: that it was let go is heard, too.
         holds = self._holds and not let_go
         return Wish(wheels if holds else None, stop, run and not self._holds)
 

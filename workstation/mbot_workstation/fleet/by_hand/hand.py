@@ -143,7 +143,7 @@ class Hand:
             self._grip = None
 
     def let_all_go(self) -> None:
-        """Nobody holds any more, until somebody takes hold anew."""
+        """Nobody holds any more, until somebody takes hold again."""
         if self._grip is not None:
             self.let_go(self._grip.owner)
 

@@ -84,7 +84,7 @@ class HandSession:
         self._seen_stops = self._link.status().last_stop.count
 
     def _ended(self, _: int, words: str) -> None:
-        """Say it; who has read it knows of the stop, and may take hold anew."""
+        """Say it; who has read it knows of the stop, and may take hold again."""
         self._say(words)
         try:
             self._look()

@@ -16,7 +16,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.wire.access_rules import Kind, common_name
 
 AUTHORITY_DAYS = 20 * 365
-"""Longer than a robot lives: a new authority means enrolling everybody anew."""
+"""Longer than a robot lives: a new authority means enrolling everybody again."""
 
 CERTIFICATE_DAYS = 365
 

@@ -36,7 +36,7 @@ from mbot_workstation.fleet.enrolment.roll import (
 T = TypeVar("T")
 
 RENEW_WITHIN = timedelta(days=60)
-"""Whatever expires sooner is made anew when it is touched."""
+"""Whatever expires sooner is renewed when it is touched."""
 
 MY_RIGHTS = (Right.PUSH, Right.DRIVE)
 """On a new robot, of whoever enrols it and could give them to himself anyway."""
@@ -177,7 +177,7 @@ class Enrolment:
         return hand_overs
 
     def renew(self) -> list[HandOver]:
-        """Make everything anew that expires within 60 days."""
+        """Renew everything that expires within 60 days."""
         roll = self._begun()
         return self._save(self._certified(roll, {*roll.robots, *roll.people, *roll.routers}))
 

@@ -92,7 +92,7 @@ class RemoteControl:
         self._presses = 1
 
     def synchronise(self) -> Status:
-        """Learn the robot's session, clock and last stop anew; before what may set it in motion.
+        """Learn the robot's session, clock and last stop again; before what may set it in motion.
 
         Raises:
             UnreachableError: also where a STOP would not get through.
@@ -191,7 +191,7 @@ class RemoteControl:
 
         """
         self._seen = None  # whatever comes after this has to look first
-        self._presses += 1  # and to take hold anew
+        self._presses += 1  # and to take hold again
         unheard = unconfirmed = 0
         while True:
             try:

@@ -44,7 +44,7 @@ class TelemetryWindow:
         self._samples: deque[tuple[float, dict[str, float]]] = deque(maxlen=WINDOW)
 
     def add(self, sample: Sample) -> None:
-        """Take in one sample; a new session of the robot begins the window anew."""
+        """Take in one sample; a new session of the robot starts the window over."""
         message = sample.message
         if isinstance(message, CompressedImage):
             if sample.of_camera:

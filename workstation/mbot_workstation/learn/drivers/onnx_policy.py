@@ -36,7 +36,7 @@ class OnnxPolicy:
         """Decide for some robots; of each it remembers what is needed for its next decision.
 
         All at once where the model allows it, else one after the other. For another number of
-        robots than before it begins anew.
+        robots than before it starts over.
         """
         robots = len(observations)
         if len(self.previous_actions) != robots:
@@ -50,7 +50,7 @@ class OnnxPolicy:
         return actions
 
     def forget(self, robots: NDArray[np.bool_] | None = None) -> None:
-        """Begin anew for these robots, shape (robots,), or for all."""
+        """Start over for these robots, shape (robots,), or for all."""
         which = slice(None) if robots is None else robots
         self.state[:, which] = 0
         self.previous_actions[which] = 0

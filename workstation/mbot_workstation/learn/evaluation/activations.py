@@ -63,7 +63,7 @@ class Glance:
     Attributes:
         frame: shape (64, 64, 3).
         told: what the wheels were really told after the picture before, left and right in [-1, 1];
-            None: the policy begins anew here.
+            None: the policy starts over here.
 
     """
 
@@ -106,7 +106,7 @@ class ActivationReader:
         Args:
             frame: shape (64, 64, 3).
             told: what the wheels were told before, left and right in [-1, 1].
-            memory: as recorded, float32, little endian; empty where the policy began anew.
+            memory: as recorded, float32, little endian; empty where the policy started over.
 
         Raises:
             ConfigurationError: the memory is not this policy's.

@@ -54,7 +54,7 @@ def as_observation(picture: Picture, view: FieldOfView) -> Picture:
 def recorded_glances(path: Path, view: FieldOfView) -> tuple[list[float], list[Glance]]:
     """All pictures of a recording: when they were seen, since the first [s], and what was seen.
 
-    Where the policy was not asked, or a beat is missing, the next picture begins anew: nobody knows
+    Where the policy was not asked, or a beat is missing, the next picture starts over: nobody knows
     what a policy would have had in mind.
 
     Raises:
@@ -95,7 +95,7 @@ def recorded_looks(
 
 
 def _told(before: Beat, beat: Beat) -> tuple[float, float] | None:
-    """What a policy that goes on is told of the wheels; None: it begins anew, as on the robot."""
+    """What a policy that goes on is told of the wheels; None: it starts over, as on the robot."""
     last, now = before.decision, beat.decision
     goes_on = (
         before.decided

@@ -1,7 +1,6 @@
 """Whether a policy does better on uneven motors that the daemon trims, or on what they are."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import msgspec
 
@@ -25,6 +24,8 @@ class TrimTrial:
         policy: its name.
         episodes: each way.
         trimmed, alone: mean reward with the trim that drives straight, and without.
+        chosen: "trimmed" or "alone": what drives straight also drives slower, so that a tie goes
+            to the policy's own way.
 
     """
 
@@ -32,27 +33,16 @@ class TrimTrial:
     episodes: int
     trimmed: Estimate
     alone: Estimate
-
-    @property
-    def is_better_trimmed(self) -> bool:
-        """What drives straight also drives slower, so that a tie goes to the policy's own way."""
-        return self.trimmed.mean > self.alone.mean
+    chosen: str
 
     def line(self) -> str:
         """For people."""
         ways = (("trimmed", self.trimmed), ("left alone", self.alone))
         told = ", ".join(f"{way} {x.mean:.2f} ({x.low:.2f} to {x.high:.2f})" for way, x in ways)
-        chosen = "trimmed" if self.is_better_trimmed else "left alone"
         return (
             f"{self.policy} on this robot, simulated, {self.episodes} episodes each (21 is all): "
-            f"{told}; {chosen} is written"
+            f"{told}; {'trimmed' if self.chosen == 'trimmed' else 'left alone'} is written"
         )
-
-    def fields(self) -> dict[str, Any]:
-        """As JSON takes it."""
-        return msgspec.to_builtins(self) | {
-            "chosen": "trimmed" if self.is_better_trimmed else "alone"
-        }
 
 
 def try_trim(
@@ -89,4 +79,6 @@ def try_trim(
             scene=known.scene,
         )
         rewards.append(score(evaluate(policy, trial)).reward)
-    return TrimTrial(title(policy), episodes, *rewards)
+    straight, own_way = rewards
+    chosen = "trimmed" if straight.mean > own_way.mean else "alone"
+    return TrimTrial(title(policy), episodes, straight, own_way, chosen)

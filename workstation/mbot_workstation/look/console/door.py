@@ -17,7 +17,7 @@ _TOKEN_BYTES = 18
 
 
 def new_token() -> str:
-    """24 letters, digits, `-` and `_`, drawn anew for each start."""
+    """24 letters, digits, `-` and `_`; another token for each start."""
     return secrets.token_urlsafe(_TOKEN_BYTES)
 
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from msgspec import Struct
 
 from mbot_protocol.drive.picture import Picture
 from mbot_protocol.policy.policy_contract import FieldOfView
@@ -105,36 +106,63 @@ def worst(decisions: Sequence[Redecided], most: int) -> list[Redecided]:
     return sorted(chosen, key=lambda one: one.since_s)
 
 
-def fields(found: Replay) -> dict[str, object]:
-    """As a JSON object."""
-    return {
-        "recording": found.drive.name,
-        "model_sha256": found.model_sha256,
-        "same_model": found.same_model,
-        "same_processor": found.same_processor,
-        "decisions": len(found.decisions),
-        "exact": found.exact,
-        "same_motor_bytes": found.same_motor_bytes,
-        "largest_difference": _finite(found.largest_difference),
-        "left_out": found.left_out,
-        "other_views": [
-            {"shown_deg": _pair(shown), "wanted_deg": _pair(wanted)}
-            for shown, wanted in found.other_views
-        ],
-        "as_expected": found.is_as_expected,
-        "differing": [
-            {
-                "sequence": one.beat.decision.sequence,
-                "since_s": round(one.since_s, 3),
-                "then": list(one.action_then),
-                "now": list(one.action),
-                "difference": _finite(one.difference),
-                "failure": one.failure or None,
-            }
-            for one in found.decisions
-            if not one.is_exact
-        ],
-    }
+class OtherView(Struct, frozen=True):
+    """What recorded pictures show, None if nobody knows, and what the model wants to see."""
+
+    shown_deg: list[float] | None
+    wanted_deg: list[float] | None
+
+
+class DifferentDecision(Struct, frozen=True):
+    """One that was decided otherwise; None: not a finite number, or no failure."""
+
+    sequence: int
+    since_s: float
+    then: tuple[float, float]
+    now: tuple[float, float]
+    difference: float | None
+    failure: str | None
+
+
+class ReplayAnswer(Struct, frozen=True):
+    """What a replay found, for programs."""
+
+    recording: str
+    model_sha256: str
+    same_model: bool
+    same_processor: bool
+    decisions: int
+    exact: int
+    same_motor_bytes: int
+    largest_difference: float | None
+    left_out: int
+    other_views: list[OtherView]
+    as_expected: bool
+    differing: list[DifferentDecision]
+
+
+def replay_answer(found: Replay) -> ReplayAnswer:
+    """For programs."""
+    return ReplayAnswer(
+        recording=found.drive.name,
+        model_sha256=found.model_sha256,
+        same_model=found.same_model,
+        same_processor=found.same_processor,
+        decisions=len(found.decisions),
+        exact=found.exact,
+        same_motor_bytes=found.same_motor_bytes,
+        largest_difference=_finite(found.largest_difference),
+        left_out=found.left_out,
+        other_views=[OtherView(_pair(one), _pair(other)) for one, other in found.other_views],
+        as_expected=found.is_as_expected,
+        differing=[_different(one) for one in found.decisions if not one.is_exact],
+    )
+
+
+def _different(one: Redecided) -> DifferentDecision:
+    number, since_s = one.beat.decision.sequence, round(one.since_s, 3)
+    difference, failure = _finite(one.difference), one.failure or None
+    return DifferentDecision(number, since_s, one.action_then, one.action, difference, failure)
 
 
 def _pair(view: FieldOfView | None) -> list[float] | None:

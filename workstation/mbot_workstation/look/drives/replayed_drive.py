@@ -224,7 +224,7 @@ class _Decider:
     """A policy with what it remembers.
 
     Attributes:
-        memory: what the next decision goes on with; None: it begins anew.
+        memory: what the next decision goes on with; None: it starts over.
 
     """
 

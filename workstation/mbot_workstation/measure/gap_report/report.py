@@ -1,24 +1,15 @@
 """The report from files, all that the page shows worked out; nothing here knows HTML."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from mbot_protocol.drive.calibration import CAMERA_FILE, MOTION_FILE
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.learn.studies.tolerance_file import Tolerances, read_tolerances
-from mbot_workstation.measure.gap_report.compare import (
-    CALIBRATED,
-    NOMINAL,
-    PATHS,
-    ComparedRun,
-    compare,
-)
-from mbot_workstation.measure.gap_report.figures import Driving, driving, path_error
+from mbot_workstation.measure.gap_report.compare import compare
+from mbot_workstation.measure.gap_report.figures import Driving, driving
 from mbot_workstation.measure.gap_report.frames import read_frames, telemetry_frames
 from mbot_workstation.measure.gap_report.quantities import TITLES, quantities
 from mbot_workstation.measure.gap_report.simulated_view import FramePair, frame_pairs
@@ -200,58 +191,3 @@ def missing_parts(
         pairs = " ".join(f"--pair '{name}:exposure_ms'" for name in unmapped)
         found.append(Missing(f"no tolerance map over {', '.join(unmapped)}", f"{study} {pairs}"))
     return tuple(found)
-
-
-def as_fields(report: GapReport) -> dict[str, Any]:
-    """Everything but paths and pictures, for programs. Radians where no name says degrees."""
-    camera, light, driven = report.files.camera, report.files.light, report.driving
-    return {
-        "robot_id": report.robot_id,
-        "made_on": report.made_on,
-        "recordings": report.recordings,
-        "recorded_runs": report.recorded_runs,
-        "held_out_runs": len(driven.runs),
-        "left_out": {name: one.why for name, one in report.excluded.items()},
-        "after_s": round(driven.driven_s, 3),
-        "turned_deg": float(np.degrees(driven.turned_rad)),
-        "calibrated": asdict(driven.calibrated),
-        "nominal": asdict(driven.nominal),
-        "not_helped": driven.not_helped,
-        "maneuvers": {name: _maneuver(name, runs) for name, runs in driven.maneuvers.items()},
-        "reprojection_error_px": camera and camera.reprojection_error_px,
-        "gray_card_delta_e": light
-        and {"before": light.delta_e_before, "after": light.delta_e_after},
-        "verdicts": [
-            {
-                "quantity": one.quantity.title,
-                "deviation": one.quantity.deviation,
-                "tolerated": one.tolerated and [one.tolerated.low, one.tolerated.high],
-                "uncalibrated": asdict(one.uncalibrated),
-                "calibrated": asdict(one.calibrated),
-                "source": one.quantity.source,
-            }
-            for one in report.judged
-        ],
-        "frames": len(report.frames),
-        "missing": [asdict(one) for one in report.missing],
-    }
-
-
-def _maneuver(name: str, runs: Sequence[ComparedRun]) -> dict[str, Any]:
-    errors = {path: path_error(runs, path) for path in (CALIBRATED, NOMINAL)}
-    return {
-        "repetitions": [run.repetition for run in runs],
-        **{
-            path: {
-                "at_s": float(error.time_s[-1]),
-                "position_m": error.position_m[:, -1].tolist(),
-                "yaw_deg": np.degrees(error.yaw_rad[:, -1]).tolist(),
-            }
-            for path, error in errors.items()
-        },
-        "rates": [
-            {"maneuver": name} | {path: asdict(run.rate(path)) for path in PATHS}
-            for run in runs
-            if run.is_steady
-        ],
-    }

@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
 from statistics import median
-from typing import Any
+from typing import TYPE_CHECKING
 
+from msgspec import Struct
 from rich.markup import escape
 from rich.table import Table
 
@@ -13,11 +13,18 @@ from mbot_workstation.measure.identification.conclusions import QUANTILE_95
 from mbot_workstation.measure.identification.motor_trim import TrimChoice
 from mbot_workstation.measure.identification.result import (
     Identification,
+    Misfit,
     ParameterEstimate,
+    Repeatability,
     RunError,
+    SteadyRate,
 )
+from mbot_workstation.measure.identification.solver import VarianceComponents
 from mbot_workstation.measure.identification.validation import LEAST_TURNS_RAD, heading_share
 from mbot_workstation.sim.body.parameter_table import BY_NAME
+
+if TYPE_CHECKING:
+    from mbot_workstation.learn.evaluation.trim_trial import TrimTrial
 
 NOTEWORTHY_MISFIT = 0.02
 """Of the faster wheel's speed: the bar that a calibrated robot's speeds are held to
@@ -185,35 +192,63 @@ def backward_lines(found: Identification) -> list[str]:
     ]
 
 
-def as_fields(found: Identification, uneven: TrimChoice, written: Sequence[str]) -> dict[str, Any]:
-    """For programs. Units are in the names, or the parameters' own as in `RobotParameters`."""
-    return {
-        "robot": found.robot_id,
-        "runs_fitted": found.fitted,
-        "runs_held_out": len(found.errors),
-        "left_out": {name: one.why for name, one in found.excluded.items()},
-        "parameters": {one.name: _fields(one) for one in found.estimates},
-        "latency_s": _fields(found.latency),
-        "steady": [asdict(one) for one in found.steady],
-        "misfit": [asdict(one) for one in found.misfits],
-        "uneven_motors": asdict(uneven),
-        "scatter": asdict(found.variances),
-        "clock_drift": found.clock_drift,
-        "tracker_ahead_left_yaw": found.tracker,
-        "held_out": [asdict(error) for error in found.errors],
-        "repeatability": [asdict(one) for one in found.repeatability],
-        "written": list(written),
-    }
+class FittedParameter(Struct, frozen=True):
+    """One parameter, in its own unit, and its 95 % interval; None: it can't be told."""
+
+    value: float
+    before: float
+    low: float | None
+    high: float | None
+    undetermined: str | None
 
 
-def _fields(one: ParameterEstimate) -> dict[str, Any]:
-    return {
-        "value": one.value,
-        "before": one.before,
-        "low": one.low,
-        "high": one.high,
-        "undetermined": one.why_not,
-    }
+class FitAnswer(Struct, frozen=True, omit_defaults=True):
+    """The result. Units are in the names, or the parameters' own as in `RobotParameters`."""
+
+    robot: str
+    runs_fitted: int
+    runs_held_out: int
+    left_out: dict[str, str]
+    parameters: dict[str, FittedParameter]
+    latency_s: FittedParameter
+    steady: tuple[SteadyRate, ...]
+    misfit: tuple[Misfit, ...]
+    uneven_motors: TrimChoice
+    scatter: VarianceComponents
+    clock_drift: tuple[float, ...]
+    tracker_ahead_left_yaw: tuple[tuple[float, float, float], ...]
+    held_out: tuple[RunError, ...]
+    repeatability: tuple[Repeatability, ...]
+    written: list[str]
+    trim_trial: "TrimTrial | None" = None
+
+
+def fit_answer(
+    found: Identification, uneven: TrimChoice, written: list[str], tried: "TrimTrial | None"
+) -> FitAnswer:
+    """For programs."""
+    return FitAnswer(
+        robot=found.robot_id,
+        runs_fitted=found.fitted,
+        runs_held_out=len(found.errors),
+        left_out={name: one.why for name, one in found.excluded.items()},
+        parameters={one.name: _parameter(one) for one in found.estimates},
+        latency_s=_parameter(found.latency),
+        steady=found.steady,
+        misfit=found.misfits,
+        uneven_motors=uneven,
+        scatter=found.variances,
+        clock_drift=found.clock_drift,
+        tracker_ahead_left_yaw=found.tracker,
+        held_out=found.errors,
+        repeatability=found.repeatability,
+        written=written,
+        trim_trial=tried,
+    )
+
+
+def _parameter(one: ParameterEstimate) -> FittedParameter:
+    return FittedParameter(one.value, one.before, one.low, one.high, one.why_not)
 
 
 def _by_maneuver(errors: Sequence[RunError]) -> dict[str, list[RunError]]:

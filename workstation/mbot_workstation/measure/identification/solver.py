@@ -43,7 +43,7 @@ SLOW_CLOCK_S = 0.5
 """Likewise of a slow run, which moves from a command on that nobody knows yet."""
 
 MOST_EVALUATIONS = 8
-"""Of the residuals in one iteration, before the nuisance parameters are linearised anew."""
+"""Of the residuals in one iteration, before the nuisance parameters are linearised again."""
 
 
 _NO_MISFIT = np.zeros((len(NUISANCE), len(MISFIT)))
@@ -224,7 +224,7 @@ class Solver:
         self._whiteners = [Whitener(run, noise[run.flat.recording]) for run in problem.runs]
 
     def solve(self, state: State, iterations: int) -> Solution:
-        """Descend in the parameters; each iteration linearises the nuisance parameters anew."""
+        """Descend in the parameters; each iteration linearises the nuisance parameters again."""
         result = None
         for _ in range(iterations):
             delays_s = state.nuisance[:, NUISANCE.index("delay")]

@@ -26,7 +26,7 @@ SPOILT_AT_MOST = 3
 """In a row, unattended. A link may hang for a moment; three times it is something else."""
 
 CLOCK_JUMP_NS = 1_000_000_000
-"""A drifting clock moves by milliseconds between runs; one that began anew by far more."""
+"""A drifting clock moves by milliseconds between runs; one that started over by far more."""
 
 
 @dataclass(frozen=True, slots=True)

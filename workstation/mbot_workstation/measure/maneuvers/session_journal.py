@@ -77,7 +77,7 @@ class Journal:
 
         Raises:
             ConfigurationError: it is another robot's, or the robot has been restarted since, so
-                that its clock began anew.
+                that its clock started over.
 
         """
         info = read_info(folder)

@@ -65,7 +65,7 @@ class Afternoon:
     """How much of it.
 
     Attributes:
-        folder: where everything is left; made anew.
+        folder: where everything is left; emptied first.
         seconds, repetitions, pause_s: of each maneuver; the paper has 10, 10.
         maneuvers: which; all eight if empty.
         photos: of the board.

@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 from rich.table import Table
 
 from mbot_protocol.drive.actions import WheelMaps
@@ -78,18 +79,25 @@ def as_table(rows: Sequence[Row]) -> Table:
     return table
 
 
-def as_fields(rows: Sequence[Row]) -> list[dict[str, Any]]:
+class ComparedQuantity(Struct, frozen=True):
+    """A row for programs; errors are shares of the truth where `relative` says so."""
+
+    what: str
+    truth: float
+    nominal: float
+    found: float | None
+    relative: bool
+    nominal_error: float | None
+    found_error: float | None
+
+
+def outcome_answer(rows: Sequence[Row]) -> list[ComparedQuantity]:
     """For programs."""
     return [
-        {
-            "what": row.what,
-            "truth": row.truth,
-            "nominal": row.nominal,
-            "found": row.found,
-            "relative": row.relative,
-            "nominal_error": row.error(row.nominal),
-            "found_error": row.error(row.found),
-        }
+        ComparedQuantity(
+            *(row.what, row.truth, row.nominal, row.found, row.relative),
+            *(row.error(row.nominal), row.error(row.found)),
+        )
         for row in rows
     ]
 

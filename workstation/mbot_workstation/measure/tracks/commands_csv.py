@@ -54,7 +54,7 @@ def read_commands(path: Path, *, may_be_empty: bool = False) -> tuple[CommandedR
 
 
 def write_commands(path: Path, runs: Iterable[CommandedRun]) -> None:
-    """Write the file anew, whole or not at all; raises OSError."""
+    """Rewrite the file, whole or not at all; raises OSError."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(HEADER)

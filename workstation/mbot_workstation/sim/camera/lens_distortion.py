@@ -61,7 +61,7 @@ class LensDistortion:
 
         Args:
             camera: at any size; its own covering pinhole is the one in the MuJoCo model, which
-                sees the same at every size it is drawn at. One chosen anew for this size would
+                sees the same at every size it is drawn at. One chosen for this size would
                 be a fraction of a pixel wider or narrower.
             width_px, height_px: of the pictures, the whole view of the camera.
 
