@@ -54,7 +54,10 @@ MODELS = Path(__file__).parents[2] / "models"
 def learner() -> PicturePPO:
     environment = DummyVecEnv([TaskEnv])
     made = make_learner(
-        environment, LearnerSettings(batch=128, first_filter_px=6), seed=1, critic=TASK.critic
+        environment,
+        LearnerSettings(batch=128, first_filter_px=5, halvings=3),
+        seed=1,
+        critic=TASK.critic,
     )
     environment.close()
     with torch.no_grad():  # lively enough that actions leave [-1, 1]
@@ -133,13 +136,19 @@ def test_a_network_without_memory_follows_the_first_contract() -> None:
     np.testing.assert_allclose(policy.act(PICTURES), theirs, rtol=0, atol=FLOAT32)
 
 
-@pytest.mark.parametrize(("memory_units", "first_filter_px"), [(0, 8), (128, 8), (128, 6)])
+@pytest.mark.parametrize(
+    ("memory_units", "first_filter_px", "halvings"),
+    [(0, 8, 2), (128, 8, 2), (128, 6, 2), (128, 5, 3)],
+)
 def test_the_dialect_for_armv6_decides_alike_and_has_the_same_weights(
-    memory_units: int, first_filter_px: int
+    memory_units: int, first_filter_px: int, halvings: int
 ) -> None:
     environment = DummyVecEnv([TaskEnv])
     settings = LearnerSettings(
-        batch=128, memory_units=memory_units, first_filter_px=first_filter_px
+        batch=128,
+        memory_units=memory_units,
+        first_filter_px=first_filter_px,
+        halvings=halvings,
     )
     made = make_learner(environment, settings, seed=3, critic=TASK.critic)
     environment.close()

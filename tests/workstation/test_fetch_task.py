@@ -109,3 +109,22 @@ def test_facts_tell_the_way_around_a_thing_and_that_it_hides_the_object() -> Non
     assert (blocked["target_ahead_m"], blocked["target_left_m"]) == (2.0, 0.0)
     assert abs(blocked["aim_left_m"]) > CAN.radius_m
     assert blocked["seen_left_rad"] == math.pi
+
+
+def test_a_thing_of_its_colour_is_suspect_until_it_was_seen_from_nearby() -> None:
+    ball = Standing("ball", 1.5, 0.0, 0.05, 0.1, is_alike=True)
+    fetch = task(standing=(ball, CAN), objects=2)
+    fetch.target = Pose(-2.0, 0.0)
+
+    def suspect(robot: Pose) -> float:
+        told = fetch.facts(Moment(robot, 0.4, robot, 0.35, camera_ahead_m=0.06))
+        return dict(zip(FACTS.names or (), told, strict=True))["suspect_ahead_m"]
+
+    beside, turned = Pose(0.0, 0.69), Pose(0.0, 0.69, math.pi)
+    assert suspect(beside) == pytest.approx(1.5), "ahead, nothing in the way"
+    assert math.isnan(suspect(ORIGIN)), "the can hides it"
+    assert math.isnan(suspect(turned)), "behind"
+    assert math.isnan(suspect(Pose(0.7, 0.2))), "near: it is seen to be none"
+    assert math.isnan(suspect(beside)), "and remembered"
+    fetch.advance(fetch.target, 0.0)
+    assert suspect(beside) == pytest.approx(1.5), "the next object may stand there"

@@ -396,3 +396,22 @@ def test_fewer_epochs_while_the_guide_counts_for_more_than_half() -> None:
         learner.learn(16, reset_num_timesteps=False)  # 1/2
         updates.append(learner._n_updates)  # pyright: ignore[reportPrivateUsage]
     assert updates == [1, 1 + 3]
+
+
+def test_who_sees_nothing_else_goes_and_looks_at_what_may_be_the_object() -> None:
+    guide = FetchGuide(1, NOMINAL)
+    record = situation(-1.0, 0.0, math.pi)
+    record["suspect_ahead_m"], record["suspect_left_m"] = 2.0, 0.0
+    assert guide.shows(record).all()
+    left, right = told(guide.act(record))[0]
+    assert min(left, right) > 0.9, "straight ahead"
+    record["suspect_ahead_m"] = math.nan
+    assert not guide.shows(record).any()
+    np.testing.assert_allclose(guide.act(record)[0], BEGINS, atol=1e-6)
+
+
+def test_the_object_itself_comes_first() -> None:
+    both = situation(1.0, 0.3)
+    alone = FetchGuide(1, NOMINAL).act(both)[0]
+    both["suspect_ahead_m"], both["suspect_left_m"] = 2.0, -0.5
+    np.testing.assert_array_equal(FetchGuide(1, NOMINAL).act(both)[0], alone)

@@ -78,11 +78,11 @@ def test_every_weight_learns(network: PictureNetwork) -> None:
         assert bool(parameter.grad.abs().sum() > 0), name
 
 
-@pytest.mark.parametrize("deeper", [False, True])
-def test_gradients_are_those_of_the_outputs(deeper: bool) -> None:
+@pytest.mark.parametrize(("deeper", "halvings"), [(False, 2), (True, 2), (True, 3)])
+def test_gradients_are_those_of_the_outputs(deeper: bool, halvings: int) -> None:
     """By differences, in float64."""
     torch.manual_seed(3)
-    network = PictureNetwork(SPACE, deeper=deeper).double()
+    network = PictureNetwork(SPACE, deeper=deeper, halvings=halvings).double()
     batch, heed = pictures(4).double(), torch.randn(4, 256).double()
     (network(batch) * heed).sum().backward()
     with torch.no_grad():

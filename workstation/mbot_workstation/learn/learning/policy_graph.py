@@ -98,21 +98,12 @@ def policy_graph(
     memory = (spelt_out_gru if for_armv6 else gru)(parts) if parts else MemoryGraph([], {})
     metadata = replace(metadata, contract_version=2 if parts else 1)
     deeper = f"{_ORIGINS['third']}.weight" in weights
-    side = weights[f"{_ORIGINS['first']}.weight"].shape[-1]
-    stride = first_stride(side)
-    halved = _halved(weights, for_armv6)
     keeps_turns = KEEPS_TURNS in weights
     bounded = _bounded(for_armv6, keeps_turns=keeps_turns)
     nodes = [
         helper.make_node("Cast", [INPUT_NAME], ["pixels"], name="pixels", to=TensorProto.FLOAT),
         helper.make_node("Transpose", ["pixels"], ["planes"], name="planes", perm=[0, 3, 1, 2]),
-        *_layer("Conv", "planes", "first", **_kernel(for_armv6, side), strides=[stride, stride]),
-        *_layer("Conv", "first_active", "second", **_kernel(for_armv6, 4), strides=[2, 2]),
-        *_more(deeper, "Conv", "second_active", "third", "view", **_kernel(for_armv6, 3), **_ROUND),
-        *halved,
-        helper.make_node(
-            "Flatten", ["near_view" if halved else "view"], ["flat"], name="flat", axis=1
-        ),
+        *_convolutions(weights, for_armv6),
         *_layer("Gemm", "flat", "dense", transB=1),
         *_more(deeper, "Gemm", "dense_active", "mixing", FEATURES, transB=1),
         *memory.nodes,
@@ -199,16 +190,23 @@ def _layer(
     return [node, helper.make_node("LeakyRelu", [name], [active], name=active, alpha=LEAKY_SLOPE)]
 
 
-def _halved(weights: Mapping[str, torch.Tensor], for_armv6: bool) -> list[onnx.NodeProto]:
-    """The fourth and fifth convolutions, of a network that halves its pictures three times."""
-    if f"{_ORIGINS['fourth']}.weight" not in weights:
-        return []
-    fourth = _layer("Conv", "view", "fourth", **_kernel(for_armv6, 4), strides=[2, 2])
-    kernel = _kernel(for_armv6, 3)
-    return [
-        *fourth,
-        *_more(True, "Conv", "fourth_active", "fifth", "near_view", **kernel, **_ROUND),
+def _convolutions(weights: Mapping[str, torch.Tensor], for_armv6: bool) -> list[onnx.NodeProto]:
+    """From "planes" to "flat": two, three or five of them."""
+    side = weights[f"{_ORIGINS['first']}.weight"].shape[-1]
+    strides = {"strides": [first_stride(side)] * 2}
+    halves = {**_kernel(for_armv6, 4), "strides": [2, 2]}
+    rounds = {**_kernel(for_armv6, 3), **_ROUND}
+    deeper, further = (f"{_ORIGINS[name]}.weight" in weights for name in ("third", "fourth"))
+    nodes = [
+        *_layer("Conv", "planes", "first", **_kernel(for_armv6, side), **strides),
+        *_layer("Conv", "first_active", "second", **halves),
+        *_more(deeper, "Conv", "second_active", "third", "view", **rounds),
     ]
+    if further:
+        nodes += _layer("Conv", "view", "fourth", **halves)
+        nodes += _more(True, "Conv", "fourth_active", "fifth", "near_view", **rounds)
+    last = "near_view" if further else "view"
+    return [*nodes, helper.make_node("Flatten", [last], ["flat"], name="flat", axis=1)]
 
 
 _ROUND = {"pads": [1, 1, 1, 1]}

@@ -27,7 +27,8 @@ def finish(index: int) -> Picture:
 def _clouds(rng: np.random.Generator, cells: tuple[int, int]) -> Grey:
     """Smooth noise of so many cells down and across, about 0 to 1."""
     size = (SIDE_PX, SIDE_PX)
-    return np.asarray(cv2.resize(rng.uniform(0, 1, cells), size, interpolation=cv2.INTER_CUBIC))
+    grown = cv2.resize(rng.uniform(0, 1, cells), size, interpolation=cv2.INTER_CUBIC)
+    return np.asarray(grown, np.float64)
 
 
 def _scuffed(rng: np.random.Generator) -> Grey:

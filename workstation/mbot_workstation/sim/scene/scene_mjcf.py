@@ -182,7 +182,11 @@ def _add_room(spec: MjSpec, room: Room, picture: Picture) -> None:
     dome = dome_mesh(room)
     for name, vertices_m, triangles in (
         (ROOM, dome.vertices_m, dome.triangles),
-        (MIRRORED_ROOM, dome.vertices_m * np.float32([1, 1, -1]), dome.triangles[:, ::-1]),
+        (
+            MIRRORED_ROOM,
+            dome.vertices_m * np.array([1, 1, -1], np.float32),
+            dome.triangles[:, ::-1],
+        ),
     ):
         spec.add_mesh(
             name=name,
