@@ -17,7 +17,7 @@ from mbot_workstation.sim.effects.scene_looks import (
     MADE_UP_FLOORS,
     colour_of,
     draw_look,
-    like_an_object,
+    its_colour,
     nearly_an_object,
     unlike_an_object,
 )
@@ -62,6 +62,8 @@ def draw_home(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Scen
     warmth = np.array((1 + 0.5 * lamp, 1.0, 1 - lamp))
     dim = rng.uniform(0.5, 1.0)
     direct = np.array(look.light_rgb) * warmth
+    worn = tuple(_object_look(rng, *one) for one in zip(objects, look.objects, strict=True))
+    look = replace(look, objects=worn)
     pieces, standing = _things(rng, objects, look)
     return replace(
         look,
@@ -69,10 +71,6 @@ def draw_home(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Scen
         floor_mirrors=0.0 if rng.random() < 0.55 else rng.uniform(0.05, 0.5),
         wall_height_m=0.0 if rng.random() < FREE else look.wall_height_m,
         wall_rgb=_natural(rng) if rng.random() < 0.25 else look.wall_rgb,
-        objects=tuple(
-            _object_look(rng, thing, worn)
-            for thing, worn in zip(objects, look.objects, strict=True)
-        ),
         light_rgb=_rgb(direct * dim),
         ambient_rgb=_rgb(np.array(look.ambient_rgb) * warmth * dim),
         room_rgb=_rgb(warmth * rng.choice([1.0, dim])),
@@ -82,13 +80,28 @@ def draw_home(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Scen
 
 
 def _object_look(rng: np.random.Generator, thing: TargetObject, worn: ObjectLook) -> ObjectLook:
-    """Of any finish, labelled now and then; one of three in a wider range of its colour."""
-    rgb = worn.rgb
-    if rng.random() < 0.35:
-        rgb = colour_of(
-            thing, rng.uniform(-0.05, 0.035), rng.uniform(0.62, 0.98), rng.uniform(0.4, 0.98)
-        )
+    """Of any finish, labelled now and then."""
+    rgb = colour_of(thing, *_red(rng))
     return replace(worn, rgb=rgb, wear=_finish(rng), labelled=bool(rng.random() < 0.15))
+
+
+def _red(rng: np.random.Generator) -> tuple[float, float, float]:
+    """Hue, saturation and value of a red: mostly of a pure one, else of rose, brick or a dark one.
+
+    The object and what is like it are drawn alike: a colour that only one of them has would tell
+    them apart.
+    """
+    if rng.random() < 0.6:
+        return rng.uniform(-0.03, 0.025), rng.uniform(0.72, 0.97), rng.uniform(0.5, 0.95)
+    return rng.uniform(-0.05, 0.035), rng.uniform(0.55, 1.0), rng.uniform(0.35, 1.0)
+
+
+def _alike(rng: np.random.Generator, objects: Sequence[TargetObject], look: SceneLook) -> Rgb:
+    """The colour that an object has in this home, nearly, or another that it might have."""
+    kind = int(rng.integers(len(objects)))
+    if objects[kind].is_plain and rng.random() < 0.5:
+        return _rgb(np.array(look.objects[kind].rgb) * rng.uniform(0.9, 1.1))
+    return its_colour(objects[kind], *_red(rng))
 
 
 def _finish(rng: np.random.Generator) -> int:
@@ -103,14 +116,14 @@ def _things(
     pieces = _patches(rng)
     standing: list[Standing] = []
     for _ in range(max(0, int(rng.integers(-1, MOST_STANDING + 1)))):
-        name, thing, is_alike = _drawn(rng, objects, SMALL)
+        name, thing, is_alike = _drawn(rng, objects, look, SMALL)
         x, y = (rng.choice([1.0, 0.6]) * rng.uniform(-2.6, 2.6, 2)).tolist()
         if math.hypot(x, y) < FROM_START_M + thing.radius_m:
             continue
         standing.append(Standing(name, x, y, thing.radius_m, thing.height_m, is_alike))
         pieces += _placed(rng, thing, x, y, look)
     for _ in range(int(rng.integers(MOST_ALONG_WALLS + 1))):
-        _, thing, _ = _drawn(rng, objects, LARGE if rng.random() < 0.6 else SMALL)
+        _, thing, _ = _drawn(rng, objects, look, LARGE if rng.random() < 0.6 else SMALL)
         angle = rng.uniform(-math.pi, math.pi)
         to_border = ARENA_M / max(abs(math.cos(angle)), abs(math.sin(angle)))
         away = min(to_border + thing.radius_m + rng.uniform(0.05, 1.2), 4.7)
@@ -162,14 +175,17 @@ def _patches(rng: np.random.Generator) -> list[Distractor]:
 
 
 def _drawn(
-    rng: np.random.Generator, objects: Sequence[TargetObject], kinds: Mapping[str, Make]
+    rng: np.random.Generator,
+    objects: Sequence[TargetObject],
+    look: SceneLook,
+    kinds: Mapping[str, Make],
 ) -> tuple[str, Thing, bool]:
     """A thing, what it is called, and whether it has an object's colour."""
     name = str(rng.choice(list(kinds)))
     is_alike = rng.random() < ITS_COLOUR and not any(name in ALIKE[one.shape] for one in objects)
     if is_alike and name in WOODEN:
         is_alike = bool(rng.random() < 0.5)
-    colour = like_an_object(rng, objects) if is_alike else _other_colour(rng, objects, name)
+    colour = _alike(rng, objects, look) if is_alike else _other_colour(rng, objects, name)
     return name, kinds[name](rng, colour), is_alike
 
 
@@ -184,7 +200,7 @@ def _other_colour(rng: np.random.Generator, objects: Sequence[TargetObject], nam
 def _natural(rng: np.random.Generator) -> Rgb:
     """Wood, cardboard, leather, brick, clay."""
     clay = rng.random() < 0.3
-    hue = rng.uniform(0.035, 0.055) if clay else rng.uniform(0.05, 0.11)
+    hue = rng.uniform(0.042, 0.06) if clay else rng.uniform(0.05, 0.11)
     return colorsys.hsv_to_rgb(
         hue, rng.uniform(0.45, 0.66) if clay else rng.uniform(0.2, 0.65), rng.uniform(0.15, 0.85)
     )

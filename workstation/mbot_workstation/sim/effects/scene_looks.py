@@ -117,10 +117,10 @@ def _object_look(rng: np.random.Generator, thing: TargetObject) -> ObjectLook:
 
 def colour_of(thing: TargetObject, hue: float, saturation: float, value: float) -> Rgb:
     """What a red, of the red cube, is of another object, as its pictures are tinted."""
-    return _tint(thing, _as_its(thing, hue, saturation, value))
+    return _tint(thing, its_colour(thing, hue, saturation, value))
 
 
-def _as_its(thing: TargetObject, hue: float, saturation: float, value: float) -> Rgb:
+def its_colour(thing: TargetObject, hue: float, saturation: float, value: float) -> Rgb:
     """A red, of the red cube, turned into the like of another object's colour."""
     its, red = thing.mean_hsv, RED_CUBE.mean_hsv
     return colorsys.hsv_to_rgb(
@@ -214,7 +214,7 @@ def _of_its_size(
 def like_an_object(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Rgb:
     """A colour like an object's, more loosely than its own."""
     thing = objects[int(rng.integers(len(objects))) if len(objects) > 1 else 0]
-    return _as_its(thing, rng.uniform(-0.05, 0.05), rng.uniform(0.5, 1.0), rng.uniform(0.3, 1.0))
+    return its_colour(thing, rng.uniform(-0.05, 0.05), rng.uniform(0.5, 1.0), rng.uniform(0.3, 1.0))
 
 
 def unlike_an_object(rng: np.random.Generator, objects: Sequence[TargetObject]) -> Rgb:
