@@ -30,6 +30,9 @@ class Reference:
     decisions: float
 
 
+FloatArray = NDArray[np.float32]
+
+
 class Task(Protocol):
     """What robots are to do. Derive from it: what it can leave out has a default.
 
@@ -93,6 +96,20 @@ class Task(Protocol):
     ) -> Guide | None:
         """Somebody to learn from, who remembers for so many decisions; None: PPO alone."""
         del robots, ranges, robot, remembers
+        return None
+
+    def sights(self, facts: "np.ndarray[Any, np.dtype[np.void]]") -> FloatArray | None:
+        """What pictures show, for a network that is to see it before it drives; None: nothing.
+
+        Args:
+            facts: shape (n,).
+
+        Returns:
+            Shape (n, 1 + k): 1.0 where a picture shows what matters, else 0.0; then k numbers of
+            it, about 1 in size, of no account where it shows nothing.
+
+        """
+        del facts
         return None
 
     def expert(self, robots: int, ranges: EffectRanges, robot: RobotParameters) -> Expert | None:

@@ -51,6 +51,7 @@ class LearnerSettings:
         memory_units: numbers that the policy remembers from decision to decision; 0 is the
             paper's network.
         first_filter_px: side of the first convolution's filters; the paper's have 8.
+        eye_pictures: by which the network learns to see before anybody drives (`eye.py`).
         halvings: how many convolutions halve the picture; the paper's two, or three.
 
     """
@@ -76,6 +77,7 @@ class LearnerSettings:
     memory_units: int = MEMORY_UNITS
     first_filter_px: int = PAPER_FILTER_PX
     halvings: int = PAPER_HALVINGS
+    eye_pictures: int = 0
 
     def learning_rate_at(self, remaining: float) -> float:
         """The learning rate when this share, 1 to 0, of the planned decisions remains."""
@@ -104,7 +106,13 @@ an episode: with 2,048 decisions an update and batches of 256 PPO made such a po
 8,192 and 1,024 better (measured)."""
 
 GUIDED = replace(
-    FINE_TUNING, learning_rate=5e-4, guided_epochs=2, rehearsals=128, first_filter_px=5, halvings=3
+    FINE_TUNING,
+    learning_rate=5e-4,
+    guided_epochs=2,
+    rehearsals=128,
+    first_filter_px=5,
+    halvings=3,
+    eye_pictures=192_000,
 )
 """The guide soon makes a trained policy of it; its advice is no matter of luck and bears larger
 steps, in small batches. Finer filters than the paper's see more of the far objects (network.py).

@@ -11,6 +11,7 @@ from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 
 from mbot_workstation.learn.learning.checkpoint import read_state, restore_learner
 from mbot_workstation.learn.learning.collection import Collection
+from mbot_workstation.learn.learning.eye import teach_eye
 from mbot_workstation.learn.learning.git_state import git_state
 from mbot_workstation.learn.learning.guidance import GUIDE_REMEMBERS
 from mbot_workstation.learn.learning.learner import make_learner
@@ -102,6 +103,9 @@ def train(
             restore_learner(
                 Path(config.parent), learner, with_optimizer=False, turn_deg=config.hue_turn_deg
             )
+        elif config.learner.eye_pictures:
+            network = learner.policy.features_extractor
+            teach_eye(network, environment, config.learner.eye_pictures, stop, display.say)
         learner.set_logger(Logger(str(run.tensorboard), [writer]))
         callback = TrainingCallback(run, config, environment, display, stop, start)
         if step < config.steps:

@@ -3,7 +3,7 @@
 import os
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,9 +15,16 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvS
 
 from mbot_protocol.drive.picture import Picture
 from mbot_workstation.learn.worlds.segment import Decisions, Pilot, Segment, SegmentPlan
-from mbot_workstation.learn.worlds.shared_arrays import SLOTS
+from mbot_workstation.learn.worlds.shared_arrays import FRAME_SHAPE, SEGMENT, SLOTS
 from mbot_workstation.learn.worlds.task_env import action_space, observation_space
-from mbot_workstation.learn.worlds.worker import DriveSegment, Reset, SetLesson, SetPilot, StepAll
+from mbot_workstation.learn.worlds.worker import (
+    DriveSegment,
+    Reset,
+    SetLesson,
+    SetPilot,
+    StepAll,
+    Survey,
+)
 from mbot_workstation.learn.worlds.worker_pool import WorkerPool
 from mbot_workstation.learn.worlds.world import info_of
 from mbot_workstation.learn.worlds.world_settings import world_settings
@@ -177,7 +184,7 @@ class TaskVecEnv(VecEnv):
     def arrive(self) -> Segment:
         """Wait for the first of the segments that are being driven."""
         number, decisions, slot = self._driving.popleft()
-        shares = self._pool.wait(number)
+        shares = [done.segment for done in self._pool.wait(number) if done.segment is not None]
         situations, bodies, outcomes = (
             np.concatenate([getattr(share, name) for share in shares], axis=1)
             for name in ("situations", "bodies", "outcomes")
@@ -198,6 +205,31 @@ class TaskVecEnv(VecEnv):
             ],
             decisions=Decisions.beside([share.decisions for share in shares]),
         )
+
+    def survey(self, pictures: int) -> Iterator[tuple[NDArray[np.uint8], NDArray[np.void]]]:
+        """Pictures taken from anywhere, and what is true of each; `reset` before anybody drives.
+
+        Args:
+            pictures: about how many, in all.
+
+        Yields:
+            Some hundred pictures, shape (n, 64, 64, 3), and their step records, shape (n,).
+
+        """
+        self._settle()
+        rounds = max(1, round(pictures / self.num_envs))
+        sizes = [min(SEGMENT, rounds - start) for start in range(0, rounds, SEGMENT)]
+        asked: deque[tuple[int, int, int]] = deque()
+        for number in range(len(sizes) + 1):
+            if number < len(sizes):
+                slot = number % SLOTS
+                orders = [Survey(sizes[number], slot)] * len(self.shares)
+                asked.append((self._pool.ask(orders), sizes[number], slot))
+            if number:  # one is under way while another is looked at
+                request, size, slot = asked.popleft()
+                told = [done.shown for done in self._pool.wait(request) if done.shown is not None]
+                seen = self._arrays.segments[slot, :size].reshape(-1, *FRAME_SHAPE).copy()
+                yield seen, np.concatenate(told, axis=1).ravel()
 
     def halt(self) -> None:
         """Wait for all that are driving, and forget what it brought."""

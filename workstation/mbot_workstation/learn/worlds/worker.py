@@ -11,6 +11,7 @@ from typing import Any, assert_never
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from mbot_protocol.errors import MbotError
 from mbot_workstation.learn.worlds.robot_eye import RobotEye
@@ -21,6 +22,8 @@ from mbot_workstation.learn.worlds.world_settings import WorldSettings
 from mbot_workstation.sim.effects.body_record import BODY_RECORD
 from mbot_workstation.tasks.find import find_task, mistake_in
 from mbot_workstation.tasks.lesson import Lesson
+
+PICTURES_A_LOOK = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +60,21 @@ class DriveSegment:
 
 
 @dataclass(frozen=True, slots=True)
+class Survey:
+    """Take pictures from anywhere; the reply tells what they show. Nothing is driven after it
+    until `Reset`.
+
+    Attributes:
+        rounds: of one picture each, SEGMENT at most.
+        slot: of the shared memory, for pictures.
+
+    """
+
+    rounds: int
+    slot: int
+
+
+@dataclass(frozen=True, slots=True)
 class Reset:
     """Start new episodes.
 
@@ -87,7 +105,7 @@ class Quit:
     """End."""
 
 
-Order = StepAll | SetPilot | DriveSegment | Reset | SetLesson
+Order = StepAll | SetPilot | DriveSegment | Survey | Reset | SetLesson
 Request = Order | Quit
 
 
@@ -97,10 +115,12 @@ class Done:
 
     Attributes:
         segment: that it has driven, if that was the request.
+        shown: the task's facts of what it has taken pictures of, shape (rounds, n), likewise.
 
     """
 
     segment: SegmentShare | None = None
+    shown: "NDArray[np.void] | None" = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +160,7 @@ def run_worker(pipe: Connection, memory: SharedMemory, robots: range) -> None:
             share = _Share(eye, memory.arrays(), robots, settings)
             pipe.send(Done())
             while not isinstance(request := pipe.recv(), Quit):
-                pipe.send(Done(share.carry_out(request)))
+                pipe.send(share.carry_out(request))
     except (EOFError, BrokenPipeError):
         return  # the environment has gone
     except MbotError as error:
@@ -162,9 +182,7 @@ class _Share:
         self._lesson, self._lesson_number = settings.lesson, 0
         self._episode_lesson = [0] * len(robots)
 
-    def carry_out(
-        self, request: StepAll | SetPilot | DriveSegment | Reset | SetLesson
-    ) -> SegmentShare | None:
+    def carry_out(self, request: Order) -> Done:
         """Do what is asked, and say what there is to be told of it."""
         match request:
             case StepAll():
@@ -172,7 +190,9 @@ class _Share:
             case SetPilot(pilot):
                 self._pilot = pilot
             case DriveSegment(decisions, slot, plan):
-                return self._drive(decisions, slot, plan)
+                return Done(self._drive(decisions, slot, plan))
+            case Survey(rounds, slot):
+                return Done(shown=self._survey(rounds, slot))
             case Reset(seeds):
                 for index, seed in enumerate(seeds):
                     if seed is not None:
@@ -183,7 +203,7 @@ class _Share:
                 self._lesson, self._lesson_number = lesson, number
             case _:
                 assert_never(request)
-        return None
+        return Done()
 
     def _drive(self, decisions: int, slot: int, plan: SegmentPlan) -> SegmentShare:
         """All by itself: whoever waits for all robots at every decision waits for the slowest."""
@@ -207,6 +227,19 @@ class _Share:
             outcomes[now] = records
             pilot.arrive(outcomes[now]["ended"])
         return SegmentShare(situations, bodies, outcomes, pilot.decisions())
+
+    def _survey(self, rounds: int, slot: int) -> NDArray[np.void]:
+        """Robots, rooms and looks are others every eighth time: drawing these costs as much."""
+        shown = np.empty((rounds, len(self._robots)), self._arrays.records.dtype)
+        for now in range(rounds):
+            for index, world in enumerate(self._worlds):
+                if now % PICTURES_A_LOOK == 0:
+                    self._begin(index)
+                world.scatter()
+                shown[now, index] = self._record(index, Outcome())
+            pictures = self._eye.observe_all(self._worlds)
+            self._arrays.segments[slot, now, self._rows] = pictures
+        return shown
 
     def _step_all(self) -> None:
         # All physics first, then all pictures: a processor's cache holds one of the two.

@@ -14,7 +14,6 @@ from multiprocessing.process import BaseProcess
 from typing import NoReturn
 
 from mbot_protocol.errors import MbotError
-from mbot_workstation.learn.worlds.segment import SegmentShare
 from mbot_workstation.learn.worlds.shared_arrays import SharedArrays, SharedMemory
 from mbot_workstation.learn.worlds.worker import (
     Done,
@@ -104,11 +103,11 @@ class WorkerPool:
             self._owing.append((self._asked, worker))
         return self._asked
 
-    def wait(self, number: int | None = None) -> list[SegmentShare]:
+    def wait(self, number: int | None = None) -> list[Done]:
         """Wait until all have done what they were asked, up to this number; all of it when None.
 
         Returns:
-            The segments that they have driven for that number.
+            Their replies to that number.
 
         Raises:
             WorkerError: one has failed.
@@ -116,7 +115,7 @@ class WorkerPool:
 
         """
         last = self._asked if number is None else number
-        segments: list[SegmentShare] = []
+        replies: list[Done] = []
         while self._owing and self._owing[0][0] <= last:
             worker = self._owing[0][1]
             # The end of the pipe alone does not tell of a worker that died while it started.
@@ -128,14 +127,14 @@ class WorkerPool:
                 self._raise_gone(worker)
             asked, _ = self._owing.popleft()
             match reply:
-                case Done(segment):
-                    if asked == last and segment is not None:
-                        segments.append(segment)
+                case Done():
+                    if asked == last:
+                        replies.append(reply)
                 case Failed(MbotError() as error):
                     raise error
                 case Failed(text):
                     raise WorkerError(f"the worker of {worker.process.name} failed:\n{text}")
-        return segments
+        return replies
 
     def close(self) -> None:
         """End all workers; a second time does nothing."""

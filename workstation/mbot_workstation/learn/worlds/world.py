@@ -57,6 +57,9 @@ CHANGING = (
 )
 """Effects of a robot that changes on the way: a battery, a gear, another floor, a busy computer."""
 
+USUAL_TURN_RAD_S = 1.2
+"""Standard deviation of a scattered robot's turn rate; a search turn has about 2 at its fastest."""
+
 SLACK_S = 1e-6
 """Sums of decimal seconds are not exact."""
 
@@ -174,6 +177,16 @@ class World:
         """What an environment says beside observation and reward: see `info_of`."""
         happening = NOTHING if outcome is None else outcome.happening
         return info_of(self.task, self.facts(), happening, self.lesson.name)
+
+    def scatter(self) -> None:
+        """Be where a picture may be taken, perhaps in a turn; nothing drives until `begin`."""
+        rng = self._rng
+        self._pose = self.episode.scatter(rng)
+        self.simulation.place_robot(self._pose)
+        self._place_objects()
+        self._now_s += DECISION_S
+        turn_rate_rad_s = rng.normal(0, USUAL_TURN_RAD_S) if rng.random() < 0.5 else 0.0
+        self.glimpse = Glimpse(self.simulation.snapshot(), turn_rate_rad_s, self._now_s)
 
     def decide(self, left: float, right: float) -> Outcome:
         """Carry out one decision of 0.4 s.

@@ -1,0 +1,85 @@
+import threading
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+import torch
+
+from mbot_workstation.learn.learning import eye
+from mbot_workstation.learn.learning.eye import teach_eye
+from mbot_workstation.learn.learning.network import PictureNetwork
+from mbot_workstation.learn.worlds.task_env import observation_space
+from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
+from mbot_workstation.sim.scene.room_generator import generate_room
+from mbot_workstation.tasks.fetch.episode import IN_VIEW_RAD
+from mbot_workstation.tasks.fetch.task import TASK
+from mbot_workstation.tasks.task import Task
+
+
+@pytest.fixture(scope="module")
+def environment() -> Iterator[TaskVecEnv]:
+    room = generate_room(0, 256)
+    with TaskVecEnv(4, preset="ideal", lesson="10", rooms=[room], workers=2) as made:
+        made.reset()
+        yield made
+
+
+def test_a_survey_shows_what_its_facts_say(environment: TaskVecEnv) -> None:
+    found = list(environment.survey(200))
+    pictures = np.concatenate([seen for seen, _ in found])
+    facts = np.concatenate([told for _, told in found])
+    assert pictures.shape == (200, 64, 64, 3)
+    sights = TASK.sights(facts)
+    shown = sights[:, 0] > 0
+    assert 0.3 < shown.mean() < 0.8
+    assert (np.abs(facts["seen_left_rad"][shown]) <= IN_VIEW_RAD).all()
+    light = pictures.astype(int)
+    red = (light[..., 0] - light[..., 1:].max(axis=-1)) > 60
+    columns = np.arange(64)[None] * np.ones((len(red), 1))
+    large = red.sum(axis=(1, 2)) > 8
+    assert large[shown].mean() > 0.8
+    outside = np.abs(facts["seen_left_rad"]) > 1.2 * IN_VIEW_RAD
+    assert large[outside].mean() < 0.05
+    clear = shown & large
+    middle = (red.sum(axis=1) * columns).sum(axis=1)[clear] / red.sum(axis=(1, 2))[clear]
+    assert np.corrcoef(middle, -sights[clear, 1])[0, 1] > 0.9, "left is left"
+
+
+def test_robots_drive_after_a_survey_as_before(environment: TaskVecEnv) -> None:
+    def rewards() -> list[float]:
+        environment.seed(5)
+        environment.reset()
+        wheels = np.full((4, 2), 0.5, np.float32)
+        return [float(environment.step(wheels)[1].sum()) for _ in range(4)]
+
+    before = rewards()
+    list(environment.survey(40))
+    assert rewards() == before
+
+
+def test_an_eye_learns_to_see(environment: TaskVecEnv, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(eye, "ROUND", 1000)
+    monkeypatch.setattr(eye, "EPOCHS", 12)
+    torch.manual_seed(0)
+    torch.set_num_threads(1)  # as a training does
+    network = PictureNetwork(observation_space(), deeper=True, first_filter_px=5, halvings=3)
+    said: list[str] = []
+    assert teach_eye(network, environment, 2000, threading.Event(), said.append)
+    losses = [float(line.rsplit(" ", 1)[1]) for line in said]
+    assert losses[1] < 0.75 * losses[0]
+
+
+def test_nothing_is_learned_of_a_task_that_says_nothing(
+    environment: TaskVecEnv, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(type(environment.task), "sights", Task.sights)
+    network = PictureNetwork(observation_space())
+    before = network.first.weight.clone()
+    assert not teach_eye(network, environment, 64, threading.Event(), lambda _: None)
+    assert torch.equal(network.first.weight, before)
+
+
+def test_who_is_told_to_stop_stops(environment: TaskVecEnv) -> None:
+    stop = threading.Event()
+    stop.set()
+    assert not teach_eye(PictureNetwork(observation_space()), environment, 64, stop, lambda _: None)

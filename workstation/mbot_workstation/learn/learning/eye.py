@@ -1,0 +1,156 @@
+"""What a network learns before anybody drives: to say what pictures show.
+
+Of every picture of a simulation it is known whether it shows the object, and where. To be told that
+directly, by pictures from anywhere, teaches more a minute than to be told how to drive: a picture
+costs 0.7 ms and needs no physics, no memory and no critic. What is learned here are the layers in
+front of the memory; the two that say what they see are thrown away.
+"""
+
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+from torch.nn import functional
+
+from mbot_workstation.learn.learning.network import DENSE_UNITS
+from mbot_workstation.learn.learning.processor import has_short_floats
+from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
+
+ROUND = 32_000
+"""Pictures that are kept at a time: 400 MB."""
+
+EPOCHS = 12
+"""How often each is learned from before it is forgotten."""
+
+BATCH = 256
+THREADS = 2
+LEARNING_RATE, FINAL_LEARNING_RATE = 1e-3, 5e-5
+NUMBERS_COUNT = 3.0
+"""Of where it is, against whether it is there."""
+
+
+def teach_eye(
+    network: nn.Module,
+    environment: TaskVecEnv,
+    pictures: int,
+    stop: threading.Event,
+    say: Callable[[str], None],
+) -> bool:
+    """Let a network learn what the task's pictures show.
+
+    Args:
+        network: pictures, shape (n, 64, 64, 3), float, to features, shape (n, 256).
+        environment: where they are taken; `reset` it afterwards.
+        pictures: how many.
+        stop: set it to end early.
+        say: told how far it is.
+
+    Returns:
+        Whether it learned; False if the task says nothing of its pictures, or someone said stop.
+
+    """
+    device = next(network.parameters()).device
+    heads: nn.Linear | None = None
+    optimiser: torch.optim.Optimizer | None = None
+    rounds = max(1, round(pictures / ROUND))
+    with ThreadPoolExecutor(1 if device.type != "cpu" else THREADS) as threads:
+        for number in range(rounds):
+            seen, sights = _survey(environment, pictures // rounds)
+            if sights is None:
+                return False
+            if heads is None or optimiser is None:
+                heads = nn.Linear(DENSE_UNITS, sights.shape[1]).to(device)
+                learned = [*network.parameters(), *heads.parameters()]
+                optimiser = torch.optim.AdamW(learned, lr=LEARNING_RATE, weight_decay=1e-4)
+            begun, ends = number / rounds, (number + 1) / rounds
+            learner = _Learner(network, heads, optimiser, threads)
+            mean_loss = learner.learn(seen, sights, (begun, ends), stop)
+            say(
+                f"seeing: {(number + 1) * len(seen):,} of {rounds * len(seen):,} pictures, "
+                f"loss {mean_loss:.3f}"
+            )
+            if stop.is_set():
+                return False
+    return True
+
+
+def _survey(
+    environment: TaskVecEnv, pictures: int
+) -> tuple[NDArray[np.uint8], NDArray[np.float32] | None]:
+    seen: list[NDArray[np.uint8]] = []
+    told: list[NDArray[np.float32]] = []
+    for shown, facts in environment.survey(pictures):
+        sights = environment.task.sights(facts)
+        if sights is None:
+            return shown, None
+        seen.append(shown)
+        told.append(sights)
+    return np.concatenate(seen), np.concatenate(told)
+
+
+@dataclass(frozen=True, slots=True)
+class _Learner:
+    """Threads that each learn from a part of every batch, on a core: see picture_ppo.py."""
+
+    network: nn.Module
+    heads: nn.Linear
+    optimiser: torch.optim.Optimizer
+    threads: ThreadPoolExecutor
+
+    def learn(
+        self,
+        seen: NDArray[np.uint8],
+        sights: NDArray[np.float32],
+        shares: tuple[float, float],
+        stop: threading.Event,
+    ) -> float:
+        """A few epochs of a round, which lies between these shares of the whole; the mean loss."""
+        steps, total = max(1, EPOCHS * len(seen) // BATCH), 0.0
+        for step in range(steps):
+            if stop.is_set():
+                break
+            share = shares[0] + (shares[1] - shares[0]) * step / steps
+            for group in self.optimiser.param_groups:
+                group["lr"] = LEARNING_RATE * (FINAL_LEARNING_RATE / LEARNING_RATE) ** share
+            drawn = np.random.randint(len(seen), size=min(BATCH, len(seen)))
+            parts = np.array_split(drawn, THREADS)
+            done = list(
+                self.threads.map(lambda part: self._gradients(seen[part], sights[part]), parts)
+            )
+            for parameter, *gradients in zip(
+                self._learned, *(part for part, _ in done), strict=True
+            ):
+                total_gradient = torch.stack(gradients).sum(dim=0) / len(drawn)
+                parameter.grad = torch.empty_like(parameter).copy_(total_gradient)
+            self.optimiser.step()
+            total += sum(loss for _, loss in done) / len(drawn)
+        return total / steps
+
+    @property
+    def _learned(self) -> list[nn.Parameter]:
+        return [*self.network.parameters(), *self.heads.parameters()]
+
+    def _gradients(
+        self, seen: NDArray[np.uint8], sights: NDArray[np.float32]
+    ) -> tuple[tuple[torch.Tensor, ...], float]:
+        """Of the loss, summed over these pictures; and the loss."""
+        device = self.heads.weight.device
+        short = has_short_floats(device)
+        batch, truth = (torch.from_numpy(one).to(device) for one in (seen, sights))
+        with torch.autocast(device.type, torch.bfloat16, enabled=short):
+            features = self.network(batch.to(torch.bfloat16 if short else torch.float32))
+        loss = _loss(self.heads(features.float()), torch.nan_to_num(truth))
+        return torch.autograd.grad(loss, self._learned), float(loss.detach())
+
+
+def _loss(told: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+    """Summed over pictures."""
+    shown = truth[:, 0]
+    there = functional.binary_cross_entropy_with_logits(told[:, 0], shown, reduction="sum")
+    apart = (told[:, 1:] - truth[:, 1:]).square().mean(dim=1)
+    return there + NUMBERS_COUNT * (shown * apart).sum()
