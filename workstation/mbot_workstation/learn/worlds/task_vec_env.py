@@ -216,7 +216,7 @@ class TaskVecEnv(VecEnv):
             Some hundred pictures, shape (n, 64, 64, 3), and their step records, shape (n,).
 
         """
-        self._settle()
+        self.reset()
         rounds = max(1, round(pictures / self.num_envs))
         sizes = [min(SEGMENT, rounds - start) for start in range(0, rounds, SEGMENT)]
         asked: deque[tuple[int, int, int]] = deque()
