@@ -98,12 +98,6 @@ class Episode(Protocol):
         """The task's `facts` at a decision: for critic, guide, infos and films."""
         ...
 
-    def scatter(self, rng: np.random.Generator) -> Pose:
-        """Put what there is to see elsewhere, and say from where a picture is taken; the episode
-        can't go on then. Only asked of tasks that have `sights`.
-        """
-        ...
-
     def result(self) -> Mapping[str, Any]:
         """The run so far, in JSON's types; it has the task's `counted`, and `score`."""
         ...

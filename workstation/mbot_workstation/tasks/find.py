@@ -21,7 +21,7 @@ DEFAULT_TASK = "fetch"
 RESERVED = ("reward", "ended", "happening", "lesson", "episode", "terminal_observation")
 """Names that infos and step records have already."""
 
-_FRAME = ("episode", "find", "lesson", "task")
+_FRAME = ("episode", "find", "lesson", "sight", "task")
 
 
 def task_names() -> tuple[str, ...]:

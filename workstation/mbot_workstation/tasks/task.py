@@ -17,6 +17,7 @@ from mbot_workstation.sim.effects.effects import EffectRanges
 from mbot_workstation.sim.scene.scene_parameters import SceneParameters
 from mbot_workstation.tasks.episode import Episode, Guide, Setting
 from mbot_workstation.tasks.lesson import Lesson
+from mbot_workstation.tasks.sight import Sight
 
 Expert = Callable[[Sequence[Mapping[str, Any]]], NDArray[np.float32]]
 """From the infos of n robots to their wheels, shape (n, 2): an upper bound for evaluations."""
@@ -28,9 +29,6 @@ class Reference:
 
     reward: float
     decisions: float
-
-
-FloatArray = NDArray[np.float32]
 
 
 class Task(Protocol):
@@ -46,6 +44,7 @@ class Task(Protocol):
         facts: what an episode says of itself at each decision, as a structured type.
         critic: those of `facts` that the critic is told, and the factor that brings each near 1.
         lessons: all there are; `course` says which are learned.
+        sight: what its pictures show; None: a network learns that from driving alone.
         mistakes: those of `facts` that count what goes wrong without ending an episode, as keys
             name them.
 
@@ -59,6 +58,7 @@ class Task(Protocol):
     facts: "np.dtype[np.void]"
     critic: Mapping[str, float]
     lessons: tuple[Lesson, ...]
+    sight: Sight | None = None
     mistakes: tuple[str, ...] = ()
 
     def begin(self, lesson: Any, setting: Setting, rng: np.random.Generator) -> Episode:
@@ -96,20 +96,6 @@ class Task(Protocol):
     ) -> Guide | None:
         """Somebody to learn from, who remembers for so many decisions; None: PPO alone."""
         del robots, ranges, robot, remembers
-        return None
-
-    def sights(self, facts: "np.ndarray[Any, np.dtype[np.void]]") -> FloatArray | None:
-        """What pictures show, for a network that is to see it before it drives; None: nothing.
-
-        Args:
-            facts: shape (n,).
-
-        Returns:
-            Shape (n, 1 + k): 1.0 where a picture shows what matters, else 0.0; then k numbers of
-            it, about 1 in size, of no account where it shows nothing.
-
-        """
-        del facts
         return None
 
     def expert(self, robots: int, ranges: EffectRanges, robot: RobotParameters) -> Expert | None:

@@ -20,6 +20,7 @@ from torch.nn import functional
 from mbot_workstation.learn.learning.network import DENSE_UNITS
 from mbot_workstation.learn.learning.processor import has_short_floats
 from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
+from mbot_workstation.tasks.sight import Sight
 
 ROUND = 32_000
 """Pictures that are kept at a time: 400 MB."""
@@ -54,15 +55,15 @@ def teach_eye(
         Whether it learned; False if the task says nothing of its pictures, or someone said stop.
 
     """
+    if (sight := environment.task.sight) is None:
+        return False
     device = next(network.parameters()).device
     heads: nn.Linear | None = None
     optimiser: torch.optim.Optimizer | None = None
     rounds = max(1, round(pictures / ROUND))
     with ThreadPoolExecutor(1 if device.type != "cpu" else THREADS) as threads:
         for number in range(rounds):
-            seen, sights = _survey(environment, pictures // rounds)
-            if sights is None:
-                return False
+            seen, sights = _survey(environment, sight, pictures // rounds)
             if heads is None or optimiser is None:
                 heads = nn.Linear(DENSE_UNITS, sights.shape[1]).to(device)
                 learned = [*network.parameters(), *heads.parameters()]
@@ -80,17 +81,11 @@ def teach_eye(
 
 
 def _survey(
-    environment: TaskVecEnv, pictures: int
-) -> tuple[NDArray[np.uint8], NDArray[np.float32] | None]:
-    seen: list[NDArray[np.uint8]] = []
-    told: list[NDArray[np.float32]] = []
-    for shown, facts in environment.survey(pictures):
-        sights = environment.task.sights(facts)
-        if sights is None:
-            return shown, None
-        seen.append(shown)
-        told.append(sights)
-    return np.concatenate(seen), np.concatenate(told)
+    environment: TaskVecEnv, sight: Sight, pictures: int
+) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    taken = [(seen, sight.shown(facts)) for seen, facts in environment.survey(pictures)]
+    seen, sights = zip(*taken, strict=True)
+    return np.concatenate(seen), np.concatenate(sights)
 
 
 @dataclass(frozen=True, slots=True)

@@ -180,8 +180,10 @@ class World:
 
     def scatter(self) -> None:
         """Be where a picture may be taken, perhaps in a turn; nothing drives until `begin`."""
-        rng = self._rng
-        self._pose = self.episode.scatter(rng)
+        sight, rng = self.task.sight, self._rng
+        if sight is None:
+            raise RuntimeError(f"the task {self.task.name} says nothing of its pictures")
+        self._pose = sight.scatter(self.episode, rng)
         self.simulation.place_robot(self._pose)
         self._place_objects()
         self._now_s += DECISION_S

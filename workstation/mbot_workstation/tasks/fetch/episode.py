@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any
 
@@ -88,11 +88,6 @@ TOLD_APART_M = 1.0
 
 IN_VIEW_RAD = math.radians(27.0)
 """Half the camera's horizontal field of view."""
-
-MOST_LOOK_M = 2.4
-LOOKS_ANYWHERE, LOOKS_FROM_NEARBY = 0.3, 0.5
-"""Of the pictures by which a network learns to see: from where in the arena, how many in any
-direction, and how many of the others from within 1.2 m. Assumed."""
 
 OBJECT_HEIGHT_M = 0.10
 """Nominal: what is much lower hides nothing."""
@@ -198,21 +193,10 @@ class FetchEpisode:
                 nearest_m, found = away_m, from_robot(moment.robot, aim)
         return found
 
-    def scatter(self, rng: np.random.Generator) -> Pose:
-        """The object elsewhere, and a robot that mostly looks to it or to another thing."""
-        robot = Pose(*rng.uniform(-MOST_LOOK_M, MOST_LOOK_M, 2).tolist())
+    def show_another(self, robot: Pose) -> None:
+        """Another object, for this robot's camera, which sees it at once."""
         self._next_object(robot)
-        self.object_s = DECISION_S  # pictures show it
-        places = [self.target, *(Pose(one.x_m, one.y_m) for one in self.rules.standing)]
-        if rng.random() < LOOKS_ANYWHERE:
-            return replace(robot, yaw_rad=rng.uniform(-math.pi, math.pi))
-        number = 0 if rng.random() < 0.5 else int(rng.integers(len(places)))
-        seen = places[number]
-        if rng.random() < LOOKS_FROM_NEARBY:
-            angle, away_m = rng.uniform(-math.pi, math.pi), rng.uniform(0.2, 1.2)
-            robot = Pose(seen.x_m + away_m * math.cos(angle), seen.y_m + away_m * math.sin(angle))
-        heading = math.atan2(seen.y_m - robot.y_m, seen.x_m - robot.x_m)
-        return replace(robot, yaw_rad=heading + rng.uniform(-1.1, 1.1) * IN_VIEW_RAD)
+        self.object_s = DECISION_S
 
     def result(self) -> Mapping[str, Any]:
         """The run so far: a FetchResult."""

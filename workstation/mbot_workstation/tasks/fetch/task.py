@@ -9,7 +9,7 @@ import numpy as np
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.effects.effects import EffectRanges
 from mbot_workstation.tasks.episode import NOTHING, Guide, Setting
-from mbot_workstation.tasks.fetch.episode import FACTS, IN_VIEW_RAD, FetchEpisode, Happening
+from mbot_workstation.tasks.fetch.episode import FACTS, FetchEpisode, Happening
 from mbot_workstation.tasks.fetch.guide import FetchGuide
 from mbot_workstation.tasks.fetch.lessons import (
     BLUR_LESSON,
@@ -19,7 +19,8 @@ from mbot_workstation.tasks.fetch.lessons import (
 )
 from mbot_workstation.tasks.fetch.oracle import Oracle, middle
 from mbot_workstation.tasks.fetch.rules import FetchRules
-from mbot_workstation.tasks.task import Expert, FloatArray, Reference, Task
+from mbot_workstation.tasks.fetch.sight import FetchSight
+from mbot_workstation.tasks.task import Expert, Reference, Task
 
 PAPER = Reference(reward=19.8, decisions=20.0)
 """The paper's plateau in lesson 10."""
@@ -33,6 +34,7 @@ class Fetch(Task):
     happenings = (NOTHING, *Happening)
     facts = FACTS
     mistakes = ("wrong_things",)
+    sight = FetchSight()
     critic: Mapping[str, float] = {
         "target_ahead_m": 0.5,
         "target_left_m": 0.5,
@@ -73,14 +75,6 @@ class Fetch(Task):
     ) -> Guide:
         """Who turns until the object comes into view, and drives there as the oracle would."""
         return FetchGuide(robots, ranges, robot, remembers)
-
-    def sights(self, facts: "np.ndarray[Any, np.dtype[np.void]]") -> FloatArray:
-        """Whether the object is in view, in which direction, and how near it is."""
-        shown = np.abs(facts["seen_left_rad"]) <= IN_VIEW_RAD
-        away_m = np.hypot(facts["target_ahead_m"], facts["target_left_m"])
-        left = facts["seen_left_rad"] / IN_VIEW_RAD
-        near = 0.5 / np.maximum(away_m, 0.2)
-        return np.stack([shown, left, near], axis=1).astype(np.float32)
 
     def expert(self, robots: int, ranges: EffectRanges, robot: RobotParameters) -> Expert:
         """Who is told where the object is."""
