@@ -22,11 +22,12 @@ from mbot_workstation.learn.learning.processor import has_short_floats
 from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
 from mbot_workstation.tasks.sight import Sight
 
-ROUND = 32_000
-"""Pictures that are kept at a time: 400 MB."""
+ROUND = 64_000
+"""Pictures that are kept at a time: 800 MB."""
 
-EPOCHS = 12
-"""How often each is learned from before it is forgotten."""
+EPOCHS = 5
+"""How often each is learned from before it is forgotten. Twelve times each of half as many knew
+them by heart (docs/notebook/training.md)."""
 
 BATCH = 256
 THREADS = 2

@@ -112,7 +112,7 @@ GUIDED = replace(
     rehearsals=128,
     first_filter_px=5,
     halvings=3,
-    eye_pictures=192_000,
+    eye_pictures=384_000,
 )
 """The guide soon makes a trained policy of it; its advice is no matter of luck and bears larger
 steps, in small batches. Finer filters than the paper's see more of the far objects (network.py).
