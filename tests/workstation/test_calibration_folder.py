@@ -341,7 +341,7 @@ def test_the_oracle_is_told_of_the_trim(folder: Path) -> None:
     assert told["dead_band_compensation"] == pytest.approx(40)
     even = RobotParameters()
     trimmed = replace(even, wheel_maps=robot.wheel_maps)
-    infos = [{"target_ahead_m": 1.0, "target_left_m": 0.0}]
+    infos = [{"aim_ahead_m": 1.0, "aim_left_m": 0.0}]
     plain = driver("oracle", 1, 0, effects).act(np.zeros((1, 64, 64, 3), np.uint8), infos)
     acted = driver("oracle", 1, 0, effects, trimmed).act(np.zeros((1, 64, 64, 3), np.uint8), infos)
     assert plain[0, 0] == pytest.approx(plain[0, 1])

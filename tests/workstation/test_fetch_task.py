@@ -122,9 +122,9 @@ def test_a_thing_of_its_colour_is_suspect_until_it_was_seen_from_nearby() -> Non
 
     beside, turned = Pose(0.0, 0.69), Pose(0.0, 0.69, math.pi)
     assert suspect(beside) == pytest.approx(1.5), "ahead, nothing in the way"
-    assert math.isnan(suspect(ORIGIN)), "the can hides it"
-    assert math.isnan(suspect(turned)), "behind"
-    assert math.isnan(suspect(Pose(0.7, 0.2))), "near: it is seen to be none"
-    assert math.isnan(suspect(beside)), "and remembered"
+    assert math.isinf(suspect(ORIGIN)), "the can hides it"
+    assert math.isinf(suspect(turned)), "behind"
+    assert math.isinf(suspect(Pose(0.7, 0.2))), "near: it is seen to be none"
+    assert math.isinf(suspect(beside)), "and remembered"
     fetch.advance(fetch.target, 0.0)
     assert suspect(beside) == pytest.approx(1.5), "the next object may stand there"

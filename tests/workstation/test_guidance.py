@@ -48,7 +48,7 @@ def situation(
     record = np.zeros(1, FACTS)
     record["target_ahead_m"], record["target_left_m"] = ahead_m, left_m
     record["aim_ahead_m"], record["aim_left_m"] = ahead_m, left_m
-    record["suspect_ahead_m"] = record["suspect_left_m"] = math.nan
+    record["suspect_ahead_m"] = record["suspect_left_m"] = math.inf
     record["seen_left_rad"], record["time_left_s"] = seen_left_rad, time_left_s
     return record
 
@@ -405,7 +405,7 @@ def test_who_sees_nothing_else_goes_and_looks_at_what_may_be_the_object() -> Non
     assert guide.shows(record).all()
     left, right = told(guide.act(record))[0]
     assert min(left, right) > 0.9, "straight ahead"
-    record["suspect_ahead_m"] = math.nan
+    record["suspect_ahead_m"] = math.inf
     assert not guide.shows(record).any()
     np.testing.assert_allclose(guide.act(record)[0], BEGINS, atol=1e-6)
 

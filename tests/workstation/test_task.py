@@ -34,7 +34,7 @@ from .small_world import ROOMS
 CIRCLE = full_reference(str(Path(__file__).with_name("stay_in_circle.py")))
 SOURCE = Path(__file__).parents[2] / "workstation" / "mbot_workstation"
 ITS = Path(CIRCLE).read_text() + "\n"
-FRAME = {"episode", "find", "lesson", "task"}
+FRAME = {"episode", "find", "lesson", "sight", "task"}
 
 
 def test_another_task_is_a_file_of_less_than_200_lines() -> None:

@@ -82,7 +82,15 @@ SOURCES = Path(__file__).parents[2] / "workstation" / "mbot_workstation"
 PLAIN = {
     *("robot_id", "router", "behind[0]", "who or 'NAME'", "options.name", "options.robot"),
     *("robots[0]", "endpoint.host", "name", "command", "right.value", "options"),
-    *("across", "done + ROUND_STEPS", "config.lessons[0]", "config.steps", "pitch", "roll"),
+    *(
+        "across",
+        "done + ROUND_STEPS",
+        "config.lessons[0]",
+        "config.steps",
+        "pitch",
+        "roll",
+        "steps",
+    ),
 }
 """What follows a command or an option in a text and holds no space: names, numbers, our words."""
 

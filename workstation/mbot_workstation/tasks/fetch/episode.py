@@ -80,8 +80,8 @@ picture shows it, left positive, or would if it were in view. Pictures are old: 
 not where the object is now, NaN while they still show the one that was touched, and pi while
 something hides it. Where to drive first, since something may stand in the way. Where something of
 its colour is that the picture shows too small to tell it from the object, and that nobody has seen
-from nearby since the object appeared; NaN without one. How often the robot ran into something that
-is not the object."""
+from nearby since the object appeared; infinite without one. How often the robot ran into something
+that is not the object."""
 
 TOLD_APART_M = 1.0
 """From here a cube of 10 cm is 7 pixels wide: enough to see that it is none. Assumed."""
@@ -174,7 +174,7 @@ class FetchEpisode:
 
     def _suspect(self, moment: Moment) -> tuple[float, float]:
         """The nearest in view, in the robot's frame; those that are near are none any more."""
-        nearest_m, found = math.inf, (math.nan, math.nan)
+        nearest_m, found = math.inf, (math.inf, math.inf)
         for number, thing in enumerate(self.rules.standing):
             if not thing.is_alike or number in self._looked_at:
                 continue
