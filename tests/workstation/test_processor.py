@@ -84,16 +84,18 @@ def test_updates_are_short_only_where_it_pays(
 @pytest.mark.slow
 def test_a_ratio_of_short_floats_is_near_one_before_anything_is_learned() -> None:
     """With the policy that ships and the least noise there is, which divides what it is off."""
-    still = replace(GUIDED, learning_rate=0.0, final_learning_rate=0.0, rehearsals=0)
-    settings = replace(still, steps_per_robot=32, batch=128, noise=GUIDED.final_noise)
+    # The network of the policy that ships, whose weights are looked at.
+    ships = replace(GUIDED, first_filter_px=6, halvings=2)
+    still = replace(ships, learning_rate=0.0, final_learning_rate=0.0, rehearsals=0)
+    settings = replace(still, steps_per_robot=128, batch=512, noise=GUIDED.final_noise)
     rooms = [generate_room(seed, 512) for seed in range(4)]
     with TaskVecEnv(4, 1, "randomised", "10", rooms, workers=1) as environment:
         learner = make_learner(environment, settings, seed=0, critic=TASK.critic)
         learner.policy.load_state_dict(trained_policy(RUN).weights, strict=True)
         learner.policy.log_std.data.fill_(math.log(settings.final_noise))
         learner.collection = Collection(environment)
-        learner.learn(128)
-    (batch,) = learner.rollout_buffer.sequences(128)
+        learner.learn(512)
+    (batch,) = learner.rollout_buffer.sequences(512)
     fields = (batch.pictures, batch.previous_actions, batch.forgot, batch.state)
     changes: list[torch.Tensor] = []
     with torch.no_grad():

@@ -24,7 +24,7 @@ from mbot_workstation.cli import train as command
 from mbot_workstation.learn.learning import picture_ppo, run_plan, training_run
 from mbot_workstation.learn.learning.checkpoint import read_state, read_weights, restore_learner
 from mbot_workstation.learn.learning.curriculum import GUIDED_MARK, PAPER_MARK, CurriculumState
-from mbot_workstation.learn.learning.learner import LearnerSettings, make_learner
+from mbot_workstation.learn.learning.learner import GUIDED, LearnerSettings, make_learner
 from mbot_workstation.learn.learning.memory_policy import (
     MEMORY_UNITS,
     MemoryPolicy,
@@ -349,6 +349,8 @@ def test_without_options_a_policy_with_memory_learns_from_a_guide_on_any_robot()
     assert config.steps == run_plan.STEPS
     assert config.learner.guided_decisions == run_plan.GUIDED_DECISIONS
     assert config.learner.memory_units == command.MEMORY_UNITS == MEMORY_UNITS
+    assert config.learner.eye_pictures == GUIDED.eye_pictures
+    assert configured(steps=300).learner.eye_pictures == 100, "few for a short run"
 
 
 def test_the_papers_way_is_ten_lessons_without_guide_or_memory() -> None:

@@ -28,6 +28,9 @@ GUIDED_DECISIONS, STEPS = 1_100_000, 1_200_000
 No whole run with this network has been made yet; 200,000 decisions of one teach it as much as
 280,000 of one whose eye was not taught (docs/notebook/training.md)."""
 
+EYE_SHARE = 3
+"""A network sees a picture for every so many decisions at most, before them."""
+
 NEW_OBJECT_GUIDED, NEW_OBJECT_STEPS = 240_000, 300_000
 """One training for the blue bottle was at 19.86 after this; no other split was tried."""
 
@@ -101,7 +104,11 @@ class RunPlan:
             panoramas=tuple(str(path.resolve()) for path in self.panoramas),
             shipped_photographs=not self.panoramas,
             made_up_rooms=made_up if self.made_up_rooms is None else self.made_up_rooms,
-            learner=replace(learner, memory_units=self.memory_units),
+            learner=replace(
+                learner,
+                memory_units=self.memory_units,
+                eye_pictures=min(learner.eye_pictures, (self.steps or steps) // EYE_SHARE),
+            ),
             **settings,
         )
         if self.parent is not None:
