@@ -5,6 +5,7 @@ import pytest
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.cli.virtual_robot import (
+    ArenaKind,
     CameraKind,
     VirtualRobotOptions,
     outputs,
@@ -29,6 +30,18 @@ def test_what_is_not_told_is_the_calibrations() -> None:
 def test_a_free_floor_has_no_wall_within_reach() -> None:
     arena = robot_settings(VirtualRobotOptions(free_floor=True), FILES).scene.arena
     assert min(arena.wall_m, arena.border_m) >= 100
+
+
+def test_an_arena_is_nominal_unless_told_and_a_home_has_things_in_the_way() -> None:
+    looks = {
+        kind: robot_settings(VirtualRobotOptions(arena=kind, seed=3), FILES).look
+        for kind in ArenaKind
+    }
+    usual, home = looks[ArenaKind.ANY], looks[ArenaKind.HOME]
+    assert looks[ArenaKind.NOMINAL] is None
+    assert usual is not None
+    assert home is not None
+    assert len(home.standing) > len(usual.standing) == 0
 
 
 def test_a_pi_camera_has_automatics_and_a_fixed_one_none() -> None:
