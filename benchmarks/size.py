@@ -16,7 +16,7 @@ BUDGETS = {
     f"{WORKSTATION}/cli": 5650,
     f"{WORKSTATION}/look": 3380,
     f"{WORKSTATION}/measure": 15260,
-    f"{WORKSTATION}/learn": 8700,
+    f"{WORKSTATION}/learn": 8710,
     f"{WORKSTATION}/virtual": 2580,
     f"{WORKSTATION}/fleet": 6610,
     f"{WORKSTATION}/tasks": 1580,
