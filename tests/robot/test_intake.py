@@ -62,6 +62,19 @@ def test_there_is_one_at_a_time_unless_it_takes_the_others_place() -> None:
     add(intake, again, 0, b"a")
 
 
+def test_a_piece_that_comes_too_late_finds_its_push_forgotten(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    dropped: list[str] = []
+    intake = Intake[str](60.0, dropped.append)
+    push = intake.begin("this", 2, len)
+    later_s = time.monotonic() + EXPIRES_S + 1
+    monkeypatch.setattr(time, "monotonic", lambda: later_s)
+    with pytest.raises(RefusedError, match="not under way"):
+        add(intake, push, 0, b"a")
+    assert dropped == ["this"]
+
+
 @pytest.mark.parametrize(("every_s", "lasts_s"), [(EXPIRES_S + 1, EXPIRES_S), (5.0, 60.0)])
 def test_a_sender_who_is_silent_or_slow_is_forgotten(
     every_s: float, lasts_s: float, monkeypatch: pytest.MonkeyPatch
