@@ -80,7 +80,9 @@ def test_nothing_is_learned_of_a_task_that_says_nothing(
     assert torch.equal(network.first.weight, before)
 
 
-def test_who_is_told_to_stop_stops(environment: TaskVecEnv) -> None:
-    stop = threading.Event()
+def test_who_is_told_to_stop_stops_and_says_nothing(environment: TaskVecEnv) -> None:
+    stop, said = threading.Event(), list[str]()
     stop.set()
-    assert not teach_eye(PictureNetwork(observation_space()), environment, 64, stop, lambda _: None)
+    network = PictureNetwork(observation_space())
+    assert not teach_eye(network, environment, 64_000, stop, said.append)
+    assert said == []

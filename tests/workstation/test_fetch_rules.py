@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mbot_workstation.sim.pose import ORIGIN, Pose
+from mbot_workstation.sim.scene.scene_look import Standing
 from mbot_workstation.sim.scene.target_object import RED_CUBE, Footprint
 from mbot_workstation.tasks.fetch.rules import (
     COMPLETE_SCORE,
@@ -125,3 +126,15 @@ def test_ranges_without_a_place_are_refused(radius: float) -> None:
 def test_same_seed_same_places() -> None:
     one, other = (spawn(ORIGIN, RULES, np.random.default_rng(5)) for _ in range(2))
     assert one == other
+
+
+def test_an_object_finds_a_place_where_things_leave_none() -> None:
+    first = replace(
+        RULES,
+        spawn_farthest_m=0.5,
+        spawn_half_angle_rad=math.radians(20),
+        objects=1,
+        standing=(Standing("bag", 0.7, 0.0, 0.2, 0.3),),
+    )
+    place = spawn(ORIGIN, first, np.random.default_rng(0))
+    assert 0.4 <= math.hypot(place.x_m, place.y_m) <= 0.5

@@ -40,6 +40,12 @@ def test_a_home_is_one_that_can_be_drawn_and_driven_in(seed: int) -> None:
         from_start_m = math.hypot(thing.x_m, thing.y_m) - thing.radius_m
         assert from_start_m >= FROM_START_M
         assert thing.radius_m < 0.3
+        near = [
+            piece
+            for piece in look.distractors
+            if math.hypot(piece.centre_m[0] - thing.x_m, piece.centre_m[1] - thing.y_m) < 0.3
+        ]
+        assert near, "whatever costs is seen"
 
 
 def test_homes_show_all_there_is() -> None:

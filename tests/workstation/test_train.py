@@ -75,6 +75,17 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> RunDirectory:
     return run
 
 
+def test_who_stops_a_run_that_learns_to_see_begins_it_again(tmp_path: Path) -> None:
+    config = replace(TINY, learner=replace(TINY.learner, eye_pictures=64))
+    run = begin_run(tmp_path / "run", config)
+    stop = threading.Event()
+    stop.set()
+    result = train(run, config, LineDisplay(), stop)
+    assert (result.reason, result.step) == ("interrupted", 0)
+    assert run.checkpoints() == [], "it would go on with a network that has seen nothing"
+    assert run_to_end(run, config).step == 128
+
+
 def test_a_run_leaves_all_that_tells_its_story(finished: RunDirectory) -> None:
     assert read_config(finished.config_file) == TINY
     resolved = json.loads(finished.config_file.read_text())

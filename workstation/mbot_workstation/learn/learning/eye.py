@@ -22,12 +22,12 @@ from mbot_workstation.learn.learning.processor import has_short_floats
 from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
 from mbot_workstation.tasks.sight import Sight
 
-ROUND = 64_000
-"""Pictures that are kept at a time: 800 MB."""
+ROUND = 32_000
+"""Pictures that are kept at a time: 400 MB, twice that while they are put together."""
 
 EPOCHS = 5
-"""How often each is learned from before it is forgotten. Twelve times each of half as many knew
-them by heart (docs/notebook/training.md)."""
+"""How often each is learned from before it is forgotten. After twelve times the network knew them
+by heart (docs/notebook/training.md)."""
 
 BATCH = 256
 THREADS = 2
@@ -64,7 +64,7 @@ def teach_eye(
     rounds = max(1, round(pictures / ROUND))
     with ThreadPoolExecutor(1 if device.type != "cpu" else THREADS) as threads:
         for number in range(rounds):
-            seen, sights = _survey(environment, sight, pictures // rounds)
+            seen, sights = _survey(environment, sight, pictures // rounds, stop)
             if heads is None or optimiser is None:
                 heads = nn.Linear(DENSE_UNITS, sights.shape[1]).to(device)
                 learned = [*network.parameters(), *heads.parameters()]
@@ -72,19 +72,24 @@ def teach_eye(
             begun, ends = number / rounds, (number + 1) / rounds
             learner = _Learner(network, heads, optimiser, threads)
             mean_loss = learner.learn(seen, sights, (begun, ends), stop)
+            if stop.is_set():
+                return False
             say(
                 f"seeing: {(number + 1) * len(seen):,} of {rounds * len(seen):,} pictures, "
                 f"loss {mean_loss:.3f}"
             )
-            if stop.is_set():
-                return False
     return True
 
 
 def _survey(
-    environment: TaskVecEnv, sight: Sight, pictures: int
+    environment: TaskVecEnv, sight: Sight, pictures: int, stop: threading.Event
 ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    taken = [(seen, sight.shown(facts)) for seen, facts in environment.survey(pictures)]
+    """Pictures and what they show; fewer if someone says stop."""
+    taken: list[tuple[NDArray[np.uint8], NDArray[np.float32]]] = []
+    for seen, facts in environment.survey(pictures):
+        taken.append((seen, sight.shown(facts)))
+        if stop.is_set():
+            break
     seen, sights = zip(*taken, strict=True)
     return np.concatenate(seen), np.concatenate(sights)
 

@@ -78,7 +78,8 @@ def train(
         run: its folder.
         config: its configuration; steps and target may have changed since it began.
         display: shows it; entered already.
-        stop: set it to end at the next decision, with a checkpoint.
+        stop: set it to end at the next decision, with a checkpoint. While the network learns to
+            see there is none: who resumes such a run begins it again.
 
     """
     keep_freed_memory()
@@ -94,6 +95,7 @@ def train(
         learner = make_learner(
             environment, config.learner, config.seed, config.device, environment.task.critic
         )
+        blind = False
         learner.collection = Collection(environment, guides_of(config), config.seed + step)
         if start:
             restore_learner(checkpoints[-1], learner, with_optimizer=True)
@@ -106,9 +108,12 @@ def train(
         elif config.learner.eye_pictures:
             network = learner.policy.features_extractor
             teach_eye(network, environment, config.learner.eye_pictures, stop, display.say)
+            blind = stop.is_set()
         learner.set_logger(Logger(str(run.tensorboard), [writer]))
         callback = TrainingCallback(run, config, environment, display, stop, start)
-        if step < config.steps:
+        if blind:
+            callback.reason = "interrupted"
+        elif step < config.steps:
             learner.learn(config.steps - step, callback=callback, reset_num_timesteps=not start)
             callback.save()
         return TrainingResult(

@@ -152,9 +152,8 @@ def run_worker(pipe: Connection, memory: SharedMemory, robots: range) -> None:
     cv2.setNumThreads(1)  # small pictures: handing them to threads costs more than the work
     reference = ""
     try:
-        find_task(
-            reference := pipe.recv()
-        )  # its classes may be of a user's file, which must be loaded first
+        reference = pipe.recv()
+        find_task(reference)  # first: the settings may hold classes of a user's file
         settings: WorldSettings = pipe.recv()
         with RobotEye(settings.rooms, settings.robot, settings.scene, settings.floors) as eye:
             share = _Share(eye, memory.arrays(), robots, settings)

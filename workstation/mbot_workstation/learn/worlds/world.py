@@ -304,7 +304,7 @@ class World:
             if step.robot_to_origin:
                 self.simulation.place_robot(ORIGIN)
                 self._pose = ORIGIN
-            if self.episode.places() != self._places:
+            if step.happening != NOTHING and self.episode.places() != self._places:
                 self._place_objects()
         return score, happening
 

@@ -1,7 +1,8 @@
 """Rooms that people live in: what stands and hangs about, floors that mirror, light that blinds.
 
-Things have the object's own colour as often as not: whoever goes by colour drives to them. What
-ranges there are is assumed; no picture of docs/results was looked at for them.
+Things have the object's own colour as often as not: whoever goes by colour drives to them. Ranges
+are assumed, by somebody who had seen the path-traced pictures of docs/notebook/training.md and what
+policies made of them: to that person they are no test.
 """
 
 import colorsys
@@ -118,7 +119,8 @@ def _things(
     for _ in range(max(0, int(rng.integers(-1, MOST_STANDING + 1)))):
         name, thing, is_alike = _drawn(rng, objects, look, SMALL)
         x, y = (rng.choice([1.0, 0.6]) * rng.uniform(-2.6, 2.6, 2)).tolist()
-        if math.hypot(x, y) < FROM_START_M + thing.radius_m:
+        room = MOST_PIECES - len(pieces) - len(thing.parts) - 1  # its shadow
+        if room < 0 or math.hypot(x, y) < FROM_START_M + thing.radius_m:
             continue
         standing.append(Standing(name, x, y, thing.radius_m, thing.height_m, is_alike))
         pieces += _placed(rng, thing, x, y, look)
@@ -153,9 +155,8 @@ def _placed(
         for piece in thing.at(x_m, y_m, yaw, up_m)
     ]
     if look.shadow > 0 and up_m == 0:
-        x, y, z = look.light_direction
-        reach = min(thing.height_m * math.hypot(x, y) / max(-z, 0.2), 2 * thing.height_m)
-        heading, half = math.atan2(y, x), 1.05 * thing.radius_m
+        reach, heading = look.shadow_of(thing.height_m)
+        half = 1.05 * thing.radius_m
         place = (x_m + reach / 2 * math.cos(heading), y_m + reach / 2 * math.sin(heading), 5e-4)
         size = (half + reach / 2, half, 5e-4)
         pieces.append(Distractor("box", size, place, heading, (0.0, 0.0, 0.0), opacity=look.shadow))
@@ -163,7 +164,7 @@ def _placed(
 
 
 def _patches(rng: np.random.Generator) -> list[Distractor]:
-    """Sun on the floor, shade, a rug."""
+    """Sun on the floor, and shade."""
     made: list[Distractor] = []
     for _ in range(int(rng.choice([0, 0, 0, 1, 2]))):
         x, y = rng.uniform(-2.5, 2.5, 2).tolist()

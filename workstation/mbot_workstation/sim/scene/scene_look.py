@@ -152,6 +152,12 @@ class SceneLook:
     distractors: tuple[Distractor, ...] = ()
     standing: tuple[Standing, ...] = ()
 
+    def shadow_of(self, height_m: float) -> tuple[float, float]:
+        """How far what is so high shades the floor, in m, and towards which heading, in radians."""
+        x, y, z = self.light_direction
+        reach_m = min(height_m * math.hypot(x, y) / max(-z, 0.2), 2 * height_m)
+        return reach_m, math.atan2(y, x)
+
 
 def nominal_look(scene: SceneParameters) -> SceneLook:
     """A scene as its parameters say."""
@@ -250,9 +256,7 @@ class SceneDresser:
         """A dark patch from the object's foot to where its upper edges shade the floor."""
         model, shadow = self._model, part.shadow
         width, height = part.thing.width_m * scale, part.thing.height_m * scale
-        x, y, z = look.light_direction
-        reach = min(height * math.hypot(x, y) / max(-z, 0.2), 2 * height)
-        yaw = math.atan2(y, x)
+        reach, yaw = look.shadow_of(height)
         model.geom_group[shadow] = _SHOWN_GROUP if look.shadow > 0 else HIDDEN_GROUP
         model.geom_rgba[shadow] = (0, 0, 0, look.shadow)
         model.geom_size[shadow] = ((1.1 * width + reach) / 2, 1.1 * width / 2, 5e-4)

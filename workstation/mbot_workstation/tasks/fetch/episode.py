@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -173,7 +173,9 @@ class FetchEpisode:
         )
 
     def _suspect(self, moment: Moment) -> tuple[float, float]:
-        """The nearest in view, in the robot's frame; those that are near are none any more."""
+        """The nearest in view, in the robot's frame. What is near is noted as looked at: asking
+        again about the same moment changes nothing.
+        """
         nearest_m, found = math.inf, (math.inf, math.inf)
         for number, thing in enumerate(self.rules.standing):
             if not thing.is_alike or number in self._looked_at:
@@ -193,9 +195,10 @@ class FetchEpisode:
                 nearest_m, found = away_m, from_robot(moment.robot, aim)
         return found
 
-    def show_another(self, robot: Pose) -> None:
-        """Another object, for this robot's camera, which sees it at once."""
-        self._next_object(robot)
+    def show_another(self, robot: Pose, reach_m: float) -> None:
+        """Another object, up to so far from the middle on any side, which cameras see at once."""
+        anywhere = replace(self.rules, spawn_half_angle_rad=math.pi, spawn_farthest_m=reach_m)
+        self._next_object(robot, anywhere)
         self.object_s = DECISION_S
 
     def result(self) -> Mapping[str, Any]:
@@ -252,8 +255,8 @@ class FetchEpisode:
             self._next_object(ORIGIN)
         return Step(how, FAILURE_SCORE, self.ended, robot_to_origin=not self.ended)
 
-    def _next_object(self, robot: Pose) -> None:
-        self.target = spawn(robot, self.rules, self._rng)
+    def _next_object(self, robot: Pose, rules: FetchRules | None = None) -> None:
+        self.target = spawn(robot, rules or self.rules, self._rng)
         self.kind = draw_kind(self.rules, self._rng)
         self._looked_at: set[int] = set()
         self.object_s = 0.0

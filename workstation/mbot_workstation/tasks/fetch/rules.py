@@ -15,8 +15,10 @@ from mbot_workstation.tasks.fetch.obstacles import way_to_things_m
 NEAR_M = 0.2, 0.5
 """How far from the robot an object appears that is to be near; it is touched at some 0.14 m."""
 
-MOST_NEAR_TRIES = 20
-"""Where things or the border leave no room, it appears anywhere."""
+MOST_NEAR_TRIES, MOST_FREE_TRIES = 20, 200
+"""Where things or the border leave no room right by the robot, it appears anywhere; where things
+leave none at all, as before a robot in the first lessons, it appears among them.
+"""
 
 FROM_THINGS_M = 0.28
 """From a thing's edge to the object's middle, at least: the robot fits between."""
@@ -131,7 +133,8 @@ def spawn(robot: Pose, rules: FetchRules, rng: np.random.Generator) -> Pose:
         )
         inside = max(abs(place.x_m), abs(place.y_m)) <= rules.spawn_farthest_m
         clear = math.hypot(place.x_m - robot.x_m, place.y_m - robot.y_m) >= clearance_m
-        if inside and clear and way_to_things_m(place, rules.standing, 0.0) >= FROM_THINGS_M:
+        away_m = way_to_things_m(place, rules.standing, 0.0)
+        if inside and clear and (away_m >= FROM_THINGS_M or tries >= MOST_FREE_TRIES):
             return replace(place, yaw_rad=rng.uniform(-math.pi, math.pi))
     raise AssertionError("counting never ends")
 

@@ -13,6 +13,10 @@ from mbot_workstation.tasks.fetch.episode import IN_VIEW_RAD, FetchEpisode
 MOST_M = 2.4
 """A robot stands at this |x| and |y| at most."""
 
+REACH_M = 2.5
+"""Objects are up to so far from the middle, as in the last lesson: who is to learn the first one by
+driving has seen them all."""
+
 ANYWHERE, FROM_NEARBY = 0.3, 0.5
 """How many pictures look in any direction, and how many of the others are taken from within 1.2 m
 of what they look at. Assumed."""
@@ -24,7 +28,7 @@ class FetchSight:
     def scatter(self, episode: FetchEpisode, rng: np.random.Generator) -> Pose:
         """The object elsewhere, and a robot that mostly looks at it or at another thing."""
         robot = Pose(*rng.uniform(-MOST_M, MOST_M, 2).tolist())
-        episode.show_another(robot)
+        episode.show_another(robot, REACH_M)
         if rng.random() < ANYWHERE:
             return replace(robot, yaw_rad=rng.uniform(-math.pi, math.pi))
         things = (Pose(one.x_m, one.y_m) for one in episode.rules.standing)
