@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -10,14 +11,20 @@ from hypothesis import strategies as st
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.cli.evaluate import evaluate as command
-from mbot_workstation.learn.drivers.contestants import driver
+from mbot_workstation.learn.drivers.contestants import Driver, driver
 from mbot_workstation.learn.evaluation.episode_film import (
     LINE_PX,
     RATE_HZ,
     SIDE_PX,
     film_episode,
 )
-from mbot_workstation.learn.evaluation.episodes import EpisodeResult, Trial, evaluate, score
+from mbot_workstation.learn.evaluation.episodes import (
+    EpisodeResult,
+    Trial,
+    evaluate,
+    evaluate_driver,
+    score,
+)
 from mbot_workstation.learn.evaluation.evaluation_report import Line, draw, share_of_oracle
 from mbot_workstation.sim.effects.effects import IDEAL
 from mbot_workstation.sim.effects.presets import preset
@@ -53,6 +60,15 @@ def test_the_same_trial_gives_the_same_episodes() -> None:
     assert len(first) == 5
     assert first == again
     assert evaluate("servo", trial(5, seed=9)) != first
+
+
+def test_whoever_drives_blindly_runs_into_things_and_that_is_told() -> None:
+    ahead = Driver(lambda pictures, _: np.full((len(pictures), 2), 0.8, np.float32), lambda _: None)
+    home = replace(trial(16, stage="10"), preset=preset("home"))
+    results = evaluate_driver(ahead, home)
+    hits = [result.mistakes["wrong_things"] for result in results]
+    assert sum(hits) > 0
+    assert score(results).mistakes["wrong_things"].mean == pytest.approx(np.mean(hits), abs=1e-4)
 
 
 def test_two_seeds_have_no_episode_in_common() -> None:

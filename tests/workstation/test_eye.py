@@ -20,7 +20,6 @@ from mbot_workstation.tasks.sight import Sight
 def environment() -> Iterator[TaskVecEnv]:
     room = generate_room(0, 256)
     with TaskVecEnv(4, preset="ideal", lesson="10", rooms=[room], workers=2) as made:
-        made.reset()
         yield made
 
 

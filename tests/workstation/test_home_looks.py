@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mbot_workstation.sim.effects import home_looks
 from mbot_workstation.sim.effects.home_looks import (
     ALIKE,
     FROM_START_M,
@@ -40,12 +41,18 @@ def test_a_home_is_one_that_can_be_drawn_and_driven_in(seed: int) -> None:
         from_start_m = math.hypot(thing.x_m, thing.y_m) - thing.radius_m
         assert from_start_m >= FROM_START_M
         assert thing.radius_m < 0.3
-        near = [
-            piece
-            for piece in look.distractors
-            if math.hypot(piece.centre_m[0] - thing.x_m, piece.centre_m[1] - thing.y_m) < 0.3
-        ]
-        assert near, "whatever costs is seen"
+
+
+def test_whatever_costs_is_seen_also_where_there_is_no_room_for_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(home_looks, "MOST_PIECES", 12)
+    for seed in range(200):
+        look = draw_home(np.random.default_rng(seed), (RED_CUBE,))
+        assert len(look.distractors) <= 12
+        places = [piece.centre_m[:2] for piece in look.distractors]
+        for thing in look.standing:
+            assert min(math.dist(place, (thing.x_m, thing.y_m)) for place in places) < 0.3
 
 
 def test_homes_show_all_there_is() -> None:

@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 
 from mbot_protocol.drive.mcore import Joystick
+from mbot_workstation.sim.scene.scene_look import ObjectLook, SceneLook, Standing
 from mbot_workstation.sim.scene.target_object import RED_CUBE
 from mbot_workstation.sim.simulation import Simulation
 from mbot_workstation.tasks.episode import Setting
 from mbot_workstation.tasks.fetch.task import TASK
-from mbot_workstation.virtual.live_world import SLICE_S, LiveWorld
+from mbot_workstation.virtual.live_world import SLICE_S, LiveWorld, setting_of
 from mbot_workstation.virtual.mcore_board import BoardState
 
 from ..until import until
@@ -33,6 +34,15 @@ class Board:
         if self._asked == 100:
             time.sleep(0.1)
         return self._state
+
+
+def test_a_run_is_played_among_the_things_that_a_look_shows() -> None:
+    simulation = Simulation(room_picture=ROOMS[0])
+    can = Standing("can", 1.0, 0.0, 0.04, 0.1)
+    look = SceneLook(objects=(ObjectLook(scale=1.2),), standing=(can,))
+    setting = setting_of(simulation, look)
+    assert setting.standing == (can,)
+    assert setting.footprints == (RED_CUBE.footprint.scaled(1.2),)
 
 
 def test_a_slice_made_up_for_does_not_obey_commands_that_came_later() -> None:
