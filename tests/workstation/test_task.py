@@ -125,6 +125,7 @@ def test_the_virtual_robot_plays_it() -> None:
         ),
         ("taken.py", ITS + "TASK.facts = np.dtype([('metres', int), ('reward', float)])", "reward"),
         ("counts.py", ITS + "TASK.counted = 'laps'", "laps"),
+        ("errs.py", ITS + "TASK.mistakes = ('crashes',)", "crashes"),
         ("first.py", ITS + "TASK.happenings = ('left',)", "first of its happenings"),
         ("twice.py", ITS + "TASK.lessons *= 2", "name of its own"),
     ],

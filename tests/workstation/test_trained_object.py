@@ -12,7 +12,11 @@ from mbot_protocol.policy.policy_contract import PolicyMetadata
 from mbot_workstation.cli.evaluate import evaluate
 from mbot_workstation.cli.models import check_model_file
 from mbot_workstation.fleet.models.model_findings import PROVENANCE
-from mbot_workstation.fleet.models.trained_object import told_object, trained_object
+from mbot_workstation.fleet.models.trained_object import (
+    TrainedObject,
+    told_object,
+    trained_object,
+)
 from mbot_workstation.learn.evaluation.episodes import EpisodeResult, score
 from mbot_workstation.learn.evaluation.evaluation_report import Line
 from mbot_workstation.learn.evaluation.objects_tried import object_table, objects_tried
@@ -153,3 +157,12 @@ def test_a_policy_for_the_ball_meets_balls_without_a_word(tmp_path: Path) -> Non
     told = output_of(evaluate, ball, *options, "--json")
     (line,) = json.loads(told[told.index("[") :])
     assert line["object"] == "green ball"
+
+
+def test_a_strangers_file_name_is_a_name_and_can_be_pasted() -> None:
+    evil = TrainedObject("../up\x1b[31m; rm -rf x.toml", "", ({"name": "x", "mesh": "x.glb"},))
+    assert evil.option == " --object 'up [31m; rm -rf x.toml'"
+    with pytest.raises(ConfigurationError) as refused:
+        evil.objects()
+    assert "\x1b" not in str(refused.value)
+    assert ".." not in str(refused.value)

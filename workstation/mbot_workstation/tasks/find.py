@@ -81,8 +81,10 @@ def _fault(task: Any) -> str:
     facts = task.facts.names or ()
     if taken := [name for name in facts if name in RESERVED]:
         return f"a fact is called {taken[0]}, which the environment has already; call it otherwise"
-    if unknown := [name for name in (task.counted, *task.critic) if name not in facts]:
-        return f"counted and critic name {', '.join(unknown)}, which is no fact of it"
+    if unknown := [
+        name for name in (task.counted, *task.critic, *task.mistakes) if name not in facts
+    ]:
+        return f"counted, critic and mistakes name {', '.join(unknown)}, which is no fact of it"
     if not task.happenings or task.happenings[0] != NOTHING:
         return f"the first of its happenings is to be {NOTHING!r}"
     names = [lesson.name for lesson in task.lessons]
