@@ -55,7 +55,7 @@ def learner() -> PicturePPO:
     environment = DummyVecEnv([TaskEnv])
     made = make_learner(
         environment,
-        LearnerSettings(batch=128, first_filter_px=5, halvings=3),
+        LearnerSettings(batch=128, residual=True),
         seed=1,
         critic=TASK.critic,
     )
@@ -137,18 +137,18 @@ def test_a_network_without_memory_follows_the_first_contract() -> None:
 
 
 @pytest.mark.parametrize(
-    ("memory_units", "first_filter_px", "halvings"),
-    [(0, 8, 2), (128, 8, 2), (128, 6, 2), (128, 5, 3)],
+    ("memory_units", "first_filter_px", "residual"),
+    [(0, 8, False), (128, 8, False), (128, 6, False), (128, 8, True), (0, 8, True)],
 )
 def test_the_dialect_for_armv6_decides_alike_and_has_the_same_weights(
-    memory_units: int, first_filter_px: int, halvings: int
+    memory_units: int, first_filter_px: int, residual: bool
 ) -> None:
     environment = DummyVecEnv([TaskEnv])
     settings = LearnerSettings(
         batch=128,
         memory_units=memory_units,
         first_filter_px=first_filter_px,
-        halvings=halvings,
+        residual=residual,
     )
     made = make_learner(environment, settings, seed=3, critic=TASK.critic)
     environment.close()

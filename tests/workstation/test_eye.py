@@ -6,13 +6,19 @@ import pytest
 import torch
 
 from mbot_workstation.learn.learning import eye
-from mbot_workstation.learn.learning.eye import teach_eye
+from mbot_workstation.learn.learning.eye import take_stills, teach_eye
 from mbot_workstation.learn.learning.network import PictureNetwork
+from mbot_workstation.learn.learning.residual_network import ResidualNetwork
+from mbot_workstation.learn.learning.views import take_views
 from mbot_workstation.learn.worlds.task_env import observation_space
 from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.effects.presets import NOMINAL
 from mbot_workstation.sim.scene.room_generator import generate_room
+from mbot_workstation.tasks.episode import Guide
 from mbot_workstation.tasks.fetch.episode import IN_VIEW_RAD
 from mbot_workstation.tasks.fetch.sight import FetchSight
+from mbot_workstation.tasks.fetch.task import TASK
 from mbot_workstation.tasks.sight import Sight
 
 
@@ -21,6 +27,10 @@ def environment() -> Iterator[TaskVecEnv]:
     room = generate_room(0, 256)
     with TaskVecEnv(4, preset="ideal", lesson="10", rooms=[room], workers=2) as made:
         yield made
+
+
+def guide_for(robots: int) -> Guide | None:
+    return TASK.guide(robots, NOMINAL, RobotParameters(), 0)
 
 
 def test_a_survey_shows_what_its_facts_say(environment: TaskVecEnv) -> None:
@@ -62,11 +72,44 @@ def test_an_eye_learns_to_see(environment: TaskVecEnv, monkeypatch: pytest.Monke
     monkeypatch.setattr(eye, "EPOCHS", 12)
     torch.manual_seed(0)
     torch.set_num_threads(1)  # as a training does
-    network = PictureNetwork(observation_space(), deeper=True, first_filter_px=5, halvings=3)
+    network = ResidualNetwork(observation_space())
     said: list[str] = []
-    assert teach_eye(network, environment, 2000, threading.Event(), said.append)
+    assert teach_eye(network, environment, guide_for, 2000, threading.Event(), said.append)
     losses = [float(line.rsplit(" ", 1)[1]) for line in said]
     assert losses[1] < 0.75 * losses[0]
+
+
+def test_every_other_view_is_mirrored_and_says_so(environment: TaskVecEnv) -> None:
+    np.random.seed(3)
+    views = take_views(environment, guide_for, 1600, threading.Event())
+    light = views.pictures.astype(int)
+    red = (light[..., 0] - light[..., 1:].max(axis=-1)) > 60
+    clear = (views.sights[:, 0] > 0) & (red.sum(axis=(1, 2)) > 8)
+    side = (red.sum(axis=1) * np.arange(64)).sum(axis=1)[clear] / red.sum(axis=(1, 2))[clear]
+    left, turn = views.sights[clear, 1], views.advice[clear, 1] - views.advice[clear, 0]
+    assert np.corrcoef(side, -left)[0, 1] > 0.9
+    assert np.corrcoef(turn, left)[0, 1] > 0.8, "the guide turns to where the object is"
+    assert 0.4 < (left > 0).mean() < 0.6
+    search = views.advice[views.sights[:, 0] == 0]
+    assert (search[:, 0] >= search[:, 1]).mean() > 0.95, "a search turns right, mirrored or not"
+
+
+def test_stills_are_what_the_eye_sees(
+    environment: TaskVecEnv, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(eye, "STILLS", 640)
+    network = ResidualNetwork(observation_space())
+    np.random.seed(3)
+    stills = take_stills(network, environment, guide_for, 5, threading.Event())
+    assert stills.features.shape == (640, 256)
+    drawn = stills.draw(50)
+    assert drawn.state.shape == (50, 5)
+    assert not drawn.state.any()
+    assert drawn.forgot.all()
+    assert np.isfinite(drawn.advice).all()
+    for features, advice in zip(drawn.seen[0], drawn.advice[0], strict=True):
+        (same,) = np.flatnonzero((stills.features == features).all(axis=1))[:1]
+        assert np.array_equal(stills.advice[same], advice)
 
 
 def test_nothing_is_learned_of_a_task_that_says_nothing(
@@ -75,7 +118,7 @@ def test_nothing_is_learned_of_a_task_that_says_nothing(
     monkeypatch.setattr(environment.task, "sight", None)
     network = PictureNetwork(observation_space())
     before = network.first.weight.clone()
-    assert not teach_eye(network, environment, 64, threading.Event(), lambda _: None)
+    assert not teach_eye(network, environment, None, 64, threading.Event(), lambda _: None)
     assert torch.equal(network.first.weight, before)
 
 
@@ -83,5 +126,5 @@ def test_who_is_told_to_stop_stops_and_says_nothing(environment: TaskVecEnv) -> 
     stop, said = threading.Event(), list[str]()
     stop.set()
     network = PictureNetwork(observation_space())
-    assert not teach_eye(network, environment, 64_000, stop, said.append)
+    assert not teach_eye(network, environment, None, 64_000, stop, said.append)
     assert said == []

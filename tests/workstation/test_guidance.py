@@ -280,7 +280,7 @@ def test_the_guides_weight_falls_to_nothing(decisions: int, guided: int) -> None
 def sequences(count: int, level: int, length: int = 12) -> Sequences:
     shape = (length, count)
     return Sequences(
-        pictures=np.full((*shape, 4, 4, 3), level, np.uint8),
+        seen=np.full((*shape, 4, 4, 3), level, np.uint8),
         previous_actions=np.full((*shape, 2), level, np.float32),
         forgot=np.zeros(shape, np.float32),
         state=np.full((count, 5), level, np.float32),
@@ -295,9 +295,9 @@ def test_the_memory_keeps_the_newest_sequences_whole() -> None:
         memory.add(sequences(2, level))
     assert len(memory) == 4 * 12, "no part of what is remembered is thrown away alone"
     batch = memory.draw(200 * 12)
-    assert batch.pictures.shape == (12, 200, 4, 4, 3)
-    assert {int(level) for level in batch.pictures[0, :, 0, 0, 0]} == {2, 3}
-    levels = batch.pictures[:, :, 0, 0, 0]
+    assert batch.seen.shape == (12, 200, 4, 4, 3)
+    assert {int(level) for level in batch.seen[0, :, 0, 0, 0]} == {2, 3}
+    levels = batch.seen[:, :, 0, 0, 0]
     np.testing.assert_allclose(batch.previous_actions[..., 0], levels)
     np.testing.assert_allclose(batch.state[:, 0], levels[0])
     np.testing.assert_allclose(batch.advice[BURN_IN:, :, 0], levels[BURN_IN:] / 10)
@@ -310,18 +310,18 @@ def test_what_is_rehearsed_alone_is_mirrored_where_it_shows_an_object() -> None:
     """
     lived = sequences(3, 0, length=32)
     day = np.arange(32) // 8
-    lived.pictures[:, :, :, 0] = day[:, None, None, None] + 1
+    lived.seen[:, :, :, 0] = day[:, None, None, None] + 1
     lived.shows[:] = (day == 0)[:, None]
     quarters = np.array([[0.9, 1.1], [0.8, 1.2], [0.3, -0.3], [np.nan, np.nan]], np.float32)
     lived.advice[:] = quarters[day][:, None]
     memory = AdviceMemory(10**4)
     memory.add(replace(lived, state=np.ones((3, 5), np.float32)))
     alone = memory.draw_alone(2000)
-    assert alone.pictures.shape == (1, 2000, 4, 4, 3)
+    assert alone.seen.shape == (1, 2000, 4, 4, 3)
     assert alone.forgot.all()
     assert not alone.state.any()
     assert not alone.previous_actions.any()
-    first, last = alone.pictures[0, :, 0, 0, 0], alone.pictures[0, :, 0, -1, 0]
+    first, last = alone.seen[0, :, 0, 0, 0], alone.seen[0, :, 0, -1, 0]
     kinds = np.maximum(first, last) - 1
     for kind, share in ((0, 1 / 8), (1, 1 / 4), (2, 1 / 4), (3, 1 / 4)):
         as_seen = (kinds == kind) & (first > 0)

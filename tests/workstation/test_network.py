@@ -4,7 +4,13 @@ import pytest
 import torch
 from torch import nn
 
-from mbot_workstation.learn.learning.network import PIXEL_SCALE, PIXEL_SHIFT, PictureNetwork
+from mbot_workstation.learn.learning.network import (
+    PIXEL_SCALE,
+    PIXEL_SHIFT,
+    PictureNetwork,
+    first_layer,
+)
+from mbot_workstation.learn.learning.residual_network import ResidualNetwork
 
 SPACE = gymnasium.spaces.Box(0, 255, (64, 64, 3), np.uint8)
 
@@ -49,8 +55,7 @@ def test_finer_filters_lie_closer() -> None:
     assert finer.dense.in_features == 32 * 9 * 9
     batch = pictures(3)
     scaled = batch.permute(0, 3, 1, 2) * PIXEL_SCALE + PIXEL_SHIFT
-    weight, bias = finer.scaled_first_layer()
-    raw = nn.functional.conv2d(batch.permute(0, 3, 1, 2), weight, bias, stride=3)
+    raw = first_layer(finer.first, batch)
     torch.testing.assert_close(raw, finer.first(scaled), rtol=1e-4, atol=1e-5)
     assert finer(batch).shape == (3, 256)
 
@@ -78,17 +83,31 @@ def test_every_weight_learns(network: PictureNetwork) -> None:
         assert bool(parameter.grad.abs().sum() > 0), name
 
 
-@pytest.mark.parametrize(("deeper", "halvings"), [(False, 2), (True, 2), (True, 3)])
-def test_gradients_are_those_of_the_outputs(deeper: bool, halvings: int) -> None:
+def test_blocks_are_added_to_what_they_are_given() -> None:
+    network = ResidualNetwork(SPACE)
+    block, hidden = network.near, torch.rand(2, 48, 15, 15)
+    with torch.no_grad():
+        for convolution in (block.inner, block.outer):
+            convolution.weight.zero_()
+            assert convolution.bias is not None
+            convolution.bias.fill_(0.5)
+    torch.testing.assert_close(block(hidden), hidden + 0.5)
+    assert network(pictures(3)).shape == (3, 256)
+
+
+@pytest.mark.parametrize("kind", ["paper", "deeper", "residual"])
+def test_gradients_are_those_of_the_outputs(kind: str) -> None:
     """By differences, in float64."""
     torch.manual_seed(3)
-    network = PictureNetwork(SPACE, deeper=deeper, halvings=halvings).double()
+    residual = kind == "residual"
+    made = ResidualNetwork(SPACE) if residual else PictureNetwork(SPACE, deeper=kind == "deeper")
+    network = made.double()
     batch, heed = pictures(4).double(), torch.randn(4, 256).double()
     (network(batch) * heed).sum().backward()
     with torch.no_grad():
         for weight in (network.first.weight, network.second.weight):
             assert weight.grad is not None
-            way = 1e-6 * torch.randn_like(weight)
+            way = 1e-6 * weight.grad / weight.grad.abs().max()  # where it matters most
             weight.add_(way)
             ahead = (network(batch) * heed).sum()
             weight.sub_(2 * way)

@@ -85,7 +85,7 @@ def test_updates_are_short_only_where_it_pays(
 def test_a_ratio_of_short_floats_is_near_one_before_anything_is_learned() -> None:
     """With the policy that ships and the least noise there is, which divides what it is off."""
     # The network of the policy that ships, whose weights are looked at.
-    ships = replace(GUIDED, first_filter_px=6, halvings=2)
+    ships = replace(GUIDED, first_filter_px=6, residual=False)
     still = replace(ships, learning_rate=0.0, final_learning_rate=0.0, rehearsals=0)
     settings = replace(still, steps_per_robot=128, batch=512, noise=GUIDED.final_noise)
     rooms = [generate_room(seed, 512) for seed in range(4)]
@@ -96,7 +96,7 @@ def test_a_ratio_of_short_floats_is_near_one_before_anything_is_learned() -> Non
         learner.collection = Collection(environment)
         learner.learn(512)
     (batch,) = learner.rollout_buffer.sequences(512)
-    fields = (batch.pictures, batch.previous_actions, batch.forgot, batch.state)
+    fields = (batch.seen, batch.previous_actions, batch.forgot, batch.state)
     changes: list[torch.Tensor] = []
     with torch.no_grad():
         for short in (False, True):

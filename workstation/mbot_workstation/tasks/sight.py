@@ -26,3 +26,7 @@ class Sight(Protocol):
 
         """
         ...
+
+    def mirrored(self, shown: NDArray[np.float32]) -> NDArray[np.float32]:
+        """What the same pictures show when left and right are exchanged."""
+        ...

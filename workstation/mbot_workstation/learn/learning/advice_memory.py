@@ -73,7 +73,7 @@ class AdviceMemory:
         pictures, advice = [], []
         for place, moment, column, mirror in zip(where, moments, columns, mirrored, strict=True):
             kept = self._kept[place]
-            picture, wheels = kept.pictures[moment, column], kept.advice[moment, column]
+            picture, wheels = kept.seen[moment, column], kept.advice[moment, column]
             if kept.shows[moment, column]:
                 step = -1 if mirror else 1
                 picture, wheels = picture[:, ::step], wheels[::step]
@@ -82,7 +82,7 @@ class AdviceMemory:
             pictures.append(picture)
             advice.append(wheels)
         return Sequences(
-            pictures=np.stack(pictures)[None],
+            seen=np.stack(pictures)[None],
             previous_actions=np.zeros((1, decisions, 2), np.float32),
             forgot=np.ones((1, decisions), np.float32),
             state=np.zeros((decisions, self._kept[0].state.shape[1]), np.float32),

@@ -128,7 +128,10 @@ class Collection:
         made = segment.decisions
         shape = segment.rewards.shape
         place = slice(buffer.pos, buffer.pos + len(segment.rewards))
-        buffer.observations[place] = segment.pictures
+        if buffer.features:
+            buffer.observations[place] = made.known[..., : buffer.features]
+        else:
+            buffer.observations[place] = segment.pictures
         buffer.states[place] = made.states
         buffer.previous_actions[place] = made.previous_actions
         buffer.forgot[place] = made.forgot

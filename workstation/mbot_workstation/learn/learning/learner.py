@@ -13,7 +13,7 @@ from mbot_workstation.learn.learning.memory_policy import (
     critic_inputs,
     memory_policy_arguments,
 )
-from mbot_workstation.learn.learning.network import INITIAL_NOISE, PAPER_FILTER_PX, PAPER_HALVINGS
+from mbot_workstation.learn.learning.network import INITIAL_NOISE, PAPER_FILTER_PX
 from mbot_workstation.learn.learning.picture_ppo import PicturePPO
 from mbot_workstation.learn.learning.sequences import SequenceBuffer
 
@@ -51,8 +51,9 @@ class LearnerSettings:
         memory_units: numbers that the policy remembers from decision to decision; 0 is the
             paper's network.
         first_filter_px: side of the first convolution's filters; the paper's have 8.
-        eye_pictures: by which the network learns to see before anybody drives (`eye.py`).
-        halvings: how many convolutions halve the picture; the paper's two, or three.
+        residual: whether it is the residual network in place of the paper's.
+        eye_pictures: by which the network learns to see before anybody drives (`eye.py`), and
+            then no more; 0 lets it learn to see by driving.
 
     """
 
@@ -76,7 +77,7 @@ class LearnerSettings:
     rehearsal_batch: int = 512
     memory_units: int = MEMORY_UNITS
     first_filter_px: int = PAPER_FILTER_PX
-    halvings: int = PAPER_HALVINGS
+    residual: bool = False
     eye_pictures: int = 0
 
     def learning_rate_at(self, remaining: float) -> float:
@@ -110,9 +111,8 @@ GUIDED = replace(
     learning_rate=5e-4,
     guided_epochs=2,
     rehearsals=128,
-    first_filter_px=5,
-    halvings=3,
-    eye_pictures=384_000,
+    residual=True,
+    eye_pictures=480_000,
 )
 """The guide soon makes a trained policy of it; its advice is no matter of luck and bears larger
 steps, in small batches. Finer filters than the paper's see more of the far objects (network.py).
@@ -151,7 +151,7 @@ def make_learner(
             math.log(settings.noise),
             critic_inputs(critic),
             settings.first_filter_px,
-            settings.halvings,
+            residual=settings.residual,
         ),
         rollout_buffer_class=SequenceBuffer,
         seed=seed,

@@ -1,6 +1,6 @@
 """The paper's network with a memory behind it: what is learned, as SB3 wants it.
 
-    picture -> PictureNetwork ---------------------+-> wheels
+    picture -> network ----------------------------+-> wheels
                     |                            |
                     +-> GRU (with the last action, from decision to decision) -> value
 
@@ -25,9 +25,9 @@ from mbot_workstation.learn.learning.full_speed import KEEPS_TURNS
 from mbot_workstation.learn.learning.network import (
     DENSE_UNITS,
     PAPER_FILTER_PX,
-    PAPER_HALVINGS,
     policy_arguments,
 )
+from mbot_workstation.learn.learning.residual_network import ResidualNetwork
 from mbot_workstation.sim.effects.body_record import BODY
 
 MEMORY_UNITS = 128
@@ -141,6 +141,20 @@ class MemoryPolicy(ActorCriticPolicy):
         """How many numbers a robot remembers."""
         return self._units
 
+    @property
+    def learned(self) -> list[nn.Parameter]:
+        """What is still learned."""
+        return [parameter for parameter in self.parameters() if parameter.requires_grad]
+
+    @property
+    def has_learned_to_see(self) -> bool:
+        """Whether the layers in front of the memory learn no more."""
+        return not any(one.requires_grad for one in self.features_extractor.parameters())
+
+    def keep_eye(self) -> None:
+        """Learn no more to see: from now on only what follows the features."""
+        self.features_extractor.requires_grad_(False)
+
     def decide(self, inputs: PolicyInput, noise: torch.Tensor | None = None) -> PolicyOutput:
         """One decision of some robots; with noise, standard normal of shape (n, 2), it explores."""
         known, state = self._recall(inputs)
@@ -175,7 +189,7 @@ class MemoryPolicy(ActorCriticPolicy):
 
     def unroll(
         self,
-        pictures: torch.Tensor,
+        seen: torch.Tensor,
         previous_actions: torch.Tensor,
         forgot: torch.Tensor,
         state: torch.Tensor,
@@ -184,7 +198,8 @@ class MemoryPolicy(ActorCriticPolicy):
         """What the policy knows in every decision of some sequences.
 
         Args:
-            pictures: shape (length, n, 64, 64, 3), uint8.
+            seen: pictures, shape (length, n, 64, 64, 3), uint8, or their features, shape
+                (length, n, features), float32.
             previous_actions: shape (length, n, 2).
             forgot: shape (length, n), 1.0 where the memory begins anew before a decision.
             state: before the first decision, shape (n, units).
@@ -195,8 +210,10 @@ class MemoryPolicy(ActorCriticPolicy):
 
         """
         length, n = forgot.shape
-        with torch.autocast(pictures.device.type, torch.bfloat16, enabled=short):
-            features = self._features(pictures.flatten(0, 1), short).float()
+        features = seen.flatten(0, 1)
+        if features.ndim > 2:
+            with torch.autocast(seen.device.type, torch.bfloat16, enabled=short):
+                features = self._features(features, short).float()
         if not self._units:
             return features
         met = torch.cat([features, previous_actions.flatten(0, 1)], dim=1)
@@ -279,10 +296,13 @@ def memory_policy_arguments(
     initial_log_std: float,
     critic_inputs: int,
     first_filter_px: int = PAPER_FILTER_PX,
-    halvings: int = PAPER_HALVINGS,
+    *,
+    residual: bool = False,
 ) -> dict[str, Any]:
-    """What SB3 needs to make a `MemoryPolicy`; without a memory it is the paper's."""
-    network = policy_arguments(
-        initial_log_std, deeper=units > 0, first_filter_px=first_filter_px, halvings=halvings
-    )
+    """What SB3 needs to make a `MemoryPolicy`; without a memory it is the paper's, unless it is
+    to be the residual network.
+    """
+    network = policy_arguments(initial_log_std, deeper=units > 0, first_filter_px=first_filter_px)
+    if residual:
+        network |= {"features_extractor_class": ResidualNetwork, "features_extractor_kwargs": {}}
     return {**network, "memory_units": units, "critic_inputs": critic_inputs}

@@ -26,6 +26,7 @@ from mbot_workstation.learn.learning.advice_memory import AdviceMemory
 from mbot_workstation.learn.learning.collection import Collection
 from mbot_workstation.learn.learning.guidance import advice_loss, guide_weight
 from mbot_workstation.learn.learning.memory_policy import MemoryPolicy
+from mbot_workstation.learn.learning.network import DENSE_UNITS
 from mbot_workstation.learn.learning.processor import has_short_floats
 from mbot_workstation.learn.learning.sequences import (
     LearnedFrom,
@@ -33,6 +34,7 @@ from mbot_workstation.learn.learning.sequences import (
     Sequences,
     tensor,
 )
+from mbot_workstation.learn.learning.views import Stills
 
 MEMORY_CAPACITY = 200_000
 """Decisions with advice; 2.4 GB when full."""
@@ -73,6 +75,8 @@ class PicturePPO(PPO):
         guided_epochs: in place of `n_epochs` while it counts for more than half; None is as many.
         rehearsals: batches of remembered advice that every update learns from besides.
         rehearsal_batch: decisions of each.
+        stills: single pictures from anywhere, for an eye that learns no more; who has them
+            rehearses them in place of single ones of what was driven.
 
     """
 
@@ -84,6 +88,7 @@ class PicturePPO(PPO):
     guided_epochs: int | None = None
     rehearsals = 0
     rehearsal_batch = 256
+    stills: Stills | None = None
 
     policy: MemoryPolicy  # pyright: ignore[reportIncompatibleVariableOverride]
     rollout_buffer: SequenceBuffer  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -102,9 +107,18 @@ class PicturePPO(PPO):
         self.rollout_buffer.critic_inputs = self.policy.critic_inputs
         self.rollout_buffer.reset()
 
+    def keep_eye(self, stills: Stills | None) -> None:
+        """Learn no more to see, but from what is seen: what pictures are to the eye is kept in
+        their place.
+        """
+        self.policy.keep_eye()
+        self.rollout_buffer.features = DENSE_UNITS
+        self.rollout_buffer.reset()
+        self.stills = stills
+
     def _excluded_save_params(self) -> list[str]:
         # The memory is gigabytes, and soon made anew; the schedule is the configuration's.
-        return [*super()._excluded_save_params(), "_memory", "noise_at", "collection"]
+        return [*super()._excluded_save_params(), "_memory", "noise_at", "collection", "stills"]
 
     def train(self) -> None:
         """Learn from the rollout, as PPO.train; the losses go to the logger."""
@@ -174,9 +188,10 @@ class PicturePPO(PPO):
 
     def _rehearsal(self, number: int) -> Sequences:
         assert self._memory is not None
-        alone = self.policy.units > 0 and number % ALONE_EVERY == 0
-        draw = self._memory.draw_alone if alone else self._memory.draw
-        return draw(self.rehearsal_batch)
+        if self.policy.units == 0 or number % ALONE_EVERY:
+            return self._memory.draw(self.rehearsal_batch)
+        alone = self._memory.draw_alone if self.stills is None else self.stills.draw
+        return alone(self.rehearsal_batch)
 
     def _together(
         self,
@@ -195,7 +210,7 @@ class PicturePPO(PPO):
     def _advice_gradients(self, part: Sequences) -> tuple[torch.Tensor, ...]:
         wheels = self.policy.action_net(self._known(part))
         loss = advice_loss(wheels, tensor(part.advice, self.device).flatten(0, 1))
-        parameters = list(self.policy.parameters())
+        parameters = self.policy.learned
         # The value and the noise have no part in it: zeros.
         return torch.autograd.grad(loss, parameters, allow_unused=True, materialize_grads=True)
 
@@ -203,12 +218,12 @@ class PicturePPO(PPO):
         # Robots drive with whole floats: PPO's ratio is off by 0.01 RMS before anything is learned,
         # where it is bounded at 0.2 (measured; test_processor.py holds it to 0.02).
         short = has_short_floats(self.device)
-        fields = (part.pictures, part.previous_actions, part.forgot, part.state)
+        fields = (part.seen, part.previous_actions, part.forgot, part.state)
         return self.policy.unroll(*(tensor(field, self.device) for field in fields), short=short)
 
     def _descend(self, gradients: list[tuple[torch.Tensor, ...]], samples: int) -> None:
         """One step of the optimiser by the sum of several parts' gradients over all samples."""
-        parameters = list(self.policy.parameters())
+        parameters = self.policy.learned
         for parameter, first, *others in zip(parameters, *gradients, strict=True):
             # In the parameter's order of memory: some come with channels last, and the fused
             # optimiser takes numbers as they lie.
@@ -244,7 +259,7 @@ class PicturePPO(PPO):
         weight = guide_weight(self.num_timesteps, self.guided_decisions)
         if weight > 0:
             loss = loss + weight * advice_loss(wheels.mean, advice)
-        gradients = torch.autograd.grad(loss, list(self.policy.parameters()))
+        gradients = torch.autograd.grad(loss, self.policy.learned)
         with torch.no_grad():
             return _Part(
                 gradients,

@@ -1,11 +1,12 @@
 """The trained policy as an ONNX graph, written from its weights.
 
-    observation -> float -> conv -> conv (-> + conv) (-> conv -> + conv) -> dense (-> + dense) -+
-        wheels -> bounds <-+------------------------------------------------------------------+
+    observation -> float -> conv -> conv (-> + conv) -> dense (-> + dense) -+
+        wheels -> bounds <-+---------------------------------------------+
         previous_action, state_in -> GRU ---+
 
 Every convolution and dense layer is followed by a LeakyReLU; those in brackets only a deeper
-network has, and they are added to their own input.
+network has, and they are added to their own input. The residual network's convolutions are as
+residual_network.py has them.
 
 Some standard operators instead of an exporter: the graph is readable, small and old enough for any
 onnxruntime, and it holds what SB3's own export leaves out, the bounds of the actions.
@@ -66,12 +67,15 @@ _ORIGINS = {
     "second": f"{_FEATURES}second",
     "third": f"{_FEATURES}third",
     "fourth": f"{_FEATURES}fourth",
-    "fifth": f"{_FEATURES}fifth",
+    "near.inner": f"{_FEATURES}near.inner",
+    "near.outer": f"{_FEATURES}near.outer",
+    "far.inner": f"{_FEATURES}far.inner",
+    "far.outer": f"{_FEATURES}far.outer",
     "dense": f"{_FEATURES}dense",
     "mixing": f"{_FEATURES}mixing",
     "wheels": "action_net",
 }
-"""The graph's layers and their names in SB3's policy; only a deeper network has all of them."""
+"""The graph's layers and their names in SB3's policy; no network has all of them."""
 
 
 def policy_graph(
@@ -97,7 +101,7 @@ def policy_graph(
     parts = {part: _array(weights[f"memory.{part}"]) for part in PARTS if _has_memory(weights)}
     memory = (spelt_out_gru if for_armv6 else gru)(parts) if parts else MemoryGraph([], {})
     metadata = replace(metadata, contract_version=2 if parts else 1)
-    deeper = f"{_ORIGINS['third']}.weight" in weights
+    deeper = f"{_ORIGINS['mixing']}.weight" in weights
     keeps_turns = KEEPS_TURNS in weights
     bounded = _bounded(for_armv6, keeps_turns=keeps_turns)
     nodes = [
@@ -186,30 +190,51 @@ def _layer(
     """A layer with its LeakyReLU, whose output is `<name>_active`."""
     node = helper.make_node(kind, [source, f"{name}.weight", f"{name}.bias"], [name], name=name)
     node.attribute.extend(helper.make_attribute(key, value) for key, value in attributes.items())
+    return [node, _active(name)]
+
+
+def _active(name: str) -> onnx.NodeProto:
     active = f"{name}_active"
-    return [node, helper.make_node("LeakyRelu", [name], [active], name=active, alpha=LEAKY_SLOPE)]
+    return helper.make_node("LeakyRelu", [name], [active], name=active, alpha=LEAKY_SLOPE)
 
 
 def _convolutions(weights: Mapping[str, torch.Tensor], for_armv6: bool) -> list[onnx.NodeProto]:
-    """From "planes" to "flat": two, three or five of them."""
+    """From "planes" to "flat"."""
     side = weights[f"{_ORIGINS['first']}.weight"].shape[-1]
     strides = {"strides": [first_stride(side)] * 2}
+    nodes = _layer("Conv", "planes", "first", **_kernel(for_armv6, side), **strides)
     halves = {**_kernel(for_armv6, 4), "strides": [2, 2]}
-    rounds = {**_kernel(for_armv6, 3), **_ROUND}
-    deeper, further = (f"{_ORIGINS[name]}.weight" in weights for name in ("third", "fourth"))
-    nodes = [
-        *_layer("Conv", "planes", "first", **_kernel(for_armv6, side), **strides),
-        *_layer("Conv", "first_active", "second", **halves),
-        *_more(deeper, "Conv", "second_active", "third", "view", **rounds),
-    ]
-    if further:
-        nodes += _layer("Conv", "view", "fourth", **halves)
-        nodes += _more(True, "Conv", "fourth_active", "fifth", "near_view", **rounds)
-    last = "near_view" if further else "view"
+    rounds = {**_kernel(for_armv6, 3), **_MARGIN}
+    if f"{_ORIGINS['near.inner']}.weight" in weights:
+        last = "fourth_active"
+        nodes += [
+            *_layer("Conv", "first_active", "second", **halves, **_MARGIN),
+            *_block("second_active", "near", rounds),
+            *_layer("Conv", "near_active", "third", **halves, **_MARGIN),
+            *_block("third_active", "far", rounds),
+            *_layer("Conv", "far_active", "fourth", **halves, **_MARGIN),
+        ]
+    else:
+        last, deeper = "view", f"{_ORIGINS['third']}.weight" in weights
+        nodes += [
+            *_layer("Conv", "first_active", "second", **halves),
+            *_more(deeper, "Conv", "second_active", "third", last, **rounds),
+        ]
     return [*nodes, helper.make_node("Flatten", [last], ["flat"], name="flat", axis=1)]
 
 
-_ROUND = {"pads": [1, 1, 1, 1]}
+_MARGIN = {"pads": [1, 1, 1, 1]}
+
+
+def _block(source: str, name: str, rounds: dict[str, list[int]]) -> list[onnx.NodeProto]:
+    """Two convolutions that are added to their input; the output is `<name>_active`."""
+    inner, outer = f"{name}.inner", f"{name}.outer"
+    return [
+        *_layer("Conv", source, inner, **rounds),
+        *_layer("Conv", f"{inner}_active", outer, **rounds)[:1],
+        helper.make_node("Add", [source, outer], [name], name=name),
+        _active(name),
+    ]
 
 
 def _more(

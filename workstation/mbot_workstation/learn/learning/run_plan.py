@@ -23,12 +23,12 @@ from mbot_workstation.tasks.task import Task
 MADE_UP_ROOMS = 8
 """Beside the photographs that ship with the project."""
 
-GUIDED_DECISIONS, STEPS = 1_100_000, 1_200_000
+GUIDED_DECISIONS, STEPS = 900_000, 1_000_000
 """What ships had 1,500,000 of 1,600,000, with a smaller network that was not taught to see before.
 No whole run with this network has been made yet; 200,000 decisions of one teach it as much as
 280,000 of one whose eye was not taught (docs/notebook/training.md)."""
 
-EYE_SHARE = 3
+EYE_SHARE = 2
 """A network sees a picture for every so many decisions at most, before them."""
 
 NEW_OBJECT_GUIDED, NEW_OBJECT_STEPS = 240_000, 300_000
@@ -88,7 +88,7 @@ class RunPlan:
         if not self.memory_units:
             paper = default.learner
             learner = replace(
-                learner, first_filter_px=paper.first_filter_px, halvings=paper.halvings
+                learner, first_filter_px=paper.first_filter_px, residual=False, eye_pictures=0
             )
         if new_object:
             steps = NEW_OBJECT_STEPS
@@ -132,7 +132,8 @@ def _from_parent(config: TrainingConfig, parent: Path, task: str) -> TrainingCon
         learner=replace(
             config.learner,
             first_filter_px=before.learner.first_filter_px,
-            halvings=before.learner.halvings,
+            residual=before.learner.residual,
+            eye_pictures=0,
         ),
     )
 

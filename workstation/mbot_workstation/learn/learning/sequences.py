@@ -20,7 +20,8 @@ class Sequences:
     """Some sequences side by side; every field but `state` has shape (length, n, ...).
 
     Attributes:
-        pictures: (length, n, 64, 64, 3), uint8.
+        seen: pictures, (length, n, 64, 64, 3), uint8; or what an eye that learns no more makes of
+            them, (length, n, features), float32.
         previous_actions: (length, n, 2), as the wheels were told.
         forgot: (length, n), float32; 1 where the memory began anew before the decision.
         state: (n, units), before the first decision.
@@ -29,7 +30,7 @@ class Sequences:
 
     """
 
-    pictures: NDArray[np.uint8]
+    seen: NDArray[np.uint8] | NDArray[np.float32]
     previous_actions: NDArray[np.float32]
     forgot: NDArray[np.float32]
     state: NDArray[np.float32]
@@ -76,6 +77,7 @@ class SequenceBuffer(RolloutBuffer):
     """SB3's rollout buffer, with what a memory and a guide add.
 
     Attributes:
+        features: how many numbers an eye that learns no more makes of a picture; 0 keeps pictures.
         states: before each decision, shape (steps, robots, units).
         previous_actions: shape (steps, robots, 2).
         forgot: shape (steps, robots), whether the state is a new one.
@@ -87,11 +89,14 @@ class SequenceBuffer(RolloutBuffer):
 
     units = 0
     critic_inputs = 0
+    features = 0
 
     def reset(self) -> None:
         """Empty it."""
         super().reset()
         shape = (self.buffer_size, self.n_envs)
+        if self.features:
+            self.observations = np.zeros((*shape, self.features), np.float32)
         self.states = np.zeros((*shape, self.units), np.float32)
         self.previous_actions = np.zeros((*shape, ACTIONS), np.float32)
         self.forgot = np.zeros(shape, np.float32)
@@ -122,7 +127,7 @@ class SequenceBuffer(RolloutBuffer):
     def _cut(self, begin: NDArray[np.int64], robot: NDArray[np.int64]) -> LearnedFrom:
         moments = begin[None, :] + np.arange(self.length)[:, None]
         return LearnedFrom(
-            pictures=self.observations[moments, robot],
+            seen=self.observations[moments, robot],
             previous_actions=self.previous_actions[moments, robot],
             forgot=self.forgot[moments, robot],
             state=self.states[begin, robot],

@@ -11,10 +11,11 @@ from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 
 from mbot_workstation.learn.learning.checkpoint import read_state, restore_learner
 from mbot_workstation.learn.learning.collection import Collection
-from mbot_workstation.learn.learning.eye import teach_eye
+from mbot_workstation.learn.learning.eye import take_stills, teach_eye
 from mbot_workstation.learn.learning.git_state import git_state
 from mbot_workstation.learn.learning.guidance import GUIDE_REMEMBERS
 from mbot_workstation.learn.learning.learner import make_learner
+from mbot_workstation.learn.learning.picture_ppo import PicturePPO
 from mbot_workstation.learn.learning.processor import keep_freed_memory, prepare_gpu
 from mbot_workstation.learn.learning.progress_display import RunDisplay
 from mbot_workstation.learn.learning.run_directory import RunDirectory, write_json
@@ -95,8 +96,8 @@ def train(
         learner = make_learner(
             environment, config.learner, config.seed, config.device, environment.task.critic
         )
-        blind = False
-        learner.collection = Collection(environment, guides_of(config), config.seed + step)
+        guide_for = guides_of(config)
+        learner.collection = Collection(environment, guide_for, config.seed + step)
         if start:
             restore_learner(checkpoints[-1], learner, with_optimizer=True)
             start.random.restore()
@@ -105,10 +106,7 @@ def train(
             restore_learner(
                 Path(config.parent), learner, with_optimizer=False, turn_deg=config.hue_turn_deg
             )
-        elif config.learner.eye_pictures:
-            network = learner.policy.features_extractor
-            teach_eye(network, environment, config.learner.eye_pictures, stop, display.say)
-            blind = stop.is_set()
+        blind = _open_eye(learner, environment, config, stop, display, learned=start is not None)
         learner.set_logger(Logger(str(run.tensorboard), [writer]))
         callback = TrainingCallback(run, config, environment, display, stop, start)
         if blind:
@@ -127,6 +125,33 @@ def train(
     finally:
         writer.close()
         environment.close()
+
+
+def _open_eye(
+    learner: PicturePPO,
+    environment: TaskVecEnv,
+    config: TrainingConfig,
+    stop: threading.Event,
+    display: RunDisplay,
+    *,
+    learned: bool,
+) -> bool:
+    """Let the learner see before it drives, if the run is to; whether someone said stop meanwhile.
+
+    Args:
+        learned: whether its network has learned to see, before the run was interrupted.
+
+    """
+    pictures, guide_for = config.learner.eye_pictures, guides_of(config)
+    if not pictures or environment.task.sight is None:
+        return False
+    network = learner.policy.features_extractor
+    if not learned:
+        teach_eye(network, environment, guide_for, pictures, stop, display.say)
+    if not stop.is_set():
+        units = learner.policy.units
+        learner.keep_eye(take_stills(network, environment, guide_for, units, stop))
+    return stop.is_set()
 
 
 def environment_of(config: TrainingConfig, stage: int = 0, step: int = 0) -> TaskVecEnv:

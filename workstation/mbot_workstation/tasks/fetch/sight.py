@@ -47,3 +47,7 @@ class FetchSight:
         left = facts["seen_left_rad"] / IN_VIEW_RAD
         near = 0.5 / np.maximum(away_m, 0.2)
         return np.stack([is_shown, left, near], axis=1).astype(np.float32)
+
+    def mirrored(self, shown: NDArray[np.float32]) -> NDArray[np.float32]:
+        """In the other direction."""
+        return shown * np.array([1, -1, 1], np.float32)
