@@ -1,4 +1,5 @@
 import io
+import itertools
 import json
 import pickle
 import signal
@@ -21,9 +22,11 @@ from torch.distributions import Normal
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.cli import train as command
-from mbot_workstation.learn.learning import picture_ppo, run_plan, training_run
+from mbot_workstation.learn.learning import eye, picture_ppo, run_plan, training_run
 from mbot_workstation.learn.learning.checkpoint import read_state, read_weights, restore_learner
+from mbot_workstation.learn.learning.collection import Collection
 from mbot_workstation.learn.learning.curriculum import GUIDED_MARK, PAPER_MARK, CurriculumState
+from mbot_workstation.learn.learning.full_speed import KEEPS_TURNS
 from mbot_workstation.learn.learning.learner import GUIDED, LearnerSettings, make_learner
 from mbot_workstation.learn.learning.memory_policy import (
     MEMORY_UNITS,
@@ -37,6 +40,7 @@ from mbot_workstation.learn.learning.run_directory import RunDirectory
 from mbot_workstation.learn.learning.training_config import TrainingConfig, read_config
 from mbot_workstation.learn.learning.training_run import TrainingResult, begin_run, train
 from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
+from mbot_workstation.sim.scene.room_generator import generate_room
 from mbot_workstation.tasks.fetch.task import TASK
 
 from ..ran import WORKSTATION, ran
@@ -84,6 +88,42 @@ def test_who_stops_a_run_that_learns_to_see_begins_it_again(tmp_path: Path) -> N
     assert (result.reason, result.step) == ("interrupted", 0)
     assert run.checkpoints() == [], "it would go on with a network that has seen nothing"
     assert run_to_end(run, config).step == 128
+
+
+def test_an_eye_that_has_learned_to_see_learns_no_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(eye, "STILLS", 64)
+    learner = replace(
+        TINY.learner, eye_pictures=64, guided_decisions=96, rehearsals=9, residual=True
+    )
+    config = replace(TINY, learner=learner, steps=128)
+    run = begin_run(tmp_path / "run", config)
+    run_to_end(run, config)
+    first, *others = (read_weights(one) for one in run.checkpoints())
+    run_to_end(run, replace(config, steps=192))  # interrupted, it goes on with the same eye
+    others.append(read_weights(run.last_checkpoint()))
+    assert len(others) == 2
+    for (name, weight), other in itertools.product(first.items(), others):
+        same = torch.equal(weight, other[name])
+        assert same == ("features_extractor" in name or name == KEEPS_TURNS), name
+
+
+def test_what_an_eye_makes_of_pictures_is_kept_in_their_place() -> None:
+    settings = replace(TINY.learner, residual=True)
+    with TaskVecEnv(2, preset="ideal", rooms=[generate_room(0, 256)], workers=1) as environment:
+        made = make_learner(environment, settings, seed=0, critic=TASK.critic)
+        made.collection = Collection(environment)
+        made.keep_eye(None)
+        made.learn(64)
+        (batch,) = made.rollout_buffer.sequences(64)
+    assert batch.seen.shape == (32, 2, 256)
+    policy = made.policy
+    with torch.no_grad():
+        fields = (batch.seen, batch.previous_actions, batch.forgot, batch.state)
+        known = policy.unroll(*(torch.from_numpy(one) for one in fields), short=False)
+    assert known.shape == (64, 256 + policy.units)
+    assert torch.equal(known[:, :256], torch.from_numpy(batch.seen).flatten(0, 1))
 
 
 def test_a_run_leaves_all_that_tells_its_story(finished: RunDirectory) -> None:

@@ -154,6 +154,7 @@ class MemoryPolicy(ActorCriticPolicy):
     def keep_eye(self) -> None:
         """Learn no more to see: from now on only what follows the features."""
         self.features_extractor.requires_grad_(False)
+        self.features_extractor.zero_grad()  # an optimiser would follow what is left there
 
     def decide(self, inputs: PolicyInput, noise: torch.Tensor | None = None) -> PolicyOutput:
         """One decision of some robots; with noise, standard normal of shape (n, 2), it explores."""
