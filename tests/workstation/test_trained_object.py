@@ -9,15 +9,19 @@ import pytest
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.policy.policy_contract import PolicyMetadata
-from mbot_workstation.cli.evaluate import evaluate
+from mbot_workstation.cli import demo
+from mbot_workstation.cli import evaluate as evaluate_command
+from mbot_workstation.cli.demo import DemoOptions
+from mbot_workstation.cli.evaluate import evaluate, study
 from mbot_workstation.cli.models import check_model_file
 from mbot_workstation.fleet.models.model_findings import PROVENANCE
 from mbot_workstation.fleet.models.trained_object import (
     TrainedObject,
+    objects_of,
     told_object,
     trained_object,
 )
-from mbot_workstation.learn.evaluation.episodes import EpisodeResult, score
+from mbot_workstation.learn.evaluation.episodes import EpisodeResult, Trial, score
 from mbot_workstation.learn.evaluation.evaluation_report import Line
 from mbot_workstation.learn.evaluation.objects_tried import object_table, objects_tried
 from mbot_workstation.learn.learning.checkpoint import CheckpointState, RandomState
@@ -157,6 +161,39 @@ def test_a_policy_for_the_ball_meets_balls_without_a_word(tmp_path: Path) -> Non
     told = output_of(evaluate, ball, *options, "--json")
     (line,) = json.loads(told[told.index("[") :])
     assert line["object"] == "green ball"
+
+
+def test_a_policy_stands_for_what_it_fetches_wherever_an_object_is_asked_for(
+    tmp_path: Path,
+) -> None:
+    ball, plain = (
+        Path(policy(tmp_path / name, of(BALL) if own else None))
+        for name, own in (("ball.onnx", True), ("plain.onnx", False))
+    )
+    assert objects_of(ball) == objects_of(BALL) == read_objects(BALL)
+    assert objects_of(plain) == objects_of(None) == (RED_CUBE,)
+    told = demo._robot_options(DemoOptions(model=ball))  # pyright: ignore[reportPrivateUsage]
+    assert told[told.index("--object") + 1] == str(ball)
+    other = demo._robot_options(DemoOptions(model=ball, object=BOTTLE))  # pyright: ignore[reportPrivateUsage]
+    assert other[other.index("--object") + 1] == str(BOTTLE)
+    assert "--object" not in demo._robot_options(DemoOptions(model=plain))  # pyright: ignore[reportPrivateUsage]
+
+
+def test_a_study_is_of_what_its_policies_fetch(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[Trial] = []
+
+    def runner(_options: object, trial: Trial) -> object:
+        seen.append(trial)
+        raise ConfigurationError("enough")
+
+    monkeypatch.setattr(evaluate_command, "_runner", runner)
+    ball = policy(tmp_path / "ball.onnx", of(BALL))
+    for options in ([ball], [ball, "--object", str(BOTTLE)]):
+        with pytest.raises(ConfigurationError, match="enough"):
+            output_of(study, "robots", *options)
+    assert [one.scene.objects for one in seen] == [read_objects(BALL), read_objects(BOTTLE)]
 
 
 def test_a_strangers_file_name_is_a_name_and_can_be_pasted() -> None:

@@ -31,7 +31,9 @@ class DemoOptions:
         None, "360-degree photo of a room; a made-up one otherwise.", metavar="FILE"
     )
     calibration: Path | None = calibration_option()
-    object: Path | None = object_option()
+    object: Path | None = object_option(
+        "What there is to fetch; what the policy was trained for if not given."
+    )
     left_gain: float | None = option(
         None, "Left motor's strength; 0.5 is the paper's handicap.", min=0.05, max=2
     )
@@ -99,8 +101,8 @@ def demo(options: DemoOptions) -> Answer:
 def _robot_options(options: DemoOptions) -> list[str]:
     """What the virtual robot is told; a mistake in a file is better said before anything starts."""
     from mbot_workstation.fleet.firmware.firmware_file import find_firmware
+    from mbot_workstation.fleet.models.trained_object import objects_of, trained_object
     from mbot_workstation.sim.calibrated.calibration_folder import files_to_simulate
-    from mbot_workstation.sim.scene.object_file import read_objects
     from mbot_workstation.sim.scene.room import load_room
     from mbot_workstation.virtual.emulated.board_simulator import simulator_program
 
@@ -111,9 +113,12 @@ def _robot_options(options: DemoOptions) -> list[str]:
     if options.calibration is not None:
         files_to_simulate(options.calibration)
         robot += ["--calibration", str(options.calibration.absolute())]
-    if options.object is not None:
-        read_objects(options.object)
-        robot += ["--object", str(options.object.absolute())]
+    thing = options.object
+    if thing is None and options.model is not None and trained_object(options.model):
+        thing = options.model
+    if thing is not None:
+        objects_of(thing)
+        robot += ["--object", str(thing.absolute())]
     for name, gain in (("--left-gain", options.left_gain), ("--right-gain", options.right_gain)):
         robot += [] if gain is None else [name, str(gain)]
     if options.firmware is not None:

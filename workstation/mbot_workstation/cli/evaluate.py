@@ -345,6 +345,9 @@ class StudyOptions:
     lesson: str | None = option(
         None, "Of the task; of fetch 1 to 10, blur or rough, 10 if not given.", metavar="NAME"
     )
+    object: Path | None = object_option(
+        "What there is to fetch; what the policies were trained for if not given."
+    )
     calibration: Path | None = calibration_option()
     panorama: list[Path] | None = option(
         None, "Room to try it in; may be given several times.", metavar="FILE"
@@ -378,8 +381,9 @@ def study(options: StudyOptions) -> Answer:
     - `workstation study tolerance policy.onnx --pair track_scale:fov_scale --cells 9`
     - `workstation study robots policy.onnx --calibration calibration/mbot-1 -o results`
     """
-    from mbot_workstation.learn.drivers.contestants import check_contestants
+    from mbot_workstation.learn.drivers.contestants import check_contestants, titles
     from mbot_workstation.learn.evaluation.episodes import Trial
+    from mbot_workstation.learn.evaluation.objects_tried import objects_tried
     from mbot_workstation.learn.studies.study_plans import study_plan
     from mbot_workstation.learn.studies.study_report import write_report
     from mbot_workstation.learn.studies.tolerance_study import map_tolerances, pairs_named
@@ -400,8 +404,13 @@ def study(options: StudyOptions) -> Answer:
     photos = photographs(options.panorama, options.calibration)
     rooms = evaluation_rooms(photos)
     number = options.episodes or (12 if options.name == TOLERANCE else 50)
+    named = [options.object] if options.object else []
+    (thing,), notes = objects_tried(titles(options.contestants), named)
+    for words in notes:
+        note(words)
+    scene = replace(files.scene, objects=thing.kinds)
     task, nominal = full_reference(options.task), robots("nominal")
-    trial = Trial(stage, nominal, rooms, number, options.seed, None, files.robot, files.scene, task)
+    trial = Trial(stage, nominal, rooms, number, options.seed, None, files.robot, scene, task)
     how = _how(options, stage.name, number, len(rooms), photographed=bool(photos))
     run = _runner(options, trial)
     folder = options.output or _beside(options.contestants)

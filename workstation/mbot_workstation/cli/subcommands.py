@@ -21,6 +21,7 @@ from mbot_workstation.cli.objects import look_at_object
 from mbot_workstation.cli.print_targets import app as print_targets
 from mbot_workstation.cli.recordings import app as recordings
 from mbot_workstation.cli.set_up import flash, setup_card, update
+from mbot_workstation.cli.tasks import app as tasks
 from mbot_workstation.cli.track import track
 from mbot_workstation.cli.train import export, train, training_curve
 from mbot_workstation.cli.virtual_robot import virtual_robot
@@ -70,6 +71,7 @@ PANELS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
     },
     "Train and evaluate policies": {
         "object": look_at_object,
+        "task": tasks,
         "train": train,
         "training-curve": training_curve,
         "evaluate": evaluate,

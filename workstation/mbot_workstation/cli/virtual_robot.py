@@ -117,7 +117,10 @@ class VirtualRobotOptions:
         panel=_TASK,
     )
     calibration: Path | None = calibration_option()
-    object: Path | None = object_option()
+    object: Path | None = object_option(
+        "What there is to fetch in place of the red cube, or a policy (.onnx) that was trained for "
+        "it."
+    )
     left_gain: float | None = option(
         None,
         "Left motor's strength; the calibration's, or else 1, if not given.",
@@ -320,15 +323,15 @@ def robot_settings(
 
     """
     from mbot_workstation.fleet.firmware.firmware_file import find_firmware
+    from mbot_workstation.fleet.models.trained_object import objects_of
     from mbot_workstation.sim.calibrated.calibration_folder import room_pictures
-    from mbot_workstation.sim.scene.object_file import read_objects
     from mbot_workstation.sim.scene.room import load_room
     from mbot_workstation.sim.scene.room_generator import generate_room
     from mbot_workstation.tasks.find import full_reference
     from mbot_workstation.virtual.stand_in import VirtualRobotSettings
 
     robot = _robot(files.robot, options)
-    scene = replace(files.scene, objects=read_objects(options.object))
+    scene = replace(files.scene, objects=objects_of(options.object))
     if options.free_floor:  # its walls beyond any maneuver's reach
         arena = replace(scene.arena, wall_m=FREE_FLOOR_M, border_m=FREE_FLOOR_M)
         scene = replace(scene, arena=arena)

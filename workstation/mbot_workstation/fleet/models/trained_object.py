@@ -131,6 +131,25 @@ def trained_object(path: Path) -> TrainedObject | None:
         return None  # another's provenance
 
 
+def objects_of(file: Path | None) -> "tuple[TargetObject, ...]":
+    """The kinds of object of an `--object` file, or those that a policy (.onnx) was trained for.
+
+    Args:
+        file: None is the red cube, as is a policy that names nothing.
+
+    Raises:
+        ConfigurationError: it can't be read or is unusable, or the policy does not hold all of it.
+        ContractError: what is called .onnx is none.
+
+    """
+    from mbot_workstation.sim.scene.object_file import read_objects
+
+    if file is None or file.suffix != ".onnx":
+        return read_objects(file)
+    thing = trained_object(file)
+    return read_objects(None) if thing is None else thing.objects()
+
+
 def named(names: Sequence[str]) -> str:
     """Several names in one line."""
     return one_line(" and ".join(names))
