@@ -1,6 +1,7 @@
 """The door for tasks: one file, named on the command line, is learned, tried and driven."""
 
 import ast
+import hashlib
 import json
 import pickle
 import re
@@ -13,6 +14,11 @@ import serial
 
 from mbot_protocol.drive.mcore import BAUD_RATE, Joystick
 from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.policy.policy_contract import PolicyMetadata
+from mbot_workstation.cli import evaluate as evaluate_command
+from mbot_workstation.cli.models import check_model_file
+from mbot_workstation.fleet.models.model_findings import PROVENANCE
+from mbot_workstation.fleet.models.trained_task import TrainedTask, trained_task
 from mbot_workstation.learn.evaluation.episodes import Trial, evaluate, score
 from mbot_workstation.learn.learning.learner import LearnerSettings
 from mbot_workstation.learn.learning.progress_display import LineDisplay
@@ -23,12 +29,14 @@ from mbot_workstation.learn.learning.training_run import begin_run, train
 from mbot_workstation.learn.worlds.task_env import TaskEnv
 from mbot_workstation.sim.effects.presets import preset
 from mbot_workstation.sim.scene.room_generator import generate_room
-from mbot_workstation.tasks.find import find_task, full_reference, task_names
+from mbot_workstation.tasks.find import find_task, full_reference, task_digest, task_names
 from mbot_workstation.tasks.lesson import lesson_named
 from mbot_workstation.virtual.camera_stream import CameraSettings
 from mbot_workstation.virtual.stand_in import VirtualRobot, VirtualRobotSettings
 
 from ..until import until
+from .called import output_of
+from .samples import small_policy
 from .small_world import ROOMS
 
 CIRCLE = full_reference(str(Path(__file__).with_name("stay_in_circle.py")))
@@ -80,12 +88,47 @@ def test_it_is_learned_for_2000_decisions_and_then_tried(tmp_path: Path) -> None
     assert read_progress(run.progress_file)[-1].episodes > 0
     made = trained_policy(run.path, CIRCLE).provenance
     assert (made["task"], made["lessons"]) == ("stay-in-circle", ["wide", "narrow"])
+    assert made["task_sha256"] == hashlib.sha256(Path(CIRCLE).read_bytes()).hexdigest()
 
     lesson = lesson_named(find_task(CIRCLE).lessons, "wide")
     trial = Trial(lesson, preset("nominal"), ROOMS, episodes=4, workers=1, task=CIRCLE)
     assert score(evaluate("random", trial)).length.mean > 1
     with pytest.raises(ConfigurationError, match="no oracle"):
         evaluate("oracle", trial)
+
+
+def test_a_digest_is_of_all_that_a_task_is_written_in(tmp_path: Path) -> None:
+    file, beside = tmp_path / "whole.py", tmp_path / "part.py"
+    beside.write_text("NUMBER = 1\n")
+    file.write_text("from .part import NUMBER\n" + ITS)
+    first = task_digest(str(file))
+    beside.write_text("NUMBER = 2\n")
+    second = task_digest(str(file))
+    file.write_text("from .part import NUMBER\n\n" + ITS)
+    assert len({first, second, task_digest(str(file)), task_digest(CIRCLE)}) == 4
+    assert len(task_digest("fetch")) == 64
+
+
+def test_a_policy_of_another_task_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def policy(name: str, origin: dict[str, str]) -> str:
+        told = PolicyMetadata(name).to_properties() | {PROVENANCE: json.dumps(origin)}
+        (tmp_path / name).write_bytes(small_policy(properties=told).SerializeToString())
+        return str(tmp_path / name)
+
+    same = policy("a.onnx", {"task": "stay-in-circle", "task_sha256": task_digest(CIRCLE)})
+    older = policy("b.onnx", {"task": "stay-in-circle", "task_sha256": "0" * 64})
+    fetches = policy("c.onnx", {})
+    said: list[str] = []
+    monkeypatch.setattr(evaluate_command, "note", said.append)
+    monkeypatch.setattr(evaluate_command, "_lines", lambda *_: pytest.fail("not tried"))
+    with pytest.raises(pytest.fail.Exception):
+        output_of(evaluate_command.evaluate, same, older, fetches, "--task", CIRCLE)
+    assert said[-2:] == [
+        f"{CIRCLE} is not as it was when {older} learned it",
+        f"{fetches} learned the task fetch, and is tried in stay-in-circle",
+    ]
+    assert "its task is stay-in-circle" in output_of(check_model_file, same)
+    assert trained_task(Path(fetches)) == TrainedTask("fetch", "")
 
 
 def test_the_virtual_robot_plays_it() -> None:

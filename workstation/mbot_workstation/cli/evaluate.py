@@ -176,7 +176,7 @@ def _drive(options: EvaluateOptions) -> Answer:
     things, notes = objects_tried(named, options.object or [])
     if len(things) > 1 and (options.film or options.plot):
         raise ConfigurationError("--film and --plot show one object: give one --object")
-    for words in notes:
+    for words in (*notes, *_other_tasks(options.contestants, options.task)):
         note(words)
     rooms = evaluation_rooms(panorama, options.made_up_rooms)
     count, seed, workers = options.episodes, options.seed, options.workers
@@ -207,6 +207,23 @@ def _drive(options: EvaluateOptions) -> Answer:
         {**fields(line, lines, task), "object": name} for name, lines in tried for line in lines
     ]
     return Answer(value, [said])
+
+
+def _other_tasks(contestants: Sequence[str], reference: str) -> Iterator[str]:
+    """What a person should know of policies that learned another task, or this one as it was."""
+    from mbot_workstation.fleet.models.trained_task import trained_task
+    from mbot_workstation.learn.drivers.contestants import BUILT_IN
+    from mbot_workstation.tasks.find import find_task, is_file, task_digest
+
+    name = find_task(reference).name
+    for contestant in contestants:
+        if contestant in BUILT_IN:
+            continue
+        learned = trained_task(Path(contestant))
+        if learned.task != name:
+            yield f"{contestant} learned the task {learned.words}, and is tried in {name}"
+        elif is_file(reference) and learned.task_sha256 != task_digest(reference):
+            yield f"{reference} is not as it was when {contestant} learned it"
 
 
 def _lines(trials: "Mapping[str, Trial]", named: Mapping[str, str]) -> "list[Line]":

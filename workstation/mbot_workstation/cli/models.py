@@ -47,11 +47,15 @@ class Examined:
             yield f"{finding.verdict:8} {finding.subject:8} {finding.detail}"
         if self.accepted:
             from mbot_workstation.fleet.models.trained_object import trained_object
+            from mbot_workstation.fleet.models.trained_task import FETCH, trained_task
 
-            thing = trained_object(self.model)
+            thing, task = trained_object(self.model), trained_task(self.model)
             words, told = (
                 (f"; it was trained for the {thing.words}", thing.option) if thing else ("", "")
             )
+            if task.task != FETCH:
+                words += f"; its task is {task.words}"
+                told += " --task FILE.py"
             yield (
                 f"{self.model}: a robot takes it{words}; next: workstation evaluate "
                 f"{typed(self.model)}{told}"

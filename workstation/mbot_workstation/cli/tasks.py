@@ -133,5 +133,5 @@ def _words(found: "TaskCheck", reference: str) -> Iterator[str]:
     else:
         yield (
             f"{found.task} pays for what it is meant for; next: workstation train --name "
-            f"{found.task} --task {typed(reference)}"
+            f"{typed(found.task)} --task {typed(reference)}"
         )

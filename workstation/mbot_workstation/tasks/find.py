@@ -45,6 +45,19 @@ def find_task(reference: str = DEFAULT_TASK) -> Task:
     return _found(full_reference(reference))
 
 
+def task_digest(reference: str) -> str:
+    """SHA-256 of a task's file and of what it imports from beside it, or of the folder or file that
+    ships: another one may pay for something else.
+    """
+    task = find_task(reference)
+    own = type(task).__module__
+    top = own.rpartition(".")[0] if not is_file(reference) else own
+    modules = [name for name in sys.modules if name in (own, top) or name.startswith(f"{top}.")]
+    files = {str(sys.modules[name].__file__) for name in modules}
+    written = [Path(file).read_bytes() for file in sorted(files) if Path(file).is_file()]
+    return hashlib.sha256(b"".join(written)).hexdigest()
+
+
 def is_file(reference: str) -> bool:
     """Whether finding this task runs a user's file."""
     return reference.endswith(".py")

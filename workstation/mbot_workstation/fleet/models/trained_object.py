@@ -42,12 +42,12 @@ class TrainedObject(msgspec.Struct, frozen=True):
     @property
     def option(self) -> str:
         """What `workstation evaluate` has to be told; nothing where this builds the object."""
-        return f" --object {self._typed_file}" if self._needs_files else ""
+        return f" --object {typed(self._file_name)}" if self._needs_files else ""
 
     @property
-    def _typed_file(self) -> str:
-        """To be pasted into a shell, whatever a stranger's policy calls it."""
-        return typed(one_line(Path(self.file).name))
+    def _file_name(self) -> str:
+        """Whatever a stranger's policy calls it."""
+        return one_line(Path(self.file).name)
 
     @property
     def _needs_files(self) -> bool:
@@ -65,7 +65,7 @@ class TrainedObject(msgspec.Struct, frozen=True):
         if self._needs_files:
             raise ConfigurationError(
                 f"the policy fetches the {self.words}, whose surface is not in its file: name "
-                f"{self._typed_file} by --object FILE.toml"
+                f"{typed(self._file_name)} by --object FILE.toml"
             )
         try:
             told = msgspec.convert({"object": self.kinds}, ObjectFile)

@@ -17,7 +17,7 @@ from mbot_workstation.learn.learning.checkpoint import CheckpointState, read_sta
 from mbot_workstation.learn.learning.policy_graph import graph_weights
 from mbot_workstation.learn.learning.policy_source import Source, find_source
 from mbot_workstation.learn.learning.training_config import TrainingConfig, read_config
-from mbot_workstation.tasks.find import DEFAULT_TASK, find_task
+from mbot_workstation.tasks.find import DEFAULT_TASK, find_task, task_digest
 
 PROVENANCE = "mbot.provenance"
 """Metadata property, a JSON object: which run, code, lessons and rooms made the model."""
@@ -41,6 +41,10 @@ class TrainedPolicy:
     checkpoint: Path
     name: str
     object_file: str = ""
+
+
+def _task(reference: str) -> dict[str, str]:
+    return {"task": find_task(reference).name, "task_sha256": task_digest(reference)}
 
 
 def trained_policy(path: Path, task: str = DEFAULT_TASK) -> TrainedPolicy:
@@ -108,6 +112,6 @@ def provenance(source: Source, config: TrainingConfig, state: CheckpointState) -
         "git_commit": commit,
         "git_changed_files": changed,
         # Models of before there were tasks say nothing: it was this one.
-        **({} if config.task == DEFAULT_TASK else {"task": find_task(config.task).name}),
+        **({} if config.task == DEFAULT_TASK else _task(config.task)),
         **({} if thing is None else {"object": msgspec.to_builtins(thing)}),
     }
