@@ -1,3 +1,4 @@
+import socket
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -88,3 +89,19 @@ def test_a_missing_certificate_is_named(enrolment: Enrolment) -> None:
     (enrolment.folder.path / "persons" / f"{me}.key").unlink()
     with pytest.raises(ConfigurationError, match="no such file"):
         find_destination("mbot-1")
+
+
+@pytest.mark.usefixtures("enrolment")
+def test_a_name_that_nobody_has_names_those_that_are_enrolled(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def unknown(host: str, _port: None) -> list[str]:
+        if host == "localhost":
+            return [host]
+        raise socket.gaierror
+
+    monkeypatch.setattr(socket, "getaddrinfo", unknown)
+    with pytest.raises(ConfigurationError, match=r"only mbot-1, mbot-2, .* did you mean mbot-2"):
+        find_destination("mbot2")
+    assert find_destination("localhost").endpoint.host == "localhost"
+    assert find_destination("mbot-3.local").endpoint.host == "mbot-3.local"

@@ -149,7 +149,8 @@ def test_the_commands(workstation: Callable[..., str], card: Path, tmp_path: Pat
     assert card.name in workstation("list")
     assert [drive["name"] for drive in json.loads(workstation("list", "--json"))][1] == card.name
     out = workstation("fetch", "1", "--into", str(tmp_path / "here"))
-    assert out.startswith(str(tmp_path / "here" / ROBOT_ID / card.name))
+    assert out.startswith(here := str(tmp_path / "here" / ROBOT_ID / card.name))
+    assert out.endswith(f"next: workstation report {here}\n")
     assert "kept" in workstation("keep", "1")
     assert "kept" not in workstation("keep", "1", "--no")
     assert card.name not in workstation("remove", "1")

@@ -77,8 +77,8 @@ class ViewOptions(CertificateOptions):
     )
     models: list[Path] | None = option(
         None,
-        "For that: policies among which those that drove are found; *.onnx, models/*.onnx and "
-        "runs/*/*.onnx here if not given. Repeatable.",
+        "For that: policies among which those that drove are found; `*.onnx`, `models/*.onnx` and "
+        "`runs/*/*.onnx` here if not given. Repeatable.",
         "--model",
         panel=_PANEL,
         metavar="MODEL.onnx",
@@ -275,7 +275,7 @@ class ReportOptions:
     models: list[Path] | None = option(
         None,
         "Policies among which those that drove are found by their digests, to show where they "
-        "looked; *.onnx, models/*.onnx and runs/*/*.onnx here if not given. Repeatable.",
+        "looked; `*.onnx`, `models/*.onnx` and `runs/*/*.onnx` here if not given. Repeatable.",
         "--model",
         metavar="MODEL.onnx",
     )
@@ -381,8 +381,8 @@ class ReplayOptions:
     )
     model: Path | None = option(
         None,
-        "By which model; if not given, the one that drove, found by its digest among *.onnx, "
-        "models/*.onnx and runs/*/*.onnx here.",
+        "By which model; if not given, the one that drove, found by its digest among `*.onnx`, "
+        "`models/*.onnx` and `runs/*/*.onnx` here.",
         "--model",
         metavar="MODEL.onnx",
     )

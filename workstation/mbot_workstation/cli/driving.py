@@ -275,7 +275,9 @@ class DriveOptions(LinkOptions):
 
     left: float | None = argument("Left wheel; 1 is full forward.", default=None, min=-1, max=1)
     right: float | None = argument("Right wheel, likewise.", default=None, min=-1, max=1)
-    seconds: float = option(1.0, "How long.", "--for", metavar="SECONDS", min=0.1, max=600)
+    seconds: float = option(
+        1.0, "How long.", "--for", "--seconds", metavar="SECONDS", min=0.1, max=600
+    )
     keyboard: bool = option(
         False,
         "W A S D or arrows: held keys drive. Space: STOP, R: the policy runs, Q: end.",

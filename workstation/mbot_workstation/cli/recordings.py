@@ -11,7 +11,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.cli.common_options import LinkOptions, json_option
 from mbot_workstation.cli.options import argument, option, output_file, with_options
 from mbot_workstation.cli.presenter import Answer, table
-from mbot_workstation.wording import one_line, size_words
+from mbot_workstation.wording import one_line, size_words, typed
 
 if TYPE_CHECKING:
     from mbot_protocol.beat.recorded_drive import RecordedDrive
@@ -77,7 +77,10 @@ def fetch_command(options: FetchOptions) -> Answer:
         wanted = there if options.everything else [choose(there, one) for one in options.drives]
         folders = [fetch(link, drive, options.into, _progress(drive.name)) for drive in wanted]
     sizes = [size_words(sum(file.size_bytes for file in drive.files)) for drive in wanted]
-    return Answer(folders, [f"{one}  {size}" for one, size in zip(folders, sizes, strict=True)])
+    said = [f"{one}  {size}" for one, size in zip(folders, sizes, strict=True)]
+    if folders:
+        said.append(f"next: workstation report {typed(folders[-1])}")
+    return Answer(folders, said)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,12 +1,15 @@
 """Where to connect to, for what a person calls a robot: an enrolled name, or an address."""
 
+import socket
 import sys
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 
+from mbot_protocol.did_you_mean import did_you_mean
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.fleet.link.address import Destination, parse_address
 from mbot_workstation.fleet.link.security import LinkSecurity
+from mbot_workstation.wording import typed
 
 WARN_BEFORE = timedelta(days=30)
 
@@ -28,6 +31,8 @@ def find_destination(
                 f"give --robot {robot_id}"
             )
         return enrolled
+    if security is None:
+        _refuse_unknown(text)
     return Destination(parse_address(text, secured=security is not None), robot_id, security)
 
 
@@ -61,6 +66,21 @@ def _enrolled(name: str) -> Destination | None:
         return None
     _warn_of_expiry(roll.people[roll.me].expires)
     return Destination(roll.endpoint(name), name, folder.security(roll.me))
+
+
+def _refuse_unknown(text: str) -> None:
+    """Where robots are enrolled, a word that is neither one of them nor a host is a slip."""
+    names = _names()
+    if not names or not text.replace("-", "").isalnum():
+        return
+    try:
+        socket.getaddrinfo(text, None)
+    except OSError:
+        raise ConfigurationError(
+            f"no robot {text!r} is enrolled here, only {', '.join(names)}, and no host has that "
+            f"name: `workstation enroll {typed(text)}` enrols it, or give its IP address"
+            f"{did_you_mean(text, names)}"
+        ) from None
 
 
 def _warn_of_expiry(expires: datetime) -> None:

@@ -1,6 +1,7 @@
 """The robot's path from above, drawn from a trajectory file."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import cv2
 import numpy as np
 
 from mbot_protocol.drive.picture import Picture
+from mbot_workstation.pictures.film_tile import write
 
 BACKGROUND, GRID, BORDER = (250, 250, 248), (228, 228, 224), (120, 120, 120)
 PATH, START = (30, 90, 200), (20, 130, 60)
@@ -20,6 +22,9 @@ OPEN_SHARE = 0.35
 BORDER_M = 2.9
 MARGIN_M = 0.2
 CUBE_M = 0.10
+LETTERS, WORD_PX = 0.45, (20, 12)
+"""Size of the numbers, and how much place one of two digits takes."""
+
 JUMP_M = 0.3
 """A longer step between two points is the robot being put back: no line is drawn."""
 
@@ -86,6 +91,7 @@ def draw_path(trajectory: Trajectory, side_px: int) -> Picture:
         if np.hypot(*(after - before)) < JUMP_M:
             cv2.line(picture, pixel(*before), pixel(*after), PATH, 2, cv2.LINE_AA)
     edge_px = max(4, round(CUBE_M * scale))
+    labels: list[tuple[int, int]] = []
     for number, lain in enumerate(trajectory.objects, 1):
         column, row = pixel(lain.x_m, lain.y_m)
         corner = (column - edge_px // 2, row - edge_px // 2)
@@ -94,9 +100,22 @@ def draw_path(trajectory: Trajectory, side_px: int) -> Picture:
         mixed = share * np.array(lain.rgb) + (1 - share) * np.array(BACKGROUND)
         cv2.rectangle(picture, corner, opposite, mixed.round().tolist(), -1)
         cv2.rectangle(picture, corner, opposite, BORDER, 1)  # a white one is seen, too
-        label = (column + edge_px, row - edge_px // 2)
-        cv2.putText(
-            picture, str(number), label, cv2.FONT_HERSHEY_SIMPLEX, 0.45, BORDER, 1, cv2.LINE_AA
-        )
+        label = _free_corner(column, row, edge_px, labels)
+        labels.append(label)
+        write(picture, str(number), label, BORDER, LETTERS)
     cv2.circle(picture, pixel(0, 0), 5, START, -1, cv2.LINE_AA)
+    legend = "green: start, at the middle; pale: not touched"
+    write(picture, legend, (6, side_px - 5), BORDER, LETTERS * 0.85)
     return picture
+
+
+def _free_corner(
+    column: int, row: int, edge_px: int, taken: Sequence[tuple[int, int]]
+) -> tuple[int, int]:
+    """Where an object's number goes, its lower left corner: beside it, on no other number."""
+    right, left, above, below = column + edge_px, column - edge_px - WORD_PX[0], row, row + 14
+    corners = [(right, above), (left, above), (right, below + 6), (left, below + 6)]
+    for x, y in corners:
+        if all(abs(x - u) >= WORD_PX[0] or abs(y - v) >= WORD_PX[1] for u, v in taken):
+            return x, y
+    return corners[0]
