@@ -57,7 +57,13 @@ def test_two_people_and_a_robot(daemon: Daemon, tmp_path: Path) -> None:
         other = rosa.do("run", "--robot", ROBOT_ID, "--id", "aspen")
         assert (other.returncode, other.stdout) == (2, "")
         assert f"--robot is the enrolled robot {ROBOT_ID}, but --id is aspen" in other.stderr
-        for arguments, deed in ((("run",), "drive"), (("models",), "send models to")):
+        servo = str(tmp_path / "servo.onnx")
+        assert max_.do("make-servo-policy", servo).returncode == 0
+        for arguments, deed in (
+            (("run",), "drive"),
+            (("models",), "send models to"),
+            (("push-model", servo), "send models to"),  # though he has no key either
+        ):
             denied = max_.do(*arguments, "--robot", ROBOT_ID)
             assert denied.returncode == 6
             assert f"max has no right to {deed} {ROBOT_ID}" in denied.stderr

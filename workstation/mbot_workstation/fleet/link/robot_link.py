@@ -222,15 +222,21 @@ class RobotLink:
             "it, and mbot-agent running?"
         )
 
+    def refused(self, topic: Topic) -> RefusedError | None:
+        """The error for what this workstation may not ask of the robot; None if it may."""
+        rights = rights_at(self._open_session(), self._robot_id, timeout_s=1.0)
+        if not rights or topic.right in rights:
+            return None
+        return refusal(person(self._security), self._robot_id, topic.right, rights)
+
     def _why_silent(self, topic: Topic, timeout_s: float) -> MbotError:
         """The error for a query without a reply; a forbidden one looks just like that."""
         session, robot_id = self._open_session(), self._robot_id
         robots = alive_robots(session, timeout_s=1.0)
         start = f"robot {robot_id} at {self.endpoint} gave no reply to {topic.name}"
         if robot_id in robots:
-            rights = rights_at(session, robot_id, timeout_s=1.0)
-            if rights and topic.right not in rights:
-                return refusal(person(self._security), robot_id, topic.right, rights)
+            if (refused := self.refused(topic)) is not None:
+                return refused
             return UnreachableError(
                 f"{start} within {timeout_s:g} s although it is alive; is the link slow or the "
                 "robot overloaded?"

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 
+from mbot_protocol.errors import RefusedError
 from mbot_protocol.signing.envelope import MODEL
 from mbot_protocol.signing.model_manifest import ModelManifest, decode, encode
 from mbot_protocol.v1.messages_pb2 import Activate, Model, PushBegin, PushNonce, PushNonceReply
@@ -100,7 +101,10 @@ def push_checked(
         size_bytes=size_bytes,
         expected_active_sha256=active.sha256,
     )
-    key = choose_key(status)
+    try:
+        key = choose_key(status)
+    except RefusedError as no_key:  # who may not push need not see to keys
+        raise link.refused(PUSH_BEGIN) or no_key from None
     if key is not None:
         sign_for_once(link, request, size_bytes, key, allow_downgrade=allow_downgrade)
     reply = push_in_pieces(link, PUSH, request, BytesIO(model.data), size_bytes, on_progress)
