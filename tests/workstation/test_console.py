@@ -18,7 +18,17 @@ from websockets.typing import Origin
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.policy.policy_contract import LARGEST_MODEL_BYTES
-from mbot_protocol.v1.messages_pb2 import Fault, LastStop, Model, Notice, State, Status
+from mbot_protocol.v1.messages_pb2 import (
+    Decision,
+    Fault,
+    LastStop,
+    Model,
+    Notice,
+    State,
+    Status,
+    Steps,
+    Wheels,
+)
 from mbot_protocol.v1.recordings_pb2 import ListedDrive, ListedFile, RecordingList
 from mbot_protocol.wire.keys import CAMERA, MODELS, OBSERVATION, PUSH_BEGIN, RECORDINGS
 from mbot_workstation.cli.driving import ConsoleOptions
@@ -279,6 +289,19 @@ def test_each_state_is_told_in_words() -> None:
     assert "the picture stands still" in shown(status)["stop_words"], "of the last stop, as ever"
     heads = {shown(Status(state=State.Name(state)))["headline"] for state in State.values()}
     assert len(heads) == len(State.values())
+
+
+def test_wheels_are_shown_whoever_turns_them() -> None:
+    window = TelemetryWindow()
+    for decision, wheels in (
+        (Decision(steps=Steps(left=125, right=-250)), (0.5, -1.0)),  # a robot of before
+        (Decision(duty=Wheels(left=0.4, right=0.3)), (0.4, 0.3)),  # a hand: no policy, no steps
+    ):
+        window.newest = decision
+        state = page_state("mbot-1", Status(), window, silence_s=0.1, problem="")
+        told = state["wheels"]
+        assert isinstance(told, dict)
+        assert (told["left"], told["right"]) == pytest.approx(wheels)
 
 
 def test_run_is_refused_with_the_reason() -> None:

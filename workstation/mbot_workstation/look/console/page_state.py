@@ -86,9 +86,11 @@ def _why_not_run(status: Status) -> str:
 
 
 def _wheels(decision: Decision | None) -> dict[str, float] | None:
-    """What the wheels were told last, in [-1, 1]."""
+    """What the wheels were told last, in [-1, 1], whoever told them."""
     if decision is None:
         return None
+    if decision.HasField("duty"):
+        return {"left": decision.duty.left, "right": decision.duty.right}
     steps = decision.steps
     return {"left": steps.left / STEP_LIMIT, "right": steps.right / STEP_LIMIT}
 
