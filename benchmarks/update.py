@@ -43,12 +43,13 @@ def sample_us(way: str) -> float:
     if way != WAYS[0]:
         keep_freed_memory()
     picture_ppo.has_short_floats = lambda device: way == WAYS[2]
-    settings = replace(GUIDED, memory_units=MEMORY_UNITS, steps_per_robot=LENGTH, batch=LENGTH)
+    network = replace(GUIDED, residual=False, first_filter_px=6)  # it learns to see by driving
+    settings = replace(network, memory_units=MEMORY_UNITS, steps_per_robot=LENGTH, batch=LENGTH)
     learner = make_learner(DummyVecEnv([Nothing]), settings, seed=0)
     rng = np.random.default_rng(0)
     shape = (LENGTH, SIDE_BY_SIDE)
     batch = Sequences(
-        pictures=rng.integers(0, 256, (*shape, 64, 64, 3), np.uint8),
+        seen=rng.integers(0, 256, (*shape, 64, 64, 3), np.uint8),
         previous_actions=np.zeros((*shape, 2), np.float32),
         forgot=np.zeros(shape, np.float32),
         state=np.zeros((SIDE_BY_SIDE, MEMORY_UNITS), np.float32),
