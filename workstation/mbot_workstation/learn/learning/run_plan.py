@@ -25,8 +25,8 @@ MADE_UP_ROOMS = 8
 
 GUIDED_DECISIONS, STEPS = 720_000, 800_000
 """What ships had 1,500,000 of 1,600,000, with a smaller network that was not taught to see before.
-No whole run with this network has been made yet; 200,000 decisions of one teach it as much as
-280,000 of one whose eye was not taught (docs/notebook/training.md)."""
+The one whole run with this network was no better at its end than after 440,000
+(docs/notebook/training.md)."""
 
 EYE_SHARE = 2
 """A network sees a picture for every so many decisions at most, before them."""
