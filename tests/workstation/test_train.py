@@ -94,6 +94,14 @@ def test_an_eye_that_has_learned_to_see_learns_no_more(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(eye, "STILLS", 64)
+    shown: list[str] = []
+    survey = TaskVecEnv.survey
+
+    def watched(environment: TaskVecEnv, pictures: int) -> Any:
+        shown.append(environment.lesson.name)
+        return survey(environment, pictures)
+
+    monkeypatch.setattr(TaskVecEnv, "survey", watched)
     learner = replace(
         TINY.learner, eye_pictures=64, guided_decisions=96, rehearsals=9, residual=True
     )
@@ -103,6 +111,7 @@ def test_an_eye_that_has_learned_to_see_learns_no_more(
     first, *others = (read_weights(one) for one in run.checkpoints())
     run_to_end(run, replace(config, steps=192))  # interrupted, it goes on with the same eye
     others.append(read_weights(run.last_checkpoint()))
+    assert shown == ["10"] * 3, "robots as in the last lesson"
     assert len(others) == 2
     for (name, weight), other in itertools.product(first.items(), others):
         same = torch.equal(weight, other[name])
@@ -401,7 +410,7 @@ def test_without_options_a_policy_with_memory_learns_from_a_guide_on_any_robot()
     assert config.learner.guided_decisions == run_plan.GUIDED_DECISIONS
     assert config.learner.memory_units == command.MEMORY_UNITS == MEMORY_UNITS
     assert config.learner.eye_pictures == GUIDED.eye_pictures
-    assert configured(steps=300).learner.eye_pictures == 150, "few for a short run"
+    assert configured(steps=300).learner.eye_pictures == 300, "few for a short run"
 
 
 def test_the_papers_way_is_ten_lessons_without_guide_or_memory() -> None:

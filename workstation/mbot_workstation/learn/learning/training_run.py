@@ -145,12 +145,14 @@ def _open_eye(
     pictures, guide_for = config.learner.eye_pictures, guides_of(config)
     if not pictures or environment.task.sight is None:
         return False
-    network = learner.policy.features_extractor
+    network, first = learner.policy.features_extractor, environment.lesson
+    environment.set_lesson(config.stages()[-1])  # it sees robots of every kind, or never will
     if not learned:
         teach_eye(network, environment, guide_for, pictures, stop, display.say)
     if not stop.is_set():
         units = learner.policy.units
         learner.keep_eye(take_stills(network, environment, guide_for, units, stop))
+    environment.set_lesson(first)
     return stop.is_set()
 
 
