@@ -100,7 +100,7 @@ def test_stills_are_what_the_eye_sees(
     monkeypatch.setattr(eye, "STILLS", 640)
     network = ResidualNetwork(observation_space())
     np.random.seed(3)
-    stills = take_stills(network, environment, guide_for, 5, threading.Event())
+    stills = take_stills(network, environment, guide_for, 10**6, 5, threading.Event())
     assert stills.features.shape == (640, 256)
     drawn = stills.draw(50)
     assert drawn.state.shape == (50, 5)

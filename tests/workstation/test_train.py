@@ -22,7 +22,7 @@ from torch.distributions import Normal
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.cli import train as command
-from mbot_workstation.learn.learning import eye, picture_ppo, run_plan, training_run
+from mbot_workstation.learn.learning import picture_ppo, run_plan, training_run
 from mbot_workstation.learn.learning.checkpoint import read_state, read_weights, restore_learner
 from mbot_workstation.learn.learning.collection import Collection
 from mbot_workstation.learn.learning.curriculum import GUIDED_MARK, PAPER_MARK, CurriculumState
@@ -93,7 +93,6 @@ def test_who_stops_a_run_that_learns_to_see_begins_it_again(tmp_path: Path) -> N
 def test_an_eye_that_has_learned_to_see_learns_no_more(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(eye, "STILLS", 64)
     shown: list[str] = []
     survey = TaskVecEnv.survey
 

@@ -34,7 +34,7 @@ EPOCHS = 2
 by heart (docs/notebook/training.md)."""
 
 STILLS = 48_000
-"""Views that an eye is shown when it has learned, 48 MB as it sees them."""
+"""Views that an eye is shown when it has learned, at most; 48 MB as it sees them."""
 
 BATCH = 256
 THREADS = 2
@@ -95,12 +95,16 @@ def take_stills(
     network: nn.Module,
     environment: TaskVecEnv,
     guide_for: Callable[[int], Guide | None] | None,
+    learned_from: int,
     units: int,
     stop: threading.Event,
 ) -> Stills:
-    """What an eye that has learned sees in other pictures; `reset` the environment afterwards."""
+    """What an eye that has learned from so many pictures sees in other ones, no more than these;
+    `reset` the environment afterwards.
+    """
+    views = take_views(environment, guide_for, min(STILLS, learned_from), stop)
     with ThreadPoolExecutor(THREADS) as threads:
-        return seen_by(network, take_views(environment, guide_for, STILLS, stop), units, threads)
+        return seen_by(network, views, units, threads)
 
 
 @dataclass(frozen=True, slots=True)

@@ -151,7 +151,8 @@ def _open_eye(
         teach_eye(network, environment, guide_for, pictures, stop, display.say)
     if not stop.is_set():
         units = learner.policy.units
-        learner.keep_eye(take_stills(network, environment, guide_for, units, stop))
+        stills = take_stills(network, environment, guide_for, pictures, units, stop)
+        learner.keep_eye(stills)
     environment.set_lesson(first)
     return stop.is_set()
 
