@@ -4,6 +4,7 @@ import math
 import re
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,12 +13,19 @@ from hypothesis import strategies as st
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.learn.studies.study_plans import DEVIATIONS
 from mbot_workstation.learn.studies.tolerance_file import (
+    HomeMistakes,
     Tolerances,
     read_tolerances,
     write_tolerances,
 )
-from mbot_workstation.learn.studies.tolerance_map import TOLERATED_SHARE, ToleranceMap, as_file
+from mbot_workstation.learn.studies.tolerance_map import (
+    TOLERATED_SHARE,
+    ToleranceMap,
+    as_file,
+    map_page,
+)
 from mbot_workstation.measure.gap_report.compare import CALIBRATED, NOMINAL
+from mbot_workstation.measure.gap_report.page import verdict_lines
 from mbot_workstation.measure.gap_report.quantities import TITLES, Quantity, deviation, quantities
 from mbot_workstation.measure.gap_report.verdict import Word, judge, tolerated_range
 from mbot_workstation.measure.tracks.maneuver import maneuver_named
@@ -25,7 +33,7 @@ from mbot_workstation.sim.calibrated.calibration_folder import CalibrationFiles
 from mbot_workstation.sim.effects.presets import KNOWN
 
 from .calibrations import BODY, CAMERA, LIGHT, MOTION
-from .gap_samples import compared_runs, tolerances
+from .gap_samples import compared_runs, report, tolerances
 
 ALL = CalibrationFiles(
     folder="calibration/mbot-1", camera=CAMERA, motion=MOTION, body=BODY, light=LIGHT
@@ -143,13 +151,26 @@ def test_quantities_stand_on_the_axes_of_the_tolerance_maps() -> None:
 def test_tolerance_maps_survive_their_file(tmp_path: Path) -> None:
     grid = ToleranceMap.of("track_scale", "exposure_gain", 3)
     rewards = np.arange(9.0).reshape(3, 3)
-    made = as_file([(grid, rewards)], "servo", 19.5, "how")
+    homes = HomeMistakes("wrong_things", 2.125, 1.5, 2.82, 96)
+    made = as_file([(grid, rewards)], "servo", 19.5, "how", (homes,))
     found = read_tolerances(write_tolerances(tmp_path / "tolerance.json", made))
     assert found == made
     assert found.tolerated_share == TOLERATED_SHARE
     (one,) = found.maps
     assert one.across.nominal == DEVIATIONS["track_scale"].nominal
     assert one.rewards[2] == (6.0, 7.0, 8.0)
+    assert found.mistakes[0].words == "wrong things 2.1 (1.5 to 2.8) an episode"
+
+
+def test_mistakes_in_homes_are_told_beside_the_verdicts() -> None:
+    homes = HomeMistakes("wrong_things", 2.125, 1.5, 2.82, 96)
+    maps = msgspec.structs.replace(tolerances(), mistakes=(homes,))
+    runs = compared_runs([maneuver_named("forward-forward")])
+    *_, last = verdict_lines(report(runs, CalibrationFiles(), maps))
+    assert last == ("red-cube in simulated homes", homes.words)
+    assert len(verdict_lines(report(runs, CalibrationFiles(), tolerances()))) == 2
+    with_them = map_page([], "red-cube", 20.0, "how", "x.png", (homes,))
+    assert "In homes: wrong things 2.1 (1.5 to 2.8) an episode (96 episodes)." in with_them
 
 
 @pytest.mark.parametrize(

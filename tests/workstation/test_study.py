@@ -1,3 +1,4 @@
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -17,15 +18,16 @@ from mbot_workstation.learn.studies.study_plans import (
     study_plan,
 )
 from mbot_workstation.learn.studies.study_run import Condition, run_study
+from mbot_workstation.learn.studies.tolerance_file import read_tolerances
 from mbot_workstation.learn.studies.tolerance_map import ToleranceMap
-from mbot_workstation.learn.studies.tolerance_study import pairs_named
+from mbot_workstation.learn.studies.tolerance_study import map_tolerances, pairs_named
 from mbot_workstation.sim.calibrated.calibration_folder import (
     CalibrationFiles,
     read_files,
     write_motion,
 )
 from mbot_workstation.sim.effects.perturbed_robot import perturbed_robot
-from mbot_workstation.sim.effects.presets import NOMINAL
+from mbot_workstation.sim.effects.presets import NOMINAL, preset
 from mbot_workstation.tasks.fetch.task import TASK
 from mbot_workstation.tasks.lesson import lesson_named
 
@@ -52,6 +54,25 @@ def test_nominal_values_of_deviations_are_the_nominal_robot() -> None:
     for name, deviation in DEVIATIONS.items():
         for value in (deviation.low, deviation.high):
             assert deviating({name: value}) != NOMINAL
+
+
+def test_a_map_of_tolerances_also_counts_mistakes_in_homes(tmp_path: Path) -> None:
+    tried: list[str] = []
+
+    def run(conditions: Sequence[Condition], drivers: Sequence[str]) -> list[Line]:
+        tried.extend(one.label for one in conditions)
+        results = [EpisodeResult(20.0, 10, 10, True, {"wrong_things": n}) for n in (1, 3)]
+        return [Line(drivers[0], one.label, score(results)) for one in conditions]
+
+    trial = Trial(lesson_named(TASK.lessons, "10"), NOMINAL, [], 2)
+    maps = [ToleranceMap.of("track_scale", "exposure_gain", 2)]
+    numbers, page = map_tolerances("mine", maps, trial, run, tmp_path, "how", preset("home"))
+    (found,) = read_tolerances(numbers).mistakes
+    assert (found.name, found.mean, found.episodes) == ("wrong_things", 2.0, 2)
+    assert found.words in page.read_text()
+    assert tried.count("homes") == 1
+    map_tolerances("mine", maps, trial, run, tmp_path / "without", "how")
+    assert tried.count("homes") == 1
 
 
 def test_latency_is_counted_from_picture_to_wheels() -> None:

@@ -433,7 +433,9 @@ def study(options: StudyOptions) -> Answer:
     folder = options.output or _beside(options.contestants)
     if options.name == TOLERANCE:
         maps = pairs_named(options.pair or (), options.cells)
-        written = map_tolerances(options.contestants[0], maps, trial, run, folder, how)
+        written = map_tolerances(
+            options.contestants[0], maps, trial, run, folder, how, robots("home")
+        )
     else:
         plan = study_plan(options.name, robots)
         lines = run(plan.conditions, options.contestants)

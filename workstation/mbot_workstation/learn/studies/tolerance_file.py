@@ -58,6 +58,29 @@ class RewardMap(Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"rewards are not {shape[0]} rows of {shape[1]}")
 
 
+class HomeMistakes(Struct, frozen=True, forbid_unknown_fields=True):
+    """How often a policy makes one of its task's mistakes in homes, an episode.
+
+    Attributes:
+        name: the task's, such as "wrong_things".
+        mean, low, high: with its 95 % interval.
+        episodes: tried.
+
+    """
+
+    name: str
+    mean: float
+    low: float
+    high: float
+    episodes: int
+
+    @property
+    def words(self) -> str:
+        """For people: "wrong things 2.1 (1.5 to 2.8) an episode"."""
+        name = self.name.replace("_", " ")
+        return f"{name} {self.mean:.1f} ({self.low:.1f} to {self.high:.1f}) an episode"
+
+
 class Tolerances(Struct, frozen=True, forbid_unknown_fields=True):
     """The whole file.
 
@@ -67,6 +90,7 @@ class Tolerances(Struct, frozen=True, forbid_unknown_fields=True):
         tolerated_share: of that reward, what must be left for a deviation to be tolerated.
         how: it was tried, in words.
         maps: see `RewardMap`.
+        mistakes: in homes, on the nominal robot; files of before have none.
 
     Raises:
         ValueError: the nominal reward is not above 0, so that no share of it means anything.
@@ -78,6 +102,7 @@ class Tolerances(Struct, frozen=True, forbid_unknown_fields=True):
     tolerated_share: float
     how: str
     maps: tuple[RewardMap, ...]
+    mistakes: tuple[HomeMistakes, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.nominal_reward > 0:

@@ -13,7 +13,12 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.learn.evaluation.evaluation_report import Line
 from mbot_workstation.learn.studies.study_plans import DEVIATIONS, deviating
 from mbot_workstation.learn.studies.study_run import Condition
-from mbot_workstation.learn.studies.tolerance_file import MapAxis, RewardMap, Tolerances
+from mbot_workstation.learn.studies.tolerance_file import (
+    HomeMistakes,
+    MapAxis,
+    RewardMap,
+    Tolerances,
+)
 from mbot_workstation.pictures.picture_file import save_figure
 from mbot_workstation.sim.effects.effects import EffectRanges
 from mbot_workstation.sim.effects.presets import NOMINAL
@@ -74,6 +79,7 @@ def as_file(
     contestant: str,
     nominal_reward: float,
     how: str,
+    mistakes: tuple[HomeMistakes, ...] = (),
 ) -> Tolerances:
     """The maps, each with its rewards of shape (up, across), as tolerance.json holds them."""
     return Tolerances(
@@ -89,6 +95,7 @@ def as_file(
             )
             for one, rewards in maps
         ),
+        mistakes=mistakes,
     )
 
 
@@ -157,6 +164,7 @@ def map_page(
     nominal_reward: float,
     how: str,
     picture: str,
+    mistakes: Sequence[HomeMistakes] = (),
 ) -> str:
     """The maps, each with its rewards of shape (up, across), as a Markdown page of numbers."""
     parts = [
@@ -164,6 +172,7 @@ def map_page(
         "The paper asks how much deviation a task tolerates, and which measurements matter. "
         f"{contestant} has a mean reward of {nominal_reward:.2f} on the nominal robot; a deviation "
         f"is tolerated while {100 * TOLERATED_SHARE:.0f} % of it is left.",
+        *(f"In homes: {one.words} ({one.episodes} episodes)." for one in mistakes),
         how,
         f"![tolerance maps]({picture})",
     ]

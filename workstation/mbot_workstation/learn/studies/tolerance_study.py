@@ -10,13 +10,18 @@ from mbot_workstation.learn.evaluation.evaluation_report import Line
 from mbot_workstation.learn.studies.study_plans import PAIRS
 from mbot_workstation.learn.studies.study_report import make_folder
 from mbot_workstation.learn.studies.study_run import Condition
-from mbot_workstation.learn.studies.tolerance_file import TOLERANCE_FILE, write_tolerances
+from mbot_workstation.learn.studies.tolerance_file import (
+    TOLERANCE_FILE,
+    HomeMistakes,
+    write_tolerances,
+)
 from mbot_workstation.learn.studies.tolerance_map import (
     ToleranceMap,
     as_file,
     draw_maps,
     map_page,
 )
+from mbot_workstation.sim.effects.effects import EffectRanges
 
 
 def pairs_named(given: Sequence[str], cells: int) -> list[ToleranceMap]:
@@ -42,6 +47,7 @@ def map_tolerances(
     run: Callable[[Sequence[Condition], Sequence[str]], list[Line]],
     folder: Path,
     how: str,
+    homes: EffectRanges | None = None,
 ) -> list[Path]:
     """Try a policy all over the maps, and write what came out.
 
@@ -52,6 +58,7 @@ def map_tolerances(
         run: tries drivers under conditions.
         folder: made if need be.
         how: one line on how it was tried.
+        homes: the nominal robot in homes, to count a task's mistakes there; None does not.
 
     Returns:
         The files: the numbers, if there is anything that could be tolerated, and the page.
@@ -64,11 +71,19 @@ def map_tolerances(
     (nominal,) = run([Condition("nominal", trial.preset)], [contestant])
     reward = nominal.score.reward.mean
     found = [(one, one.rewards(run(one.conditions(trial.preset), [contestant]))) for one in maps]
+    mistakes = () if homes is None else _mistakes(run([Condition("homes", homes)], [contestant])[0])
     picture, page = folder / "tolerance.png", folder / "tolerance.md"
     draw_maps(found, picture, nominal_reward=reward, largest=trial.lesson.largest_reward)
-    text = map_page(found, nominal.contestant, reward, how, picture.name)
+    text = map_page(found, nominal.contestant, reward, how, picture.name, mistakes)
     atomic_file.save(page, text.encode())
     if reward <= 0:
         return [page]
-    numbers = as_file(found, nominal.contestant, reward, how)
+    numbers = as_file(found, nominal.contestant, reward, how, mistakes)
     return [write_tolerances(folder / TOLERANCE_FILE, numbers), page]
+
+
+def _mistakes(line: Line) -> tuple[HomeMistakes, ...]:
+    return tuple(
+        HomeMistakes(name, one.mean, one.low, one.high, line.score.episodes)
+        for name, one in line.score.mistakes.items()
+    )

@@ -96,7 +96,13 @@ def verdict_lines(report: GapReport) -> tuple[tuple[str, str], ...]:
         return (("Verdict", why),)
     before = _sentence([(one.quantity.title, one.uncalibrated.verdict) for one in report.judged])
     after = _sentence([(one.quantity.title, one.calibrated.verdict) for one in report.judged])
-    return (("Trained on the nominal robot", before), ("Trained on this calibration", after))
+    whose = f"{report.tolerances.contestant} in simulated homes"
+    homes = [(whose, one.words) for one in report.tolerances.mistakes]
+    return (
+        ("Trained on the nominal robot", before),
+        ("Trained on this calibration", after),
+        *homes,
+    )
 
 
 def _sentence(judged: Sequence[tuple[str, Word]]) -> str:
