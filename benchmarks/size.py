@@ -16,7 +16,7 @@ BUDGETS = {
     f"{WORKSTATION}/cli": 5830,
     f"{WORKSTATION}/look": 3410,
     f"{WORKSTATION}/measure": 15260,
-    f"{WORKSTATION}/learn": 9380,
+    f"{WORKSTATION}/learn": 9430,
     f"{WORKSTATION}/virtual": 2580,
     f"{WORKSTATION}/fleet": 6710,
     f"{WORKSTATION}/tasks": 1700,
