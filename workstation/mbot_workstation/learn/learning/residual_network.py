@@ -3,9 +3,10 @@
     64 px -> 30, 24 filters -> 15, 48, and a block -> 7, 96, and a block -> 3, 128 -> dense
 
 Blocks are two convolutions of 3 x 3 that are added to their own input (He et al., "Deep residual
-learning", 2016). It learns by labels before anybody drives (`eye.py`), at 4 times the cost a
-picture of the deeper network of before, and makes a third of its mistakes in rooms that neither has
-seen (docs/notebook/training.md).
+learning", 2016). It learns by labels before anybody drives (`eye.py`). A picture costs 29 million
+products, ten times as many as in network.py with filters of 6 x 6. Asked whether there is a cube in
+rooms that look like photographs, it has 0.92 of the area under the curve where a network without
+blocks has 0.83 (one seed each: docs/notebook/training.md).
 """
 
 from typing import Any
