@@ -9,7 +9,7 @@ from pathlib import Path
 
 PRESETS = (
     "ideal, nominal, randomised, uneven, handicap, sluggish, slippery, blurry, noisy, distorted, "
-    "dim, bright, late, automatic, any-room, light-held, sharp"
+    "dim, bright, late, automatic, any-room, home, light-held, lived-in, sharp"
 )
 FILES = {
     "typo.toml": 'robot_id = "mbot-1"\n\n[camera]\nframe_rat_hz = 15\n',

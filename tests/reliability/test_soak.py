@@ -52,9 +52,10 @@ class Held:
 
 
 def held_by(process: Process) -> Held:
-    names = Counter(
-        (task / "comm").read_text().strip() for task in Path(f"/proc/{process.pid}/task").iterdir()
-    )
+    names: Counter[str] = Counter()
+    for task in Path(f"/proc/{process.pid}/task").iterdir():
+        with suppress(FileNotFoundError):  # a thread that has ended since
+            names[(task / "comm").read_text().strip()] += 1
     files = open_files(process.pid)
     return Held(resident_mb(process.pid), names.total(), names, files)
 

@@ -21,7 +21,7 @@ from .small_world import ROOMS
 CIRCLE = full_reference(str(Path(__file__).with_name("stay_in_circle.py")))
 PAYS = {
     "circles": "return 2.0 * now.driven_m",
-    "border": "return now.elapsed_s if max(abs(now.x_m), abs(now.y_m)) > 2 else 0.0",
+    "border": "return 50 * now.elapsed_s if max(abs(now.x_m), abs(now.y_m)) > 2 else 0.0",
     "shuttle": "return max(0.0, 9 * now.nearer_m)",
     "breaks": "return float('nan')",
 }
@@ -65,8 +65,8 @@ def paying(folder: Path, what: str) -> Path:
         "_apart_m(robot_was, robot))", "_apart_m(robot_was, robot), robot.x_m, robot.y_m)"
     )
     text = text.replace("return 0.2 * now.nearer_m", PAYS[what])
-    if what == "shuttle":  # and to stop at the object costs
-        text = text.replace("score=step.score + extra", "score=extra - 4 * step.score")
+    if what in ("circles", "shuttle"):  # and to touch the object costs
+        text = text.replace("score=step.score + extra", "score=extra - 8 * step.score")
     path = folder / f"{what}.py"
     path.write_text(text)
     return path
@@ -76,7 +76,11 @@ def paying(folder: Path, what: str) -> Path:
 @pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize(
     ("what", "who"),
-    [("circles", "in circles"), ("border", "ahead|backwards"), ("shuttle", "to and fro|circles")],
+    [
+        ("circles", "in circles|to and fro"),
+        ("border", "to the border"),
+        ("shuttle", "in circles|to and fro"),
+    ],
 )
 def test_a_reward_that_pays_for_something_cheap_is_refused(
     tmp_path: Path, what: str, who: str, monkeypatch: pytest.MonkeyPatch

@@ -89,10 +89,10 @@ class CheckTaskOptions:
 def check(options: CheckTaskOptions) -> Answer:
     """Find out, in about a minute, what cheap strategies earn beside the task's guide.
 
-    Standing, spinning, driving in circles, full ahead, backwards, to and fro, a random driver and
-    the colour servo drive 16 episodes of the last lesson each, the guide of all. Where one that
-    looks at nothing earns as much as the guide, that is what a policy would learn: then the exit
-    code is 1.
+    Standing, spinning, driving in circles, full ahead, backwards, to the border, to and fro, a
+    random driver and the colour servo drive 16 episodes of the last lesson each, the guide of all.
+    Where one that looks at nothing earns as much as the guide, that is what a policy would learn:
+    then the exit code is 1.
 
     Examples:
 

@@ -23,6 +23,7 @@ WHEELS: Mapping[str, tuple[tuple[float, float], ...]] = {
     "in circles": ((1.0, 0.6),),
     "full ahead": ((1.0, 1.0),),
     "backwards": ((-1.0, -1.0),),
+    "to the border": (*[(1.0, 1.0)] * 15, *[(0.0, 0.0)] * 400),
     "to and fro": (*[(1.0, 1.0)] * 4, *[(-1.0, -1.0)] * 4),
 }
 """Left and right wheel, decision by decision, again and again."""
