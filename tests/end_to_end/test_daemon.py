@@ -37,9 +37,9 @@ from .processes import (
 FORWARD = constant_model(0.6, 0.6)
 FORWARD_BOARD = (-169, 169)
 
-MEMORY_MB = 113
+MEMORY_MB = 112
 """With a policy that has no memory of its own, of which the shipped one takes some 4 MB more, and a
-network camera, whose decoder takes 1: 109.1 to 109.7 in eight trials, 112.1 once beside others."""
+network camera, whose decoder takes 1."""
 
 
 def test_from_push_to_driving_to_stop(daemon: Daemon, board: FakeBoard) -> None:

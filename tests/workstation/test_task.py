@@ -107,6 +107,9 @@ def test_a_digest_is_of_all_that_a_task_is_written_in(tmp_path: Path) -> None:
     file.write_text("from .part import NUMBER\n\n" + ITS)
     assert len({first, second, task_digest(str(file)), task_digest(CIRCLE)}) == 4
     assert len(task_digest("fetch")) == 64
+    borrowed = tmp_path / "borrowed.py"  # its task's class is written elsewhere
+    borrowed.write_text("from mbot_workstation.tasks.fetch.task import TASK\n")
+    assert task_digest(str(borrowed)) == hashlib.sha256(borrowed.read_bytes()).hexdigest()
 
 
 def test_a_policy_of_another_task_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

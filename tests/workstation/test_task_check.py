@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from mbot_workstation.cli.tasks import check, new
-from mbot_workstation.learn.drivers.cheap_strategies import WHEELS, blind_driver, guide_driver
 from mbot_workstation.learn.evaluation import task_check
 from mbot_workstation.learn.evaluation.arena_plan import OBJECT, arena_plan
+from mbot_workstation.learn.evaluation.cheap_strategies import WHEELS, blind_driver, guide_driver
 from mbot_workstation.learn.evaluation.task_check import GUIDE, TaskCheck, check_task
 from mbot_workstation.sim.effects.presets import NOMINAL
 from mbot_workstation.tasks.fetch import new_task

@@ -407,7 +407,7 @@ def study(options: StudyOptions) -> Answer:
     from mbot_workstation.learn.worlds.rooms import evaluation_rooms
     from mbot_workstation.sim.calibrated.calibration_folder import files_to_simulate
     from mbot_workstation.sim.effects.presets import preset
-    from mbot_workstation.tasks.find import full_reference
+    from mbot_workstation.tasks.find import find_task, full_reference
 
     if options.name not in NAMES:
         meant = did_you_mean(options.name, NAMES)
@@ -433,9 +433,8 @@ def study(options: StudyOptions) -> Answer:
     folder = options.output or _beside(options.contestants)
     if options.name == TOLERANCE:
         maps = pairs_named(options.pair or (), options.cells)
-        written = map_tolerances(
-            options.contestants[0], maps, trial, run, folder, how, robots("home")
-        )
+        homes = robots("home") if find_task(task).mistakes else None
+        written = map_tolerances(options.contestants[0], maps, trial, run, folder, how, homes)
     else:
         plan = study_plan(options.name, robots)
         lines = run(plan.conditions, options.contestants)

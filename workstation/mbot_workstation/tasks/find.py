@@ -46,16 +46,17 @@ def find_task(reference: str = DEFAULT_TASK) -> Task:
 
 
 def task_digest(reference: str) -> str:
-    """SHA-256 of a task's file and of what it imports from beside it, or of the folder or file that
-    ships: another one may pay for something else.
-    """
-    task = find_task(reference)
-    own = type(task).__module__
-    top = own.rpartition(".")[0] if not is_file(reference) else own
-    modules = [name for name in sys.modules if name in (own, top) or name.startswith(f"{top}.")]
-    files = {str(sys.modules[name].__file__) for name in modules}
-    written = [Path(file).read_bytes() for file in sorted(files) if Path(file).is_file()]
-    return hashlib.sha256(b"".join(written)).hexdigest()
+    """SHA-256 of a task's file and what it imports from beside it, or of the folder that ships."""
+    find_task(reference)
+    if is_file(reference):
+        path = Path(reference).resolve()
+        own = _module_name(path)
+        beside = [str(m.__file__) for name, m in sys.modules.items() if name.startswith(f"{own}.")]
+        files = [path, *map(Path, sorted(beside))]
+    else:
+        home = Path(tasks.__path__[0], reference)
+        files = sorted(home.glob("*.py")) if home.is_dir() else [home.with_suffix(".py")]
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
 def is_file(reference: str) -> bool:
@@ -106,12 +107,16 @@ def _fault(task: Any) -> str:
     return ""
 
 
+def _module_name(path: Path) -> str:
+    return f"mbot_task_{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
+
+
 def _load(path: Path) -> ModuleType:
     """Run a user's file. Its classes have a module's name, so that other processes know them; to
     what lies beside it, `from .other import ...`, it is as a package, so that other tasks' files of
     these names are none of its.
     """
-    name = f"mbot_task_{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
+    name = _module_name(path)
     beside = [str(path.parent)]
     spec = importlib.util.spec_from_file_location(name, path, submodule_search_locations=beside)
     if spec is None or spec.loader is None or not path.is_file():

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from mbot_protocol.drive.picture import Picture
+from mbot_workstation.learn.evaluation.task_check import course_of
 from mbot_workstation.learn.worlds.task_env import TaskEnv
 from mbot_workstation.pictures.film_tile import FAINT, GAP_PX, INK, blank, write
 from mbot_workstation.sim.pose import Pose
@@ -13,15 +14,16 @@ from mbot_workstation.sim.scene.scene_parameters import SceneParameters
 from mbot_workstation.tasks.find import find_task
 
 SIDE_PX = 448
-OBJECT, THING, TAPE = (200, 30, 35), (150, 150, 150), (30, 30, 30)
+OBJECT, TAPE = (200, 30, 35), (30, 30, 30)
 LINE_PX = 20
 
 
 def arena_plan(reference: str, seed: int) -> Picture:
-    """One episode of a task's last lesson, on the nominal robot; shape (h, w, 3), RGB."""
+    """An episode of the lesson that all are tried in, nominal robot; shape (h, w, 3), RGB."""
     task = find_task(reference)
+    lesson = course_of(task)[-1]
     scene = task.scene(SceneParameters())
-    environment = TaskEnv("nominal", task.lessons[-1], task=reference)
+    environment = TaskEnv("nominal", lesson, task=reference)
     try:
         picture, _ = environment.reset(seed=seed)
         world = environment.world
@@ -31,7 +33,7 @@ def arena_plan(reference: str, seed: int) -> Picture:
     times = SIDE_PX // len(picture)
     seen = picture.repeat(times, axis=0).repeat(times, axis=1)
     gap = blank(SIDE_PX + LINE_PX, GAP_PX)
-    words = f"{task.name}, lesson {task.lessons[-1].name}: {scene.arena.border_m:g} m to each side"
+    words = f"{task.name}, lesson {lesson.name}: {scene.arena.border_m:g} m to each side"
     return np.hstack([_titled(above, words), gap, _titled(seen, "what it sees first")])
 
 

@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 
 from mbot_protocol.drive.picture import Picture
-from mbot_workstation.learn.drivers.cheap_strategies import WHEELS, blind_driver, guide_driver
 from mbot_workstation.learn.drivers.contestants import RANDOM, SERVO, Driver, driver
+from mbot_workstation.learn.evaluation.cheap_strategies import WHEELS, blind_driver, guide_driver
+from mbot_workstation.learn.learning.curriculum import GUIDED_MARK
+from mbot_workstation.learn.learning.guidance import GUIDE_REMEMBERS
 from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
 from mbot_workstation.sim.effects.presets import NOMINAL
 from mbot_workstation.tasks.episode import NOTHING
@@ -28,11 +30,8 @@ ROBOTS = 16
 MOST_DECISIONS = 400
 """Of an episode, 160 s; what it has earned until then counts."""
 
-REMEMBERS = 6
-"""Decisions for which the guide goes by what it has seen, as the one that policies learn from."""
-
-REACHED = 0.7
-"""Share of a lesson's largest reward at which a training goes on to the next one."""
+REACHED = GUIDED_MARK.share
+"""Of a lesson's largest reward: there a training with a guide goes on to the next one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,23 +106,24 @@ def check_task(
             environment.seed(seed * ROBOTS)  # the same robots and objects for all
             earned.append(_earned(name, lesson, _driver(name, task, seed), environment))
             tried(len(earned))
-    return TaskCheck(task.name, tuple(earned), *_verdict(task, _course(task), earned))
+    return TaskCheck(task.name, tuple(earned), *_verdict(task, course_of(task), earned))
 
 
-def _course(task: Task) -> list[Lesson]:
+def course_of(task: Task) -> list[Lesson]:
+    """The lessons that are tried: those that need no trained policy, if there are any."""
     return [one for one in task.lessons if not one.needs_training] or list(task.lessons)
 
 
 def trials_of(task: Task) -> list[tuple[str, Lesson]]:
     """Who drives in which lesson."""
-    course = _course(task)
+    course = course_of(task)
     guides = [(GUIDE, one) for one in course] if _driver(GUIDE, task, 0) else []
     return [*guides, *((name, course[-1]) for name in (*WHEELS, RANDOM, SERVO))]
 
 
 def _driver(name: str, task: Task, seed: int) -> Driver | None:
     if name == GUIDE:
-        return guide_driver(task, ROBOTS, NOMINAL, REMEMBERS)
+        return guide_driver(task, ROBOTS, NOMINAL, GUIDE_REMEMBERS)
     if name in WHEELS:
         return blind_driver(name, ROBOTS)
     return driver(name, ROBOTS, seed, NOMINAL)

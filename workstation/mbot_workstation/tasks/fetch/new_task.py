@@ -1,4 +1,4 @@
-"""A task of your own, to begin with: touch as many objects as you can within a minute.
+"""A task of your own, to begin with: touch objects, one after the other, and be paid on the way.
 
     workstation task check FILE.py
     workstation train --name mine --task FILE.py
@@ -51,7 +51,7 @@ REWARDS: tuple[Callable[[Situation], float], ...] = (approach, haste)
 end."""
 
 
-class Minute(FetchEpisode):
+class PaidRun(FetchEpisode):
     """One run."""
 
     _before = ORIGIN
@@ -69,14 +69,14 @@ class Minute(FetchEpisode):
 
 
 class NewTask(Fetch):
-    """Objects first near, then everywhere; thirty of them are more than a minute allows."""
+    """One object nearby, then ten everywhere, each within the paper's 66.8 s."""
 
     name = "new-task"
     lessons = (FetchLesson("near", 1.0), FetchLesson("far", 2.5, objects=10))
 
-    def begin(self, lesson: FetchLesson, setting: Setting, rng: np.random.Generator) -> Minute:
+    def begin(self, lesson: FetchLesson, setting: Setting, rng: np.random.Generator) -> PaidRun:
         """Start a run."""
-        return Minute(rules_in(lesson, setting), rng)
+        return PaidRun(rules_in(lesson, setting), rng)
 
     def course(self, *, guided: bool, further: bool) -> tuple[str, ...]:
         """The guide soon teaches the last one."""

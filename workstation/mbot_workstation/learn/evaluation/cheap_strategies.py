@@ -8,10 +8,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from mbot_workstation.learn.drivers.contestants import Driver
 from mbot_workstation.learn.drivers.onnx_policy import Actions
+from mbot_workstation.learn.learning.full_speed import within_full_speed
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.effects.body_record import BODY_RECORD, body_record
 from mbot_workstation.sim.effects.effects import EffectRanges
@@ -61,8 +63,7 @@ def guide_driver(task: Task, robots: int, ranges: EffectRanges, remembers: int) 
     def act(_pictures: object, infos: Sequence[Mapping[str, Any]]) -> Actions:
         facts = np.array([tuple(info[name] for name in names) for info in infos], task.facts)
         advice = np.nan_to_num(guide.act(facts)).astype(np.float32)
-        too_fast = np.maximum(advice.max(axis=1, keepdims=True) - 1, 0)  # as full_speed.py
-        wheels = np.clip(advice - too_fast, -1, 1)
+        wheels = within_full_speed(torch.from_numpy(advice)).numpy()
         guide.drove(wheels)
         return wheels
 
