@@ -55,10 +55,10 @@ class Observer:
         return any(fault.kind == kind for fault in self.status().faults)
 
 
-def resident_mb(pid: int) -> float:
-    """A process's memory, in MB."""
+def resident_mb(pid: int, kind: str = "VmRSS") -> float:
+    """A process's memory, in MB: all of it, or of one kind, as proc(5) names them."""
     lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS:")) / 1000
+    return next(int(line.split()[1]) for line in lines if line.startswith(f"{kind}:")) / 1000
 
 
 def open_files(pid: int) -> int:
