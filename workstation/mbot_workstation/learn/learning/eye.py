@@ -3,9 +3,9 @@
 Of every picture of a simulation it is known whether it shows the object, and where. To be told that
 directly, by pictures from anywhere, teaches more a minute than to be told how to drive: a picture
 costs 0.7 ms and needs no physics, no memory and no critic. What is learned here are the layers in
-front of the memory; the last one, that says what they see and what the guide would do, is thrown
-away. Then the eye learns no more, and a picture is 256 numbers to whoever learns to drive: that
-costs a fiftieth of learning through all layers.
+front of the memory, and a last one that says what they see and what the guide would do: with its
+advice the policy begins. Then the eye learns no more, and a picture is 256 numbers to whoever learns
+to drive: that costs a fiftieth of learning through all layers.
 """
 
 import threading
@@ -20,6 +20,7 @@ from torch import nn
 from torch.nn import functional
 
 from mbot_workstation.learn.learning.guidance import advice_loss
+from mbot_workstation.learn.learning.memory_policy import ACTIONS
 from mbot_workstation.learn.learning.network import DENSE_UNITS
 from mbot_workstation.learn.learning.processor import has_short_floats
 from mbot_workstation.learn.learning.views import Stills, Views, seen_by, take_views
@@ -50,7 +51,7 @@ def teach_eye(
     pictures: int,
     stop: threading.Event,
     say: Callable[[str], None],
-) -> bool:
+) -> nn.Linear | None:
     """Let a network learn what the task's pictures show, and what a guide would do there.
 
     Args:
@@ -62,11 +63,12 @@ def teach_eye(
         say: told how far it is.
 
     Returns:
-        Whether it learned; False if the task says nothing of its pictures, or someone said stop.
+        The layer from features to the guide's advice; None if the task says nothing of its
+        pictures, or someone said stop.
 
     """
     if environment.task.sight is None:
-        return False
+        return None
     device = next(network.parameters()).device
     heads: nn.Linear | None = None
     optimiser: torch.optim.Optimizer | None = None
@@ -83,12 +85,13 @@ def teach_eye(
             learner = _Learner(network, heads, optimiser, threads)
             mean_loss = learner.learn(views, (begun, ends), stop)
             if stop.is_set():
-                return False
+                return None
             say(
                 f"seeing: {(number + 1) * len(views):,} of {rounds * len(views):,} pictures, "
                 f"loss {mean_loss:.3f}"
             )
-    return True
+    assert heads is not None
+    return _last_outputs(heads, ACTIONS)
 
 
 def take_stills(
@@ -105,6 +108,15 @@ def take_stills(
     views = take_views(environment, guide_for, min(STILLS, learned_from), stop)
     with ThreadPoolExecutor(THREADS) as threads:
         return seen_by(network, views, units, threads)
+
+
+def _last_outputs(layer: nn.Linear, count: int) -> nn.Linear:
+    """A layer that makes the last so many of another's outputs."""
+    last = nn.Linear(layer.in_features, count, device=layer.weight.device)
+    with torch.no_grad():
+        last.weight.copy_(layer.weight[-count:])
+        last.bias.copy_(layer.bias[-count:])
+    return last
 
 
 @dataclass(frozen=True, slots=True)

@@ -151,6 +151,13 @@ class MemoryPolicy(ActorCriticPolicy):
         """Whether the layers in front of the memory learn no more."""
         return not any(one.requires_grad for one in self.features_extractor.parameters())
 
+    def begin_with(self, advice: nn.Linear) -> None:
+        """Decide as this layer, from features to wheels, whatever is remembered."""
+        with torch.no_grad():
+            self.action_net.weight.zero_()
+            self.action_net.weight[:, :DENSE_UNITS].copy_(advice.weight)
+            self.action_net.bias.copy_(advice.bias)
+
     def keep_eye(self) -> None:
         """Learn no more to see: from now on only what follows the features."""
         self.features_extractor.requires_grad_(False)

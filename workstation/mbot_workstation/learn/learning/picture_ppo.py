@@ -42,8 +42,8 @@ MEMORY_CAPACITY = 200_000
 Batch = TypeVar("Batch", bound=Sequences)
 Done = TypeVar("Done")
 
-ALONE_EVERY = 8
-"""Of so many rehearsals one is of single pictures without a memory; no other number was tried."""
+ALONE_EVERY = 2
+"""Of so many rehearsals one is of single pictures without a memory."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -148,7 +148,9 @@ def _open_eye(
     network, first = learner.policy.features_extractor, environment.lesson
     environment.set_lesson(config.stages()[-1])  # it sees robots of every kind, or never will
     if not learned:
-        teach_eye(network, environment, guide_for, pictures, stop, display.say)
+        advice = teach_eye(network, environment, guide_for, pictures, stop, display.say)
+        if advice is not None and guide_for is not None:
+            learner.policy.begin_with(advice)
     if not stop.is_set():
         units = learner.policy.units
         stills = take_stills(network, environment, guide_for, pictures, units, stop)
