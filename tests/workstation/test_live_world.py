@@ -1,5 +1,6 @@
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from mbot_workstation.sim.scene.target_object import RED_CUBE
 from mbot_workstation.sim.simulation import Simulation
 from mbot_workstation.tasks.episode import Setting
 from mbot_workstation.tasks.fetch.task import TASK
+from mbot_workstation.tasks.find import find_task
 from mbot_workstation.virtual.live_world import SLICE_S, LiveWorld, setting_of
 from mbot_workstation.virtual.mcore_board import BoardState
 
@@ -54,6 +56,38 @@ def test_a_slice_made_up_for_does_not_obey_commands_that_came_later() -> None:
     for moment_s in (10.000, 10.005):
         world.advance(moment_s)
     assert simulation.wheel_speeds_rad_s[0] > 0.5
+
+
+def test_what_stands_in_the_way_stops_the_robot_and_no_way_is_counted() -> None:
+    task = find_task("obstacles")
+    simulation = Simulation(room_picture=ROOMS[0])
+    bin_ahead = Standing("bin", 0.5, 0.0, 0.15, 0.3)
+    lesson = replace(task.lessons[-1], things=(0, 0))
+    setting = replace(SETTING, standing=(bin_ahead,))
+    world = LiveWorld(simulation, Board(), task, lesson, setting, seed=0)
+    for _ in range(400):  # two seconds; it is there after one
+        world.advance(1.0)
+    assert simulation.pose.x_m == pytest.approx(0.5 - 0.15 - 0.09, abs=0.004)
+    assert world.status().result["distance_driven_m"] == pytest.approx(0.26, abs=0.02)
+    assert world.events.get_nowait().happening == "wrong thing"
+    assert world.events.empty()
+    for _ in range(500):
+        if not world.status().ended:
+            world.advance(1.0)
+    assert world.events.get_nowait().happening == "stuck"
+    assert world.status().ended
+
+
+def test_a_task_says_what_it_has_put_into_the_arena() -> None:
+    simulation = Simulation(room_picture=ROOMS[0])
+    assert LiveWorld(simulation, Board(), *FETCH, SETTING, seed=0).pieces() == ()
+    line = find_task("line")
+    one, same, other = (
+        LiveWorld(simulation, Board(), line, line.lessons[0], SETTING, seed=seed).pieces()
+        for seed in (0, 0, 1)
+    )
+    assert len(one) > 20
+    assert one == same != other
 
 
 def test_a_stall_of_the_machine_leaves_no_trace_in_the_history() -> None:

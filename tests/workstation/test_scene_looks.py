@@ -96,6 +96,19 @@ def test_distractors_are_drawn_where_they_stand() -> None:
     assert changed_columns(-2.0, 0.0) == [], "it is behind the robot"
 
 
+def test_what_a_task_lays_comes_before_what_else_stands_about() -> None:
+    nominal = nominal_look(SceneParameters())
+    assert nominal.furnished(()) is nominal
+    behind = Distractor("ball", (0.1, 0.1, 0.1), (-2.0, 0.0, 0.1), 0.0, (0.0, 0.0, 1.0))
+    mat = Distractor("box", (0.15, 0.15, 5e-4), (1.0, 0.0, 5e-4), 0.3, (0.0, 1.0, 0.0))
+    crowded = replace(nominal, distractors=(behind,) * 200)
+    assert crowded.furnished((mat,)).distractors == (mat, *(behind,) * 200)
+    stage = Stage()
+    before = stage.picture(crowded)
+    laid = stage.picture(crowded.furnished((mat,)))
+    assert ((laid - before)[..., 1] > 30).any(), "of too many things it is not left out"
+
+
 def test_a_floor_that_mirrors_shows_things_upside_down() -> None:
     stage = Stage()
     dark = replace(nominal_look(SceneParameters()), wall_height_m=0.0, floor_mirrors=0.5)

@@ -158,3 +158,20 @@ def test_a_snapshot_does_not_change_afterwards(robot: Simulation) -> None:
     assert before.joints[0] == 0 < after.joints[0]
     assert not np.allclose(before.moved_pos, after.moved_pos)
     assert not np.allclose(before.moved_quat, after.moved_quat)
+
+
+def test_a_push_moves_it_sideways_and_nothing_else(robot: Simulation) -> None:
+    robot.set_duty(1, 1)
+    robot.step(1)
+    before, speeds = robot.pose, robot.wheel_speeds_rad_s
+    seen = robot.snapshot().robot  # a physics step further
+    pushed = robot.push(-0.03, 0.02)
+    assert pushed == robot.pose, "known before the next step"
+    expected = (before.x_m - 0.03, before.y_m + 0.02)
+    assert (pushed.x_m, pushed.y_m) == pytest.approx(expected, abs=1e-12)
+    assert pushed.yaw_rad == before.yaw_rad
+    assert robot.wheel_speeds_rad_s == speeds
+    assert robot.snapshot().robot.x_m == pytest.approx(seen.x_m - 0.03, abs=1e-12)
+    robot.step(0.5)
+    assert robot.pose.x_m == pytest.approx(pushed.x_m + 0.2, abs=0.01), "it drives on from there"
+    assert robot.pose.y_m == pytest.approx(pushed.y_m, abs=0.005)

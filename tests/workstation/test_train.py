@@ -318,6 +318,18 @@ def test_progress_is_a_row_an_interval_and_forgets_a_lost_future(tmp_path: Path)
         read_progress(path)
 
 
+def test_progress_says_what_each_term_of_the_reward_brought(tmp_path: Path) -> None:
+    path = tmp_path / "progress.csv"
+    log = ProgressLog(path, "laps", row_every=100, terms=("way", "haste"))
+    log.add(FinishedEpisode(2.0, 10, 1, {"way": 3.0, "haste": -1.0}))
+    log.add(FinishedEpisode(4.0, 30, 2, {"way": 4.5, "haste": -0.5}))
+    row = log.row_if_due(104, 1.0, "1")
+    assert row is not None
+    assert row.terms == {"way": 3.75, "haste": -0.75}
+    assert path.read_text().splitlines()[0].endswith(",mean_laps,episodes,mean_way,mean_haste")
+    assert read_progress(path) == [row]
+
+
 class Pictures(gymnasium.Env[Any, Any]):
     """Random pictures and rewards."""
 

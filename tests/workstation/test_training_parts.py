@@ -3,6 +3,7 @@
 import errno
 import multiprocessing
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -33,6 +34,7 @@ from mbot_workstation.learn.worlds.rooms import (
 )
 from mbot_workstation.learn.worlds.shared_arrays import SharedMemory
 from mbot_workstation.learn.worlds.worker import Done, Quit, Reset, StepAll, run_worker
+from mbot_workstation.pictures.picture_file import read_picture
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.camera.frame_edges import FrameEdges
 from mbot_workstation.sim.effects.effects import IDEAL, RealWorldEffects
@@ -154,13 +156,22 @@ def test_the_codes_state_is_its_commit_and_what_has_changed(tmp_path: Path) -> N
     assert (outside.commit, outside.changed_files) == ("", ())
 
 
+def png_size(path: Path) -> tuple[int, int]:
+    """Height and width."""
+    height_px, width_px, _ = read_picture(path).shape
+    return height_px, width_px
+
+
 def test_a_curve_is_drawn(tmp_path: Path) -> None:
     rows = [
         ProgressRow(step, 10.0, lesson, 2.0, 20.0, 1.0, 100)
         for step, lesson in ((40_000, "1"), (80_000, "2"))
     ]
     draw_curves({"a run": rows}, TASK, tmp_path / "curve.png")
-    assert (tmp_path / "curve.png").stat().st_size > 5_000
+    plain, _ = png_size(tmp_path / "curve.png")
+    paid = [replace(row, terms={"approach": 0.5, "haste": -0.1}) for row in rows]
+    draw_curves({"a run": paid}, TASK, tmp_path / "terms.png")
+    assert png_size(tmp_path / "terms.png")[0] > plain > 300, "a panel more"
     assert mark_note(TASK, "10") == ""
     assert "rough, is harder than the paper's" in mark_note(TASK, "rough")
 

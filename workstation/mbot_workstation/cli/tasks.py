@@ -119,12 +119,12 @@ def check(options: CheckTaskOptions) -> Answer:
 
 
 def _words(found: "TaskCheck", reference: str) -> Iterator[str]:
-    yield f"{'driver':<12}{'lesson':<9}{'reward':>8} {'+-':>5}  decisions  of what"
+    yield f"{'driver':<14}{'lesson':<9}{'reward':>8} {'+-':>5}  decisions  of what"
     for one in found.earned:
         parts = ", ".join(f"{what} {share:+.2f}" for what, share in one.by_happening.items())
         seen = "" if one.in_view is None else f"; in view {one.in_view:.0%}"
         yield (
-            f"{one.driver:<12}{one.lesson:<9}{one.reward:>8.2f} {one.spread:>5.2f}"
+            f"{one.driver:<14}{one.lesson:<9}{one.reward:>8.2f} {one.spread:>5.2f}"
             f"{one.decisions:>11.0f}  {parts or 'nothing'}{seen}"
         )
     yield from (f"note: {note}" for note in found.notes)

@@ -70,7 +70,7 @@ class TrainOptions:
     )
     steps: int | None = option(
         None,
-        "Decisions of all robots together; 800,000 if not given, 300,000 with --from and "
+        "Decisions of all robots together; 400,000 if not given, 300,000 with --from and "
         "--object, 1,500,000 from nothing with --guide 0.",
         panel=_WHAT,
         min=1,
@@ -94,7 +94,7 @@ class TrainOptions:
     guide: int | None = option(
         None,
         "For the first N decisions learn from a guide as well, which knows what the robot is like "
-        "and where the object is while the camera can see it; its weight falls to 0. 720,000 if "
+        "and where the object is while the camera can see it; its weight falls to 0. 360,000 if "
         "not given, 0 with --from, 240,000 with --from and --object; 0 is PPO alone, as in the "
         "paper.",
         panel=_WHAT,

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,6 +124,13 @@ class Simulation:
         self._data.ctrl[:] = 0
         self._owed_s = 0.0
         mujoco.mj_forward(self.model, self._data)
+
+    def push(self, x_m: float, y_m: float) -> Pose:
+        """Move the robot sideways as it drives, by what it can't drive through; where it is now."""
+        pose = self.pose
+        self._data.qpos[:2] += x_m, y_m
+        self._data.xpos[self._base, :2] += x_m, y_m
+        return replace(pose, x_m=pose.x_m + x_m, y_m=pose.y_m + y_m)
 
     def place_objects(self, places: Mapping[int, Pose]) -> None:
         """Put objects, by their index in the scene, onto the floor, and take the others away."""

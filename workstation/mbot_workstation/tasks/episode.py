@@ -64,6 +64,7 @@ class Step:
         happening: one of the task's; NOTHING mostly.
         score: what it was worth; 0 if nothing happened.
         ended: whether the episode is over.
+        pushed_m: by how much what stands in the way pushes the robot back, in x and y.
         robot_to_origin: whether the robot is to be put back to the origin, heading along +x.
 
     """
@@ -72,6 +73,7 @@ class Step:
     score: float = 0.0
     ended: bool = False
     robot_to_origin: bool = False
+    pushed_m: tuple[float, float] = (0.0, 0.0)
 
 
 class Episode(Protocol):

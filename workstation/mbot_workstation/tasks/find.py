@@ -21,7 +21,7 @@ DEFAULT_TASK = "fetch"
 RESERVED = ("reward", "ended", "happening", "lesson", "episode", "terminal_observation")
 """Names that infos and step records have already."""
 
-_FRAME = ("episode", "find", "lesson", "sight", "task")
+_FRAME = ("aim_guide", "episode", "find", "floor_map", "lesson", "search", "sight", "tape", "task")
 
 
 def task_names() -> tuple[str, ...]:
@@ -96,9 +96,11 @@ def _fault(task: Any) -> str:
     if taken := [name for name in facts if name in RESERVED]:
         return f"a fact is called {taken[0]}, which the environment has already; call it otherwise"
     if unknown := [
-        name for name in (task.counted, *task.critic, *task.mistakes) if name not in facts
+        name
+        for name in (task.counted, *task.critic, *task.mistakes, *task.terms)
+        if name not in facts
     ]:
-        return f"counted, critic and mistakes name {', '.join(unknown)}, which is no fact of it"
+        return f"counted, critic, mistakes and terms name {', '.join(unknown)}, no fact of it"
     if not task.happenings or task.happenings[0] != NOTHING:
         return f"the first of its happenings is to be {NOTHING!r}"
     names = [lesson.name for lesson in task.lessons]

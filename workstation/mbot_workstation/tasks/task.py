@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.effects.effects import EffectRanges
+from mbot_workstation.sim.scene.scene_look import Distractor
 from mbot_workstation.sim.scene.scene_parameters import SceneParameters
 from mbot_workstation.tasks.episode import Episode, Guide, Setting
 from mbot_workstation.tasks.lesson import Lesson
@@ -47,6 +48,8 @@ class Task(Protocol):
         sight: what its pictures show; None: a network learns that from driving alone.
         mistakes: those of `facts` that count what goes wrong without ending an episode, as keys
             name them.
+        terms: those of `facts` that say what an episode was paid so far by each term of its reward,
+            for curves.
 
     """
 
@@ -60,10 +63,16 @@ class Task(Protocol):
     lessons: tuple[Lesson, ...]
     sight: Sight | None = None
     mistakes: tuple[str, ...] = ()
+    terms: tuple[str, ...] = ()
 
     def begin(self, lesson: Any, setting: Setting, rng: np.random.Generator) -> Episode:
         """Start an episode of one of its lessons, with the robot in the origin."""
         ...
+
+    def pieces(self, episode: Any) -> tuple[Distractor, ...]:
+        """What stands or lies in the arena in this run, beside the scene's objects."""
+        del episode
+        return ()
 
     def course(self, *, guided: bool, further: bool) -> tuple[str, ...]:
         """Names of the lessons to learn if not told: with a guide, or from a trained policy on."""

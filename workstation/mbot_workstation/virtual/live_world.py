@@ -16,7 +16,7 @@ from mbot_protocol.drive.mcore import Joystick
 from mbot_workstation.pacer import Pacer
 from mbot_workstation.sim.body.motor import pwm_duties
 from mbot_workstation.sim.pose import ORIGIN, Pose
-from mbot_workstation.sim.scene.scene_look import SceneLook
+from mbot_workstation.sim.scene.scene_look import Distractor, SceneLook
 from mbot_workstation.sim.scene.target_object import TargetObject
 from mbot_workstation.sim.simulation import Simulation
 from mbot_workstation.tasks.episode import NOTHING, Setting
@@ -196,6 +196,10 @@ class LiveWorld:
         simulation.place_objects(self._episode.places())
         self.history.add(time.monotonic(), simulation.snapshot())
 
+    def pieces(self) -> tuple[Distractor, ...]:
+        """What the task has put into the arena, beside the scene's objects."""
+        return self.task.pieces(self._episode)
+
     def status(self) -> WorldStatus:
         """What is going on now; from any thread."""
         with self._lock:
@@ -248,6 +252,8 @@ class LiveWorld:
         if not self._driven:
             return
         step = self._episode.advance(simulation.pose, SLICE_S)
+        if step.pushed_m != (0.0, 0.0):
+            simulation.push(*step.pushed_m)
         if step.happening == NOTHING:
             return
         if step.robot_to_origin:

@@ -80,7 +80,6 @@ class VirtualRobot:
         floors = () if settings.look is None else training_floors()
         self.simulation = Simulation(settings.robot, scene, settings.room_picture, floors)
         look = settings.look or nominal_look(scene)
-        SceneDresser(self.simulation.model, 1 + len(floors), scene.objects).wear(look)
         self.server = MjpegServer(settings.camera_port)
         self.board = _board(settings)
         self.world = LiveWorld(
@@ -93,6 +92,8 @@ class VirtualRobot:
             settings.latency_s,
             free_floor=settings.free_floor,
         )
+        dresser = SceneDresser(self.simulation.model, 1 + len(floors), scene.objects)
+        dresser.wear(look.furnished(self.world.pieces()))
         self._ready = threading.Event()
         self.camera = CameraStream(
             self.simulation, self.world.history, settings.camera, self._publish

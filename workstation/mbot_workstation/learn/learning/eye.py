@@ -4,8 +4,8 @@ Of every picture of a simulation it is known whether it shows the object, and wh
 directly, by pictures from anywhere, teaches more a minute than to be told how to drive: a picture
 costs 0.7 ms and needs no physics, no memory and no critic. What is learned here are the layers in
 front of the memory, and a last one that says what they see and what the guide would do: with its
-advice the policy begins. Then the eye learns no more, and a picture is 256 numbers to whoever learns
-to drive: that costs a fiftieth of learning through all layers.
+advice the policy begins. Then the eye learns no more, and a picture is 256 numbers to whoever
+learns to drive: that costs a fiftieth of learning through all layers.
 """
 
 import threading

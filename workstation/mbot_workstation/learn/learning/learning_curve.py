@@ -31,8 +31,12 @@ def draw_curves(runs: Mapping[str, Sequence[ProgressRow]], task: Task, path: Pat
     for name, rows in runs.items():
         if not rows:
             raise ConfigurationError(f"{name} has no row in progress.csv yet; train it longer")
-    figure = Figure(figsize=(8, 6.5), layout="constrained")
-    axes: Any = figure.subplots(3, 1, sharex=True, gridspec_kw={"height_ratios": [3, 3, 1.6]})
+    by_term = len(runs) == 1 and bool(next(iter(runs.values()))[-1].terms)
+    heights = [3, 3, 1.6, 3] if by_term else [3, 3, 1.6]
+    figure = Figure(figsize=(8, 6.5 + 2.2 * by_term), layout="constrained")
+    axes: Any = figure.subplots(
+        len(heights), 1, sharex=True, gridspec_kw={"height_ratios": heights}
+    )
     lessons = list(dict.fromkeys(row.lesson for rows in runs.values() for row in rows))
     titles = [f"{name}: {rows[-1].wall_s / 60:.0f} minutes" for name, rows in runs.items()]
     for title, rows, colour in zip(titles, runs.values(), itertools.cycle(_COLOURS), strict=False):
@@ -50,7 +54,9 @@ def draw_curves(runs: Mapping[str, Sequence[ProgressRow]], task: Task, path: Pat
         _mark(axes[1], reference.decisions * last.goal)
     axes[2].set_yticks(range(len(lessons)), lessons, fontsize=8 if len(lessons) > 5 else 10)
     axes[2].set_ylabel("lesson")
-    axes[2].set_xlabel("decisions (millions)")
+    if by_term:
+        _draw_terms(axes[3], next(iter(runs.values())))
+    axes[-1].set_xlabel("decisions (millions)")
     for panel in axes:
         panel.grid(alpha=0.3)
         panel.spines[["top", "right"]].set_visible(False)
@@ -74,6 +80,16 @@ def mark_note(task: Task, lesson: str) -> str:
     return (
         f"the last lesson, {lesson}, is harder than the paper's, whose plateau does not apply to it"
     )
+
+
+def _draw_terms(axes: Any, rows: Sequence[ProgressRow]) -> None:
+    """What an episode was paid by each term of the reward."""
+    steps = [row.step / 1e6 for row in rows]
+    for name, colour in zip(rows[-1].terms, itertools.cycle(_COLOURS), strict=False):
+        paid = [row.terms[name] for row in rows]
+        axes.plot(steps, paid, color=colour, marker="o", markersize=3, label=name)
+    axes.set_ylabel("reward by term")
+    axes.legend(fontsize=8)
 
 
 def _mark(axes: Any, plateau: float) -> None:

@@ -2,8 +2,8 @@
 
 import csv
 from collections import deque
-from collections.abc import Collection
-from dataclasses import astuple, dataclass, fields
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from statistics import fmean
 
@@ -28,6 +28,7 @@ class ProgressRow:
             decisions.
         mean_count: of what the task counts; the column bears its name, such as mean_touches.
         episodes: how many those were.
+        terms: of the task's reward, what an episode brought by each; columns bear their names.
 
     """
 
@@ -38,26 +39,46 @@ class ProgressRow:
     mean_length: float
     mean_count: float
     episodes: int
+    terms: Mapping[str, float] = field(default_factory=dict[str, float])
+
+    def cells(self) -> list[object]:
+        """As they are written."""
+        return [getattr(self, name) for name in _NAMES] + list(self.terms.values())
 
 
-def columns(counted: str) -> list[str]:
-    """The file's first line for a task that counts this."""
-    return [field.name.replace("count", counted) for field in fields(ProgressRow)]
+_NAMES = tuple(one.name for one in fields(ProgressRow) if one.name != "terms")
+_MEAN = "mean_"
+
+
+def columns(counted: str, terms: Sequence[str] = ()) -> list[str]:
+    """The file's first line for a task that counts this and pays by these terms."""
+    own = [name.replace("count", counted) for name in _NAMES]
+    return own + [f"{_MEAN}{term}" for term in terms]
 
 
 @dataclass(frozen=True, slots=True)
 class FinishedEpisode:
-    """A finished episode: its reward, length in decisions, and what the task counts."""
+    """A finished episode: its reward, length in decisions, what the task counts, and what each term
+    of its reward brought.
+    """
 
     reward: float
     length: int
     count: int
+    terms: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
 class ProgressLog:
     """Collects episodes and writes the rows; every row is on disk at once."""
 
-    def __init__(self, path: Path, counted: str, step: int = 0, row_every: int = ROW_EVERY) -> None:
+    def __init__(
+        self,
+        path: Path,
+        counted: str,
+        step: int = 0,
+        row_every: int = ROW_EVERY,
+        terms: Sequence[str] = (),
+    ) -> None:
         """Begin the file, or go on after a step: later rows belong to a lost future."""
         self._path = path
         self._row_every = row_every
@@ -67,8 +88,8 @@ class ProgressLog:
         kept = [row for row in read_progress(path) if row.step <= step] if path.is_file() else []
         with path.open("w", newline="") as file:
             writer = csv.writer(file)
-            writer.writerow(columns(counted))
-            writer.writerows(astuple(row) for row in kept)
+            writer.writerow(columns(counted, terms))
+            writer.writerows(row.cells() for row in kept)
 
     def add(self, episode: FinishedEpisode) -> None:
         """Count a finished episode."""
@@ -80,12 +101,15 @@ class ProgressLog:
         if step < self._next_step or not self._since_row:
             return None
         self._next_step = (step // self._row_every + 1) * self._row_every
-        row = ProgressRow(
-            step, round(wall_s, 1), lesson, *_means(self._since_row), len(self._since_row)
-        )
-        self._since_row.clear()
+        ended = self._since_row
+        terms = {
+            name: round(fmean(episode.terms[name] for episode in ended), 4)
+            for name in ended[0].terms
+        }
+        row = ProgressRow(step, round(wall_s, 1), lesson, *_means(ended), len(ended), terms)
+        ended.clear()
         with self._path.open("a", newline="") as file:
-            csv.writer(file).writerow(astuple(row))
+            csv.writer(file).writerow(row.cells())
         return row
 
     def recent_means(self) -> tuple[float, float, float] | None:
@@ -107,7 +131,8 @@ def read_progress(path: Path) -> list[ProgressRow]:
     except OSError as error:
         raise ConfigurationError(f"can't read {path}: {error.strerror}") from None
     try:
-        counted = names[len(columns("")) - 2]  # whatever the task counts, before the episodes
+        counted = names[len(_NAMES) - 2]  # whatever the task counts, before the episodes
+        terms = [name.removeprefix(_MEAN) for name in names[len(_NAMES) :]]
         return [
             ProgressRow(
                 step=int(row["step"]),
@@ -117,6 +142,7 @@ def read_progress(path: Path) -> list[ProgressRow]:
                 mean_length=float(row["mean_length"]),
                 mean_count=float(row[counted]),
                 episodes=int(row["episodes"]),
+                terms={term: float(row[_MEAN + term]) for term in terms},
             )
             for row in table
         ]

@@ -55,8 +55,9 @@ class TrainingCallback(BaseCallback):
         self._wall_0_s = start.wall_s if start else 0.0
         self._mean_reward = start.mean_reward if start else None
         self._counted = environment.task.counted
+        self._terms = environment.task.terms
         self._progress = ProgressLog(
-            run.progress_file, self._counted, self._step_0, config.row_every
+            run.progress_file, self._counted, self._step_0, config.row_every, self._terms
         )
         self._row_lesson = ""
         self._started_s = self._shown_s = time.monotonic()
@@ -113,7 +114,9 @@ class TrainingCallback(BaseCallback):
     def _end_episode(self, info: dict[str, Any]) -> None:
         episode = info["episode"]
         reward = float(episode["r"])
-        self._progress.add(FinishedEpisode(reward, int(episode["l"]), int(info[self._counted])))
+        terms = {name: float(info[name]) for name in self._terms}
+        count = int(info[self._counted])
+        self._progress.add(FinishedEpisode(reward, int(episode["l"]), count, terms))
         before = self.curriculum.index
         self.curriculum = after_episode(
             self.curriculum, self._stages, info["lesson"], reward, self._config.pass_mark
@@ -126,6 +129,8 @@ class TrainingCallback(BaseCallback):
         self._display.row(row, self._counted)
         self.logger.record("curriculum/lesson", self.curriculum.index + 1)
         self.logger.record(f"curriculum/{self._counted}", row.mean_count)
+        for name, mean in row.terms.items():
+            self.logger.record(f"reward/{name}", mean)
         target = self._config.target_reward
         # The row in which the last lesson began holds easier episodes too.
         began_in_it = self._row_lesson == self.lesson

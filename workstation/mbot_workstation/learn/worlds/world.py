@@ -125,7 +125,6 @@ class World:
             self._become(effects)
         self._change = self._draw_change(lesson, effects)
         look = self._draw_look(effects, lesson.lookalikes)
-        self._dresser.wear(look, effects.cube_brightness, effects.floor_brightness)
         self.lesson = lesson
         self.room = int(self._rng.integers(self._rooms))
         self.camera.begin(self._rng.uniform(0, 2 * math.pi))
@@ -139,6 +138,8 @@ class World:
             standing=look.standing,
         )
         self.episode = self.task.begin(lesson, setting, self._rng)
+        look = look.furnished(self.task.pieces(self.episode))
+        self._dresser.wear(look, effects.cube_brightness, effects.floor_brightness)
         self._pose = ORIGIN
         self.simulation.place_robot(ORIGIN)
         self._place_objects()
@@ -304,6 +305,8 @@ class World:
             if step.robot_to_origin:
                 self.simulation.place_robot(ORIGIN)
                 self._pose = ORIGIN
+            elif step.pushed_m != (0.0, 0.0):
+                self._pose = self.simulation.push(*step.pushed_m)
             if step.happening != NOTHING and self.episode.places() != self._places:
                 self._place_objects()
         return score, happening

@@ -152,6 +152,10 @@ class SceneLook:
     distractors: tuple[Distractor, ...] = ()
     standing: tuple[Standing, ...] = ()
 
+    def furnished(self, pieces: tuple[Distractor, ...]) -> "SceneLook":
+        """With these as well, before all others: if there are too many, those are left out."""
+        return replace(self, distractors=(*pieces, *self.distractors)) if pieces else self
+
     def shadow_of(self, height_m: float) -> tuple[float, float]:
         """How far what is so high shades the floor, in m, and towards which heading, in radians."""
         x, y, z = self.light_direction

@@ -34,6 +34,7 @@ class Happening(StrEnum):
     WRONG = "wrong thing"
     BORDER = "border"
     TIME_OUT = "time-out"
+    STUCK = "stuck"
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,10 +116,10 @@ class FetchEpisode:
         self._touch_s: list[float] = []
         self._wrong_things = 0
         self._touching: frozenset[int] = frozenset()
-        self._failures = {Happening.BORDER: 0, Happening.TIME_OUT: 0}
+        self._failures = {Happening.BORDER: 0, Happening.TIME_OUT: 0, Happening.STUCK: 0}
         self._at_border = False
         self._score = 0.0
-        self._next_object(ORIGIN)
+        self.next_object(ORIGIN)
 
     def places(self) -> Mapping[int, Pose]:
         """Where the object is."""
@@ -142,12 +143,12 @@ class FetchEpisode:
         self._at_border = False
         self.object_s += elapsed_s
         if touches(robot, self.target, self.footprint, self.rules):
-            return self._touched(robot)
+            return self.touched(robot)
         if at_border(robot, self.rules):
-            return self._failed(Happening.BORDER)
+            return self.failed(Happening.BORDER)
         # Half a physics step: a sum of many small steps is not exact.
         if self.object_s >= self.rules.time_limit_s - 0.0025:
-            return self._failed(Happening.TIME_OUT)
+            return self.failed(Happening.TIME_OUT)
         return self._ran_into(touched_things(robot, self.rules)) if self.rules.standing else Step()
 
     def facts(self, moment: Moment) -> tuple[Any, ...]:
@@ -157,10 +158,9 @@ class FetchEpisode:
         if is_shown:
             ahead_m, left_m = from_robot(moment.seen_from, self.target)
             seen_left_rad = math.atan2(left_m, ahead_m - moment.camera_ahead_m)
-            if is_hidden(moment.seen_from, self.target, self.rules.standing, OBJECT_HEIGHT_M):
+            if self.is_out_of_sight(moment.seen_from):
                 seen_left_rad = math.pi
-        radius_m = self.rules.touch_radius_m
-        aim = aim_around(moment.robot, self.target, self.rules.standing, radius_m)
+        aim = self.aim_from(moment.robot)
         return (
             len(self._touch_s),
             self.rules.time_limit_s - self.object_s,
@@ -168,11 +168,19 @@ class FetchEpisode:
             *from_robot(moment.robot, self.target),
             seen_left_rad,
             *from_robot(moment.robot, aim),
-            *self._suspect(moment),
+            *self.suspect(moment),
             self._wrong_things,
         )
 
-    def _suspect(self, moment: Moment) -> tuple[float, float]:
+    def is_out_of_sight(self, eye: Pose) -> bool:
+        """Whether something hides the object from there, in whatever direction it is."""
+        return is_hidden(eye, self.target, self.rules.standing, OBJECT_HEIGHT_M)
+
+    def aim_from(self, robot: Pose) -> Pose:
+        """Where to drive first."""
+        return aim_around(robot, self.target, self.rules.standing, self.rules.touch_radius_m)
+
+    def suspect(self, moment: Moment) -> tuple[float, float]:
         """The nearest in view, in the robot's frame. What is near is noted as looked at: asking
         again about the same moment changes nothing.
         """
@@ -198,7 +206,7 @@ class FetchEpisode:
     def show_another(self, robot: Pose, reach_m: float) -> None:
         """Another object, up to so far from the middle on any side, which cameras see at once."""
         anywhere = replace(self.rules, spawn_half_angle_rad=math.pi, spawn_farthest_m=reach_m)
-        self._next_object(robot, anywhere)
+        self.next_object(robot, anywhere)
         self.object_s = DECISION_S
 
     def result(self) -> Mapping[str, Any]:
@@ -227,7 +235,8 @@ class FetchEpisode:
     def _complete(self) -> bool:
         return self._all_touched and not any(self._failures.values())
 
-    def _touched(self, robot: Pose) -> Step:
+    def touched(self, robot: Pose) -> Step:
+        """Count it, and show the next one."""
         self._touch_s.append(self.object_s)
         score = touch_score(self.object_s, self.rules)
         if self._complete:
@@ -235,7 +244,7 @@ class FetchEpisode:
         self._score += score
         self.ended = self._all_touched
         if not self.ended:
-            self._next_object(robot)
+            self.next_object(robot)
         return Step(Happening.TOUCH, score, self.ended)
 
     def _ran_into(self, touching: frozenset[int]) -> Step:
@@ -246,16 +255,18 @@ class FetchEpisode:
         self._score += met * WRONG_SCORE
         return Step(Happening.WRONG, met * WRONG_SCORE) if met else Step()
 
-    def _failed(self, how: Happening) -> Step:
+    def failed(self, how: Happening) -> Step:
+        """Count it; the run ends, or begins again with the next object."""
         self._failures[how] += 1
         self._at_border = how is Happening.BORDER
         self._score += FAILURE_SCORE
         self.ended = self.rules.ends_on_failure
         if not self.ended:
-            self._next_object(ORIGIN)
+            self.next_object(ORIGIN)
         return Step(how, FAILURE_SCORE, self.ended, robot_to_origin=not self.ended)
 
-    def _next_object(self, robot: Pose, rules: FetchRules | None = None) -> None:
+    def next_object(self, robot: Pose, rules: FetchRules | None = None) -> None:
+        """Put another one where there is room."""
         self.target = spawn(robot, rules or self.rules, self._rng)
         self.kind = draw_kind(self.rules, self._rng)
         self._looked_at: set[int] = set()

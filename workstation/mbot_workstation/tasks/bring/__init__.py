@@ -1,0 +1,1 @@
+"""Take the object to a mat."""

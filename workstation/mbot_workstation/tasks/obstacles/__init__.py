@@ -1,0 +1,1 @@
+"""Fetch, among boxes, chairs and bags."""

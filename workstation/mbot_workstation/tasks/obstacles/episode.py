@@ -1,0 +1,171 @@
+"""A run among obstacles: they can't be driven through, touching one costs, pushing one ends it."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from mbot_workstation.sim.effects.scene_looks import unlike_an_object
+from mbot_workstation.sim.pose import Pose
+from mbot_workstation.sim.scene.scene_look import Distractor, Standing
+from mbot_workstation.sim.scene.target_object import RED_CUBE
+from mbot_workstation.sim.scene.things import LARGE, Thing
+from mbot_workstation.tasks.episode import Moment, Step
+from mbot_workstation.tasks.fetch.episode import (
+    IN_VIEW_RAD,
+    FetchEpisode,
+    Happening,
+    from_robot,
+)
+from mbot_workstation.tasks.fetch.rules import FetchRules
+from mbot_workstation.tasks.floor_map import ROOM_M, FloorMap, Ways
+from mbot_workstation.tasks.search import Search
+
+CHAIR = "chair"
+KINDS = ("carton", CHAIR, "bag", "bin")
+
+GAP_M, FROM_START_M, REACH_M = 0.45, 0.55, 2.3
+"""Between two of them, so that a robot fits through; from the start; to every side."""
+
+STUCK_S = 3.0
+"""So long it may push."""
+
+PRESSED_M = 0.001
+"""Who is pushed back keeps touching by so much, or would touch again with every step."""
+
+LEG_HEIGHT_M = 0.3
+"""Of a chair's legs, at least."""
+
+
+@dataclass(frozen=True, slots=True)
+class Obstacles:
+    """What stands about.
+
+    Attributes:
+        pieces: to be drawn.
+        standing: to be met; a chair is its legs.
+
+    """
+
+    pieces: tuple[Distractor, ...]
+    standing: tuple[Standing, ...]
+
+
+def draw_obstacles(rng: np.random.Generator, number: int) -> Obstacles:
+    """So many things, all around the start, apart from each other."""
+    pieces: list[Distractor] = []
+    standing: list[Standing] = []
+    placed: list[tuple[float, float, float]] = [(0.0, 0.0, FROM_START_M - GAP_M)]
+    while len(placed) <= number:
+        name = str(rng.choice(KINDS))
+        thing = LARGE[name](rng, unlike_an_object(rng, (RED_CUBE,)))
+        x, y = rng.uniform(-REACH_M, REACH_M, 2).tolist()
+        gaps_m = (math.hypot(x - ox, y - oy) - thing.radius_m - r for ox, oy, r in placed)
+        if min(gaps_m) < GAP_M:
+            continue
+        placed.append((x, y, thing.radius_m))
+        parts = thing.at(x, y, rng.uniform(-math.pi, math.pi))
+        pieces += parts
+        standing += _met(name, thing, parts, x, y)
+    return Obstacles(tuple(pieces), tuple(standing))
+
+
+def _met(
+    name: str, thing: Thing, parts: list[Distractor], x_m: float, y_m: float
+) -> list[Standing]:
+    """What of a thing a robot runs into: of a chair its legs, between which it does not fit."""
+    if name != CHAIR:
+        return [Standing(name, x_m, y_m, thing.radius_m, thing.height_m)]
+    return [
+        Standing("leg", leg.centre_m[0], leg.centre_m[1], leg.half_size_m[0], LEG_HEIGHT_M)
+        for leg in parts
+        if leg.shape == "post"
+    ]
+
+
+class ObstaclesEpisode(FetchEpisode):
+    """One run.
+
+    Attributes:
+        obstacles: what stands about.
+
+    """
+
+    def __init__(self, rules: FetchRules, rng: np.random.Generator, number: int) -> None:
+        self.obstacles = draw_obstacles(rng, number)
+        self._ways: Ways | None = None
+        self._search = Search()
+        self._pushing_s = 0.0
+        self._taken = tuple(
+            (one.x_m, one.y_m, one.radius_m + rules.touch_radius_m + ROOM_M)
+            for one in self.obstacles.standing
+        )
+        super().__init__(replace(rules, standing=(*rules.standing, *self.obstacles.standing)), rng)
+
+    def advance(self, robot: Pose, elapsed_s: float) -> Step:
+        """As without them; what it touches stays where it is."""
+        step = super().advance(robot, elapsed_s)
+        if step.ended or step.robot_to_origin:
+            self._pushing_s = 0.0
+            return step
+        push = self._push(robot)
+        self._search.advance(robot, self._taken)
+        self._pushing_s = self._pushing_s + elapsed_s if push != (0.0, 0.0) else 0.0
+        if self._pushing_s >= STUCK_S:
+            self._pushing_s = 0.0
+            return self.failed(Happening.STUCK)
+        return replace(step, pushed_m=push)
+
+    def _push(self, robot: Pose) -> tuple[float, float]:
+        """Out of what it drives into."""
+        push_x = push_y = 0.0
+        for thing in self.rules.standing:
+            dx, dy = robot.x_m - thing.x_m, robot.y_m - thing.y_m
+            away_m = max(math.hypot(dx, dy), 1e-6)
+            too_near_m = thing.radius_m + self.rules.touch_radius_m - PRESSED_M - away_m
+            if too_near_m > 0:
+                push_x += dx / away_m * too_near_m
+                push_y += dy / away_m * too_near_m
+        return push_x, push_y
+
+    def aim_from(self, robot: Pose) -> Pose:
+        """Where the shortest way turns first."""
+        return self._way_to(self.target, robot)
+
+    def suspect(self, moment: Moment) -> tuple[float, float]:
+        """What looks like the object from afar; else from where it may be seen, after a turn in
+        vain.
+        """
+        found = super().suspect(moment)
+        place = self._search.goes_to
+        if math.isfinite(found[0]) or place is None:
+            return found
+        return from_robot(moment.robot, self._way_to(place, moment.robot))
+
+    def facts(self, moment: Moment) -> tuple[Any, ...]:
+        """FACTS at a decision."""
+        ahead_m, left_m = from_robot(moment.seen_from, self.target)
+        seen_rad = abs(math.atan2(left_m, ahead_m - moment.camera_ahead_m))
+        if seen_rad <= IN_VIEW_RAD and not self.is_out_of_sight(moment.seen_from):
+            self._search.begin()
+        return super().facts(moment)
+
+    def _way_to(self, place: Pose, robot: Pose) -> Pose:
+        """The furthest place of the way there that can be driven to in a straight line."""
+        floor = FloorMap(self.rules.border_m, self.rules.standing, self.rules.touch_radius_m)
+        if floor.is_clear(robot, np.array([[place.x_m, place.y_m]]))[0]:
+            return place
+        if self._ways is None or self._ways.goal != place:
+            self._ways = floor.ways_to(place)
+        return self._ways.next_from(robot)
+
+    def next_object(self, robot: Pose, rules: FetchRules | None = None) -> None:
+        """Another one, which is looked for."""
+        super().next_object(robot, rules)
+        self._search.begin()
+
+    def result(self) -> Mapping[str, Any]:
+        """With how often it got stuck."""
+        return {**super().result(), "stuck": self._failures[Happening.STUCK]}

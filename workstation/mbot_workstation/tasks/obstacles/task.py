@@ -1,0 +1,64 @@
+"""Fetch among 3 to 8 boxes, chairs, bags and bins."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbot_workstation.sim.scene.scene_look import Distractor
+from mbot_workstation.tasks.episode import Setting
+from mbot_workstation.tasks.fetch.lessons import FetchLesson
+from mbot_workstation.tasks.fetch.task import Fetch, rules_in
+from mbot_workstation.tasks.obstacles.episode import ObstaclesEpisode
+
+
+@dataclass(frozen=True, slots=True)
+class ObstaclesLesson(FetchLesson):
+    """One stage of the curriculum.
+
+    Attributes:
+        things: so many stand about, from the first to the second number.
+
+    """
+
+    things: tuple[int, int] = (3, 8)
+
+
+class FetchAmongObstacles(Fetch):
+    """Touch ten objects, and nothing else."""
+
+    name = "obstacles"
+    lessons = (
+        ObstaclesLesson("few", 2.0, objects=10, things=(1, 3)),
+        ObstaclesLesson("3-to-8", 2.5, objects=10),
+    )
+
+    def begin(
+        self, lesson: FetchLesson, setting: Setting, rng: np.random.Generator
+    ) -> ObstaclesEpisode:
+        """Start a run."""
+        assert isinstance(lesson, ObstaclesLesson)
+        number = int(rng.integers(*lesson.things, endpoint=True))
+        return ObstaclesEpisode(rules_in(lesson, setting), rng, number)
+
+    def pieces(self, episode: ObstaclesEpisode) -> tuple[Distractor, ...]:
+        """What stands about."""
+        return episode.obstacles.pieces
+
+    def course(self, *, guided: bool, further: bool) -> tuple[str, ...]:
+        """The guide soon teaches the last one."""
+        return ("3-to-8",) if guided or further else ("few", "3-to-8")
+
+    def play(
+        self, reach_m: float | None, goal: int | None, *, ends_on_failure: bool
+    ) -> ObstaclesLesson:
+        """As fetch, among as many."""
+        usual = super().play(reach_m, goal, ends_on_failure=ends_on_failure)
+        return ObstaclesLesson(
+            usual.name,
+            usual.spawn_farthest_m,
+            objects=usual.objects,
+            ends_on_failure=ends_on_failure,
+        )
+
+
+TASK = FetchAmongObstacles()
