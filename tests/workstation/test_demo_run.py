@@ -21,18 +21,16 @@ from mbot_workstation.fleet.telemetry.output import PlainLines
 from mbot_workstation.fleet.telemetry.stream import LinkState, TelemetryStream
 from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
 from mbot_workstation.look.demo.demo_result import SUCCESS_TOUCHES, summarise
-from mbot_workstation.look.demo.demo_run import (
-    ENOUGH_TOUCHES,
-    ROBOT_LOG,
-    DemoSettings,
-    blocking_faults,
-    daemon_configuration,
-    drive,
-    run_demo,
-)
+from mbot_workstation.look.demo.demo_run import ENOUGH_TOUCHES, DemoSettings, drive, run_demo
 from mbot_workstation.tasks.fetch.episode import Happening
 from mbot_workstation.virtual.live_world import TaskEvent
 from mbot_workstation.virtual.trajectory import TrajectoryWriter
+from mbot_workstation.virtual.with_daemon import (
+    ROBOT_LOG,
+    DaemonSettings,
+    blocking_faults,
+    daemon_configuration,
+)
 
 from .fake_robot import FakeRobot
 from .samples import decision
@@ -71,7 +69,7 @@ def test_the_daemon_reads_what_the_demo_writes(tmp_path: Path, accepted: bool) -
     key = SigningKey.ephemeral("demo").public.line
     nothing_for_it = tmp_path / "calibration"
     nothing_for_it.mkdir()
-    made = DemoSettings(tmp_path / "m", tmp_path, 1.0, (), nothing_for_it, accepted)
+    made = DaemonSettings("virtual-mbot", nothing_for_it, accepted)
     path = tmp_path / "robot.toml"
     path.write_text(daemon_configuration(made, places, tmp_path / "models", key, "127.0.0.1:7"))
     found = load(path)

@@ -130,6 +130,17 @@ def test_who_presses_on_for_three_seconds_is_stuck() -> None:
     assert json.loads(json.dumps(result))["stuck"] == 1
 
 
+def test_who_stands_where_it_was_pushed_to_pushes_nothing() -> None:
+    for angle in np.linspace(-0.8, 0.8, 41):
+        run = run_among(CARTON)
+        away_m = CARTON.radius_m + run.rules.touch_radius_m - 0.02
+        robot = Pose(CARTON.x_m - away_m * math.cos(angle), CARTON.y_m - away_m * math.sin(angle))
+        for _ in range(round(2 * STUCK_S / SLICE_S)):
+            x_m, y_m = run.advance(robot, SLICE_S).pushed_m
+            robot = Pose(robot.x_m + x_m, robot.y_m + y_m)
+        assert run.result()["stuck"] == 0
+
+
 def test_three_seconds_in_parts_are_none() -> None:
     run = run_among(CARTON)
     for _ in range(3):

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mbot_workstation.learn.worlds.task_env import TaskEnv
-from mbot_workstation.sim.pose import Pose
+from mbot_workstation.sim.pose import ORIGIN, Pose
 from mbot_workstation.tasks.episode import NOTHING, Moment, Setting, Step
 from mbot_workstation.tasks.stay import (
     DONE,
@@ -20,6 +20,7 @@ from mbot_workstation.tasks.stay import (
     NEW_PLACE,
     NEW_PLACE_SCORE,
     PLACE_M,
+    SEEN_M,
     TASK,
     TURNS_AT_M,
     WHEEL_M,
@@ -37,7 +38,7 @@ ROUND = StayLesson("round", (1.0, 1.0), 0.0, 30.0)
 
 WIDE, LAST = (lesson for lesson in TASK.lessons if isinstance(lesson, StayLesson))
 SIGHT = StaySight()
-HERE, BESIDE = Pose(0.2, 0.2), Pose(0.2 + PLACE_M, 0.2)
+HERE, BESIDE = ORIGIN, Pose(PLACE_M, 0.0)
 
 
 def stay(lesson: StayLesson = ROUND, seed: int = 0) -> StayRun:
@@ -145,7 +146,7 @@ def test_pictures_are_taken_inside_and_tell_where_the_tape_is() -> None:
     near = np.minimum.reduce(
         [told["seen_way_m"], told["seen_left_way_m"], told["seen_right_way_m"]]
     )
-    np.testing.assert_array_equal(shown[:, 0] == 1, near < 1.0)
+    np.testing.assert_array_equal(shown[:, 0] == 1, near < SEEN_M)
     assert 0 < shown[:, 0].mean() < 1
     leftmost = shown[:, 2] > shown[:, 3]
     np.testing.assert_array_equal(leftmost, told["seen_left_way_m"] < told["seen_right_way_m"])

@@ -28,7 +28,8 @@ from mbot_workstation.learn.learning.trained_policy import trained_policy
 from mbot_workstation.learn.learning.training_config import TrainingConfig, read_config
 from mbot_workstation.learn.learning.training_run import begin_run, train
 from mbot_workstation.learn.worlds.task_env import TaskEnv
-from mbot_workstation.sim.effects.presets import preset
+from mbot_workstation.sim.body.robot_parameters import RobotParameters
+from mbot_workstation.sim.effects.presets import NOMINAL, preset
 from mbot_workstation.sim.pose import ORIGIN
 from mbot_workstation.sim.scene.object_mjcf import DISTRACTORS
 from mbot_workstation.sim.scene.room_generator import generate_room
@@ -288,3 +289,11 @@ def test_a_task_that_ships_lays_its_pieces_and_names_what_happens(name: str) -> 
         assert json.dumps(told)
         assert np.array(facts, task.facts)[task.counted] == 0
         assert task.summary(episode.result())
+
+
+@pytest.mark.parametrize("name", task_names())
+def test_a_guide_says_of_whole_segments_what_pictures_show(name: str) -> None:
+    task = find_task(name)
+    guide = task.guide(4, NOMINAL, RobotParameters(), 8)
+    assert guide is not None
+    assert guide.shows(np.zeros((3, 4), task.facts)).shape == (3, 4)

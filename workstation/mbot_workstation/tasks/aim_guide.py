@@ -30,7 +30,7 @@ class AimGuide:
     """Drives a number of robots to what their tasks name.
 
     Args:
-        shows: of facts, shape (n,): whether the pictures show by themselves what the advice goes
+        shows: of facts of any shape: whether the pictures show by themselves what the advice goes
             by, so that mirrored ones call for mirrored advice.
 
     """

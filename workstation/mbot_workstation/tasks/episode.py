@@ -125,5 +125,7 @@ class Guide(Protocol):
         ...
 
     def shows(self, facts: NDArray[np.void]) -> NDArray[np.bool_]:
-        """Whether pictures show what matters, which are then rehearsed by themselves."""
+        """Whether pictures show what matters, which are then rehearsed by themselves; facts of
+        any shape, which is the answer's.
+        """
         ...

@@ -43,7 +43,7 @@ class FloorMap:
     robot_radius_m: float
 
     def ways_to(self, goal: Pose) -> "Ways":
-        """The shortest ways from everywhere to this place; what stands on it is no obstacle."""
+        """The shortest ways from everywhere to this place, which is taken for free."""
         centres = self._centres()
         taken = np.zeros(centres.shape[:2], np.bool_)
         for thing in self.things:

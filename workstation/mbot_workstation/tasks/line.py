@@ -29,6 +29,9 @@ LOST_M = 0.15
 AHEAD_M = 0.3
 """The guide drives to the line so far ahead."""
 
+SLACK_S = 0.0025
+"""Half a physics step: a sum of many small steps is not exact."""
+
 STEP_M = 0.02
 """Between the places of the line that are told apart."""
 
@@ -39,7 +42,7 @@ TURN_AWAY_RAD, BESIDE_M = math.radians(30), 0.10
 """How far from the line's heading, and from the line, pictures are taken to learn to see by."""
 
 GAP_PIECES = (1, 2)
-"""Of tape that are missing, 0.1 m each."""
+"""Of tape that are missing, 0.13 m each."""
 
 FACTS = np.dtype(
     [
@@ -106,7 +109,9 @@ class LineRun:
         self.missing = frozenset[int]()
         for _ in range(int(rng.integers(lesson.gaps + 1))):
             first = int(rng.integers(3, len(line) - 3))
-            self.missing |= {*range(first, first + int(rng.integers(*GAP_PIECES, endpoint=True)))}
+            gap = range(first, first + int(rng.integers(*GAP_PIECES, endpoint=True)))
+            if not self.missing & {*range(first - 1, gap.stop + 1)}:  # none is longer
+                self.missing |= {*gap}
         self._places = even(line, STEP_M)
         self._at = 0  # counts on from lap to lap
         self._furthest_m = self._lap_s = self._score = 0.0
@@ -127,7 +132,7 @@ class LineRun:
         self._lap_s += elapsed_s
         if beside_m >= LOST_M:
             return self._happened(LOST, LOST_SCORE, ended=True)
-        if self._lap_s >= self._lesson.lap_s:
+        if self._lap_s >= self._lesson.lap_s - SLACK_S:
             return self._happened(TIME_OUT, LOST_SCORE, ended=True)
         if self._at >= (self._laps + 1) * len(self._places):
             self._laps += 1
@@ -245,7 +250,7 @@ class FollowLine(Task):
     ) -> Guide:
         """To where the line is 0.3 m further on."""
         del remembers
-        return AimGuide(robots, ranges, robot, lambda facts: np.ones(len(facts), np.bool_))
+        return AimGuide(robots, ranges, robot, lambda facts: np.ones(facts.shape, np.bool_))
 
 
 TASK = FollowLine()

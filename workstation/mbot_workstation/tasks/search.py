@@ -37,12 +37,12 @@ class Search:
 
     def __init__(self, places: tuple[tuple[float, float], ...] = PLACES) -> None:
         self._places = places
-        self._yaw_rad: float | None = None
         self.begin()
 
     def begin(self) -> None:
         """Look for another thing, or for the same again: it was in view."""
         self._turned_rad = 0.0
+        self._yaw_rad: float | None = None  # it may have been carried
         self._looked_from: set[tuple[float, float]] = set()
         self.goes_to: Pose | None = None
 
@@ -80,6 +80,4 @@ class Search:
         others = [place for place in left if away[place] >= THERE_M]
         if not others:
             return None
-        nearest = min(others, key=lambda place: away[place])
-        self._looked_from.add(nearest)
-        return Pose(*nearest)
+        return Pose(*min(others, key=lambda place: away[place]))

@@ -22,7 +22,7 @@ LEFT, DONE, NEW_PLACE = "left", "done", "new place"
 LEFT_SCORE, DONE_SCORE, NEW_PLACE_SCORE = -1.0, 1.0, 0.1
 
 PLACE_M, FORGOTTEN_S = 0.4, 10.0
-"""Squares of floor; one that was entered this long ago is new again. Paid by the metre, a robot
+"""Squares of floor; one that was left this long ago is new again. Paid by the metre, a robot
 would turn in circles."""
 
 WHEEL_M = 0.075
@@ -55,7 +55,13 @@ FACTS = np.dtype(
 straight ahead; likewise from where the picture was taken, and 20 degrees to the left and right of
 there; where it would be good to go next."""
 
+SLACK_S = 0.0025
+"""Half a physics step: a sum of many small steps is not exact."""
+
 SIDE_RAD = math.radians(20)
+
+SEEN_M = 0.6
+"""Further away tape is less than a third of a pixel high."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +70,7 @@ class StayLesson(Lesson):
 
     Attributes:
         radius_m: between these two.
-        dents: by what share it differs from a circle, at most.
+        dents: see `round_line`.
         stay_s: for how long.
 
     """
@@ -80,8 +86,8 @@ class StayLesson(Lesson):
 
     @property
     def largest_reward(self) -> float:
-        """Of a robot that enters a new square every 1.3 s; the guide does where there is room."""
-        return DONE_SCORE + NEW_PLACE_SCORE * self.stay_s / 1.3
+        """Of a robot that enters a new square every second; the guide does where there is room."""
+        return DONE_SCORE + NEW_PLACE_SCORE * self.stay_s
 
 
 class StayRun:
@@ -116,7 +122,7 @@ class StayRun:
         self._now_s += elapsed_s
         if self.free_way_m(robot) == 0 or not self.tape.encloses(robot.x_m, robot.y_m):
             return self._happened(LEFT, LEFT_SCORE, ended=True)
-        if self._now_s >= self._stay_s:
+        if self._now_s >= self._stay_s - SLACK_S:
             return self._happened(DONE, DONE_SCORE, ended=True)
         square = _square(robot)
         is_new = self._now_s - self._entered_s.get(square, -math.inf) > FORGOTTEN_S
@@ -167,7 +173,7 @@ class StaySight:
     def shown(self, facts: "np.ndarray[Any, np.dtype[np.void]]") -> NDArray[np.float32]:
         """Whether the tape is near, and how near, ahead and to either side."""
         ways = [facts[name] for name in ("seen_way_m", "seen_left_way_m", "seen_right_way_m")]
-        near = np.minimum.reduce(ways) < 1.0
+        near = np.minimum.reduce(ways) < SEEN_M
         return np.stack([near, *(0.3 / (0.1 + way) for way in ways)], axis=1).astype(np.float32)
 
     def mirrored(self, shown: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -217,7 +223,7 @@ class Stay(Task):
         """Straight on, and to the left where the tape is near."""
         del remembers
         # It turns left whatever the picture looks like mirrored.
-        return AimGuide(robots, ranges, robot, lambda facts: np.zeros(len(facts), np.bool_))
+        return AimGuide(robots, ranges, robot, lambda facts: np.zeros(facts.shape, np.bool_))
 
     def summary(self, result: Mapping[str, Any]) -> str:
         """For people."""
@@ -225,7 +231,8 @@ class Stay(Task):
 
 
 def _square(place: Pose) -> tuple[int, int]:
-    return math.floor(place.x_m / PLACE_M), math.floor(place.y_m / PLACE_M)
+    """The robot begins in the middle of one."""
+    return math.floor(place.x_m / PLACE_M + 0.5), math.floor(place.y_m / PLACE_M + 0.5)
 
 
 TASK = Stay()

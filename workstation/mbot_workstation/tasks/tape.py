@@ -40,14 +40,15 @@ class Tape:
 
     def encloses(self, x_m: float, y_m: float) -> bool:
         """Whether a place is inside."""
-        return bool(np.isfinite(self._crossed_m(Pose(x_m, y_m))).sum() % 2)
+        start, end = self.points, np.roll(self.points, -1, axis=0)
+        # Each corner belongs to one of its two sides, or a line through it would count it twice.
+        over = (start[:, 1] > y_m) != (end[:, 1] > y_m)
+        rise = np.where(over, end[:, 1] - start[:, 1], 1.0)
+        at_x = start[:, 0] + (y_m - start[:, 1]) / rise * (end[:, 0] - start[:, 0])
+        return bool((over & (at_x > x_m)).sum() % 2)
 
     def way_m(self, start: Pose) -> float:
         """How far it is along a heading; infinite if it is never met."""
-        return float(self._crossed_m(start).min())
-
-    def _crossed_m(self, start: Pose) -> NDArray[np.float64]:
-        """Where each of its sides is met, metres along a heading; infinite if it is not."""
         ahead = np.array([math.cos(start.yaw_rad), math.sin(start.yaw_rad)])
         to_start, side = self.points - (start.x_m, start.y_m), self._sides
         across = ahead[0] * side[:, 1] - ahead[1] * side[:, 0]
@@ -55,8 +56,8 @@ class Tape:
         across = np.where(parallel, 1.0, across)
         along_m = (to_start[:, 0] * side[:, 1] - to_start[:, 1] * side[:, 0]) / across
         share = (to_start[:, 0] * ahead[1] - to_start[:, 1] * ahead[0]) / across
-        met = ~parallel & (along_m > 0) & (share >= 0) & (share < 1)
-        return np.where(met, along_m, math.inf)
+        met = ~parallel & (along_m > 0) & (share >= 0) & (share <= 1)
+        return float(np.where(met, along_m, math.inf).min())
 
     @property
     def _sides(self) -> Points:
@@ -75,7 +76,9 @@ class Tape:
 def round_line(
     rng: np.random.Generator, radius_m: tuple[float, float], dents: float, piece_m: float = PIECE_M
 ) -> Points:
-    """About the origin, of a radius that differs by up to this share from side to side."""
+    """About the origin, with two and three waves: dents of up to this share of the radius and half
+    of it.
+    """
     radius = rng.uniform(*radius_m)
     around = np.linspace(0, 2 * math.pi, 400, endpoint=False)
     waves = sum(

@@ -13,6 +13,7 @@ from mbot_workstation.sim.scene.target_object import Footprint, Rgb
 from mbot_workstation.tasks.episode import Moment, Step
 from mbot_workstation.tasks.fetch.episode import FACTS as FETCH_FACTS
 from mbot_workstation.tasks.fetch.episode import IN_VIEW_RAD, FetchEpisode, from_robot
+from mbot_workstation.tasks.fetch.obstacles import way_to_things_m
 from mbot_workstation.tasks.fetch.rules import FetchRules, touch_score
 from mbot_workstation.tasks.search import MIDDLE, Search
 
@@ -21,6 +22,9 @@ TAKEN, BROUGHT = "taken", "brought"
 MAT_HALF_M, MAT_THICK_M = 0.15, 0.001
 MAT_FROM_START_M = (0.5, 1.0)
 """Where it lies: within 1 m of the middle, from where it is in sight in all directions."""
+
+MOST_TRIES = 50
+"""To find a place where nothing else stands."""
 
 OBJECT_FROM_MAT_M = 0.4
 
@@ -44,9 +48,12 @@ class BringEpisode(FetchEpisode):
     """
 
     def __init__(self, rules: FetchRules, rng: np.random.Generator) -> None:
-        angle, away_m = rng.uniform(-math.pi, math.pi), rng.uniform(*MAT_FROM_START_M)
-        turn = rng.uniform(-math.pi, math.pi)
-        self.mat = Pose(away_m * math.cos(angle), away_m * math.sin(angle), turn)
+        for _ in range(MOST_TRIES):
+            angle, away_m = rng.uniform(-math.pi, math.pi), rng.uniform(*MAT_FROM_START_M)
+            turn = rng.uniform(-math.pi, math.pi)
+            self.mat = Pose(away_m * math.cos(angle), away_m * math.sin(angle), turn)
+            if way_to_things_m(self.mat, rules.standing, MAT_HALF_M) > 0:
+                break
         self.mat_rgb: Rgb = (rng.uniform(0.02, 0.2), rng.uniform(0.4, 0.7), rng.uniform(0.1, 0.3))
         self._carries, self._taken = False, 0
         self._search = Search((MIDDLE,))

@@ -15,6 +15,7 @@ from mbot_workstation.tasks.fetch.episode import IN_VIEW_RAD, Happening
 from mbot_workstation.tasks.fetch.lessons import FetchLesson
 from mbot_workstation.tasks.fetch.sight import FetchSight
 from mbot_workstation.tasks.fetch.task import Fetch, rules_in
+from mbot_workstation.tasks.task import Reference
 
 LOOKS_AT_MAT = 0.4
 """Share of pictures to learn from that are taken towards it. Assumed."""
@@ -71,7 +72,7 @@ class Bring(Fetch):
     facts = FACTS
     sight = BringSight()
     critic: Mapping[str, float] = {**Fetch.critic, "carries": 1.0, "mat_left_rad": 0.3}
-    lessons = (
+    lessons: tuple[BringLesson, ...] = (
         BringLesson("one", 1.2, objects=1),
         BringLesson("ten", 1.5, objects=10),
     )
@@ -81,6 +82,21 @@ class Bring(Fetch):
     ) -> BringEpisode:
         """Start a run."""
         return BringEpisode(rules_in(lesson, setting), rng)
+
+    def reference(self, lesson: FetchLesson) -> Reference | None:
+        """Nobody published one."""
+        del lesson
+        return None
+
+    def play(
+        self, reach_m: float | None, goal: int | None, *, ends_on_failure: bool
+    ) -> BringLesson:
+        """As fetch, objects up to 1.5 m away if not told."""
+        reach_m = self.lessons[-1].spawn_farthest_m if reach_m is None else reach_m
+        usual = super().play(reach_m, goal, ends_on_failure=ends_on_failure)
+        return BringLesson(
+            usual.name, reach_m, objects=usual.objects, ends_on_failure=ends_on_failure
+        )
 
     def pieces(self, episode: BringEpisode) -> tuple[Distractor, ...]:
         """The mat."""

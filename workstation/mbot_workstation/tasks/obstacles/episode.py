@@ -23,17 +23,25 @@ from mbot_workstation.tasks.fetch.rules import FetchRules
 from mbot_workstation.tasks.floor_map import ROOM_M, FloorMap, Ways
 from mbot_workstation.tasks.search import Search
 
+HARDLY_M = 1e-4
+"""Who is nearer by less stands, and pushes nothing."""
+
 CHAIR = "chair"
 KINDS = ("carton", CHAIR, "bag", "bin")
 
 GAP_M, FROM_START_M, REACH_M = 0.45, 0.55, 2.3
 """Between two of them, so that a robot fits through; from the start; to every side."""
 
+MOST_TRIES = 400
+
 STUCK_S = 3.0
 """So long it may push."""
 
 PRESSED_M = 0.001
 """Who is pushed back keeps touching by so much, or would touch again with every step."""
+
+FROM_BORDER_M = 0.15
+"""No way leads nearer to it."""
 
 LEG_HEIGHT_M = 0.3
 """Of a chair's legs, at least."""
@@ -53,12 +61,22 @@ class Obstacles:
     standing: tuple[Standing, ...]
 
 
-def draw_obstacles(rng: np.random.Generator, number: int) -> Obstacles:
-    """So many things, all around the start, apart from each other."""
+def draw_obstacles(
+    rng: np.random.Generator, number: int, standing_already: tuple[Standing, ...] = ()
+) -> Obstacles:
+    """So many things, all around the start, apart from each other and from what stands already;
+    fewer where there is no room.
+    """
     pieces: list[Distractor] = []
     standing: list[Standing] = []
-    placed: list[tuple[float, float, float]] = [(0.0, 0.0, FROM_START_M - GAP_M)]
-    while len(placed) <= number:
+    placed: list[tuple[float, float, float]] = [
+        (0.0, 0.0, FROM_START_M - GAP_M),
+        *((one.x_m, one.y_m, one.radius_m) for one in standing_already),
+    ]
+    most = len(placed) + number
+    for _ in range(MOST_TRIES):
+        if len(placed) == most:
+            break
         name = str(rng.choice(KINDS))
         thing = LARGE[name](rng, unlike_an_object(rng, (RED_CUBE,)))
         x, y = rng.uniform(-REACH_M, REACH_M, 2).tolist()
@@ -75,7 +93,7 @@ def draw_obstacles(rng: np.random.Generator, number: int) -> Obstacles:
 def _met(
     name: str, thing: Thing, parts: list[Distractor], x_m: float, y_m: float
 ) -> list[Standing]:
-    """What of a thing a robot runs into: of a chair its legs, between which it does not fit."""
+    """What of a thing a robot runs into: of a chair its legs."""
     if name != CHAIR:
         return [Standing(name, x_m, y_m, thing.radius_m, thing.height_m)]
     return [
@@ -94,13 +112,13 @@ class ObstaclesEpisode(FetchEpisode):
     """
 
     def __init__(self, rules: FetchRules, rng: np.random.Generator, number: int) -> None:
-        self.obstacles = draw_obstacles(rng, number)
+        self.obstacles = draw_obstacles(rng, number, rules.standing)
         self._ways: Ways | None = None
         self._search = Search()
         self._pushing_s = 0.0
         self._taken = tuple(
             (one.x_m, one.y_m, one.radius_m + rules.touch_radius_m + ROOM_M)
-            for one in self.obstacles.standing
+            for one in (*rules.standing, *self.obstacles.standing)
         )
         super().__init__(replace(rules, standing=(*rules.standing, *self.obstacles.standing)), rng)
 
@@ -113,9 +131,10 @@ class ObstaclesEpisode(FetchEpisode):
         push = self._push(robot)
         self._search.advance(robot, self._taken)
         self._pushing_s = self._pushing_s + elapsed_s if push != (0.0, 0.0) else 0.0
-        if self._pushing_s >= STUCK_S:
+        if self._pushing_s >= STUCK_S and step.happening != Happening.TOUCH:
             self._pushing_s = 0.0
-            return self.failed(Happening.STUCK)
+            stuck = self.failed(Happening.STUCK)
+            return replace(stuck, score=stuck.score + step.score)
         return replace(step, pushed_m=push)
 
     def _push(self, robot: Pose) -> tuple[float, float]:
@@ -125,7 +144,7 @@ class ObstaclesEpisode(FetchEpisode):
             dx, dy = robot.x_m - thing.x_m, robot.y_m - thing.y_m
             away_m = max(math.hypot(dx, dy), 1e-6)
             too_near_m = thing.radius_m + self.rules.touch_radius_m - PRESSED_M - away_m
-            if too_near_m > 0:
+            if too_near_m > HARDLY_M:
                 push_x += dx / away_m * too_near_m
                 push_y += dy / away_m * too_near_m
         return push_x, push_y
@@ -154,7 +173,8 @@ class ObstaclesEpisode(FetchEpisode):
 
     def _way_to(self, place: Pose, robot: Pose) -> Pose:
         """The furthest place of the way there that can be driven to in a straight line."""
-        floor = FloorMap(self.rules.border_m, self.rules.standing, self.rules.touch_radius_m)
+        reach_m = self.rules.border_m - FROM_BORDER_M
+        floor = FloorMap(reach_m, self.rules.standing, self.rules.touch_radius_m)
         if floor.is_clear(robot, np.array([[place.x_m, place.y_m]]))[0]:
             return place
         if self._ways is None or self._ways.goal != place:

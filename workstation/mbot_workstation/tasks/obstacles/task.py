@@ -1,6 +1,8 @@
 """Fetch among 3 to 8 boxes, chairs, bags and bins."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -9,6 +11,7 @@ from mbot_workstation.tasks.episode import Setting
 from mbot_workstation.tasks.fetch.lessons import FetchLesson
 from mbot_workstation.tasks.fetch.task import Fetch, rules_in
 from mbot_workstation.tasks.obstacles.episode import ObstaclesEpisode
+from mbot_workstation.tasks.task import Reference
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +42,15 @@ class FetchAmongObstacles(Fetch):
         assert isinstance(lesson, ObstaclesLesson)
         number = int(rng.integers(*lesson.things, endpoint=True))
         return ObstaclesEpisode(rules_in(lesson, setting), rng, number)
+
+    def reference(self, lesson: FetchLesson) -> Reference | None:
+        """Nobody published one."""
+        del lesson
+        return None
+
+    def summary(self, result: Mapping[str, Any]) -> str:
+        """For people."""
+        return f"{super().summary(result)}; stuck {result['stuck']}"
 
     def pieces(self, episode: ObstaclesEpisode) -> tuple[Distractor, ...]:
         """What stands about."""
