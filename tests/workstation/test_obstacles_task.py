@@ -257,9 +257,7 @@ def test_a_virtual_robot_plays_among_as_many_things_without_end() -> None:
 
 def test_a_robot_at_full_speed_does_not_go_through_a_carton() -> None:
     world = world_of("obstacles")
-    run = world.episode
-    assert isinstance(run, ObstaclesEpisode)
-    run.rules = replace(run.rules, standing=(CARTON,))
+    run = world.episode = run_among(CARTON)
     run.target = Pose(-2.0, 0.0)
     happened: list[str] = []
     while not run.ended:
@@ -274,9 +272,7 @@ def test_a_robot_at_full_speed_does_not_go_through_a_carton() -> None:
 
 def test_a_robot_that_was_stopped_drives_away_again() -> None:
     world = world_of("obstacles")
-    run = world.episode
-    assert isinstance(run, ObstaclesEpisode)
-    run.rules = replace(run.rules, standing=(Standing("bin", 0.5, 0.0, 0.15, 0.3),))
+    run = world.episode = run_among(Standing("bin", 0.5, 0.0, 0.15, 0.3))
     run.target = Pose(-2.0, 0.0)
     for _ in range(5):
         world.decide(1.0, 1.0)

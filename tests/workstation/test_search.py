@@ -1,43 +1,40 @@
 import math
-from itertools import pairwise
-
-import pytest
 
 from mbot_workstation.sim.pose import ORIGIN, Pose
+from mbot_workstation.tasks.floor_map import FloorMap
 from mbot_workstation.tasks.search import (
-    AROUND_M,
     MIDDLE,
     PLACES,
+    RINGS_M,
+    SEEN_M,
     THERE_M,
     WHOLE_TURN_RAD,
     Search,
 )
+from mbot_workstation.tasks.solids import Solids, Wall
 
-Taken = tuple[tuple[float, float, float], ...]
+ACROSS = FloorMap(2.75, Solids.of((), (Wall(0.6, -3.0, 0.6, 1.6), Wall(0.6, 2.4, 0.6, 3.0))), 0.09)
+"""A wall with a door up on the left side."""
 
 
-def turn(search: Search, at: Pose, taken: Taken = ()) -> Pose | None:
+def turn(search: Search, at: Pose, floor: FloorMap | None = None) -> Pose | None:
     """A whole turn on the spot and a bit more, half a radian at a time."""
     for step in range(math.ceil(WHOLE_TURN_RAD / 0.5) + 2):
-        search.advance(Pose(at.x_m, at.y_m, -0.5 * step), taken)
+        search.advance(Pose(at.x_m, at.y_m, -0.5 * step), floor)
     return search.goes_to
 
 
-def look_around(search: Search, start: Pose, stops: int, taken: Taken = ()) -> list[Pose]:
+def look_around(search: Search, start: Pose, stops: int, floor: FloorMap) -> list[Pose]:
     """Turn in vain and drive where it says, so many times."""
     robot, been = start, list[Pose]()
     for _ in range(stops):
-        place = turn(search, robot, taken)
+        place = turn(search, robot, floor)
         assert place is not None
         been.append(place)
         robot = place
-        search.advance(robot, taken)
+        search.advance(robot, floor)
         assert search.goes_to is None, "there it turns first"
     return been
-
-
-def places(poses: list[Pose]) -> list[tuple[float, float]]:
-    return [(pose.x_m, pose.y_m) for pose in poses]
 
 
 def test_only_a_whole_turn_in_vain_leads_elsewhere() -> None:
@@ -45,7 +42,7 @@ def test_only_a_whole_turn_in_vain_leads_elsewhere() -> None:
     for step in range(int(WHOLE_TURN_RAD / 0.5)):
         search.advance(Pose(1.0, 0.2, 0.5 * step))
         assert search.goes_to is None
-    assert turn(search, Pose(1.0, 0.2)) == Pose(AROUND_M, 0.0), "the nearest place"
+    assert turn(search, Pose(1.0, 0.2)) is not None
 
 
 def test_turns_count_on_either_side_and_over_the_back() -> None:
@@ -66,27 +63,40 @@ def test_what_comes_into_view_ends_it() -> None:
     assert search.goes_to is None
 
 
-def test_it_looks_from_everywhere_once_before_it_comes_back() -> None:
+def test_to_be_carried_while_nothing_is_looked_for_is_no_turn() -> None:
     search = Search()
-    been = places(look_around(search, ORIGIN, len(PLACES) + 3))
-    first = been[: len(PLACES) - 1]
-    assert {MIDDLE, *first} == set(PLACES), "it stands in the middle, which it has seen"
-    assert len(set(first)) == len(first)
-    assert set(been[len(PLACES) - 1 :]) <= set(PLACES)
-    hops = [math.dist(one, other) for one, other in pairwise(first)]
-    assert max(hops) == pytest.approx(2 * AROUND_M * math.sin(math.pi / 8)), "always the nearest"
+    search.advance(Pose(0.0, 0.0, 3.0))
+    search.begin()
+    for step in range(int(WHOLE_TURN_RAD / 0.5)):
+        search.advance(Pose(0.0, 0.0, 0.5 * step))
+        assert search.goes_to is None
 
 
-def test_what_stands_on_a_place_is_not_driven_to() -> None:
-    search = Search()
-    taken = ((AROUND_M, 0.1, 0.3), (0.0, AROUND_M, 0.3))
-    been = places(look_around(search, ORIGIN, 20, taken))
-    assert len(set(been)) == len(PLACES) - 2
-    assert all(math.dist(place, one[:2]) > 0.3 for place in been for one in taken)
+def test_it_looks_behind_a_wall_before_it_looks_again_where_it_has_looked() -> None:
+    been = look_around(Search(), Pose(-0.5, 0.0), 2, ACROSS)
+    assert all(place.x_m > 0.6 for place in been)
+    assert not ACROSS.is_in_sight(Pose(-0.5, 0.0), been[0])
+
+
+def test_of_what_it_has_not_seen_the_shortest_way_comes_first() -> None:
+    (place,) = look_around(Search(), Pose(-0.5, 0.0), 1, ACROSS)
+    ways = ACROSS.ways_to(Pose(-0.5, 0.0))
+    hidden = [Pose(*one) for one in PLACES if ACROSS.is_free(Pose(*one))]
+    hidden = [one for one in hidden if not ACROSS.is_in_sight(Pose(-0.5, 0.0), one)]
+    assert ways.from_m(place) == min(ways.from_m(one) for one in hidden)
+
+
+def test_who_has_seen_everything_begins_again() -> None:
+    floor = FloorMap(2.75, Solids.of(()), 0.09)
+    first = turn(Search(), ORIGIN, floor)
+    assert first is not None
+    assert math.hypot(first.x_m, first.y_m) < RINGS_M[0] + 0.01 < SEEN_M
+    assert len(look_around(Search(), ORIGIN, 12, floor)) == 12
 
 
 def test_where_everything_is_taken_it_turns_on() -> None:
-    assert turn(Search(), Pose(1.0, 0.0), ((0.0, 0.0, 9.0),)) is None
+    walled = FloorMap(2.75, Solids.of((), [Wall(x / 10, -3, x / 10, 3) for x in range(-30, 31)]), 1)
+    assert turn(Search(), Pose(1.0, 0.0), walled) is None
 
 
 def test_to_the_middle_alone() -> None:
@@ -111,7 +121,7 @@ def test_turns_on_the_way_to_a_place_do_not_count_there() -> None:
     place = turn(search, ORIGIN)
     assert place is not None
     for step in range(40):
-        search.advance(Pose(0.5, 0.0, 0.5 * step))
+        search.advance(Pose(0.5 * place.x_m, 0.5 * place.y_m, 0.5 * step))
         assert search.goes_to == place
     search.advance(Pose(place.x_m, place.y_m, 0.0))
     search.advance(Pose(place.x_m, place.y_m, 1.0))

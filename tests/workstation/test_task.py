@@ -269,7 +269,7 @@ def test_worlds_learner_and_virtual_robot_know_no_task() -> None:
                 assert below == "" or below in FRAME, f"{path}: {node.module}"
         words = r"\b(?:Fetch(?!Object)\w*|fetch_\w+|touches|touched|at_border)\b"
         assert "sim" in path.parts or not re.findall(words, text), path
-    assert task_names() == ("bring", "fetch", "line", "obstacles", "stay")
+    assert task_names() == ("bring", "fetch", "hidden", "line", "obstacles", "stay")
 
 
 @pytest.mark.parametrize("name", task_names())

@@ -21,7 +21,10 @@ DEFAULT_TASK = "fetch"
 RESERVED = ("reward", "ended", "happening", "lesson", "episode", "terminal_observation")
 """Names that infos and step records have already."""
 
-_FRAME = ("aim_guide", "episode", "find", "floor_map", "lesson", "search", "sight", "tape", "task")
+_FRAME = (
+    *("aim_guide", "episode", "find", "flat", "floor_map", "lesson", "search", "sight", "solids"),
+    *("tape", "task"),
+)
 
 
 def task_names() -> tuple[str, ...]:

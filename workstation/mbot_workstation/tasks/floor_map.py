@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbot_workstation.sim.pose import Pose
-from mbot_workstation.sim.scene.scene_look import Standing
+from mbot_workstation.tasks.solids import Solids
 
 CELL_M = 0.1
 
@@ -33,22 +33,19 @@ class FloorMap:
 
     Attributes:
         reach_m: how far it goes to every side.
-        things: what stands on it.
+        solids: what can't be driven through.
         robot_radius_m: of the robot that is to pass.
 
     """
 
     reach_m: float
-    things: tuple[Standing, ...]
+    solids: Solids
     robot_radius_m: float
 
     def ways_to(self, goal: Pose) -> "Ways":
         """The shortest ways from everywhere to this place, which is taken for free."""
-        centres = self._centres()
-        taken = np.zeros(centres.shape[:2], np.bool_)
-        for thing in self.things:
-            away = np.hypot(centres[..., 0] - thing.x_m, centres[..., 1] - thing.y_m)
-            taken |= away < thing.radius_m + self.robot_radius_m + ROOM_M
+        gaps_m = self.solids.gaps_m(self._centres())
+        taken = np.asarray(np.any(gaps_m < self.robot_radius_m + ROOM_M, axis=-1))
         cell = self.cell(goal)
         taken[cell] = False
         far = np.full((len(taken) + 2,) * 2, np.inf)
@@ -64,19 +61,22 @@ class FloorMap:
                 return Ways(self, goal, inner.copy())
 
     def is_clear(self, start: Pose, ends: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether the straight way to each place, shape (n, 2), is free of things."""
-        clear = np.ones(len(ends), np.bool_)
-        here = np.array([start.x_m, start.y_m])
-        way = ends - here
-        length2 = np.maximum((way * way).sum(axis=1), 1e-12)
-        for thing in self.things:
-            to_thing = np.array([thing.x_m, thing.y_m]) - here
-            share = np.clip((way @ to_thing) / length2, 0.0, 1.0)
-            nearest = np.hypot(*(to_thing - share[:, None] * way).T)
-            room_m = thing.radius_m + self.robot_radius_m + 0.7 * ROOM_M
-            # Who stands too near already may drive away.
-            clear &= nearest >= min(room_m, math.hypot(*to_thing) - 1e-3)
-        return clear
+        """Whether the straight way to each place, shape (n, 2), is free."""
+        gaps_m = self.solids.beside_m(start, ends) - self.solids.radii_m
+        here_m = self.solids.gaps_m(np.array([start.x_m, start.y_m]))
+        # Who stands too near already may drive away.
+        enough_m = np.minimum(self.robot_radius_m + 0.7 * ROOM_M, here_m - 1e-3)
+        return np.asarray(np.all(gaps_m >= enough_m, axis=1))
+
+    def is_free(self, place: Pose) -> bool:
+        """Whether the robot can stand there."""
+        gaps_m = self.solids.gaps_m(np.array([place.x_m, place.y_m]))
+        return bool((gaps_m >= self.robot_radius_m + ROOM_M).all())
+
+    def is_in_sight(self, eye: Pose, place: Pose) -> bool:
+        """Whether nothing stands in between."""
+        beside_m = self.solids.beside_m(eye, np.array([[place.x_m, place.y_m]]))
+        return bool((beside_m[0] > self.solids.radii_m).all())
 
     def cell(self, place: Pose) -> tuple[int, int]:
         """The cell of a place; outside the nearest."""
@@ -88,9 +88,9 @@ class FloorMap:
     def _side(self) -> int:
         return math.ceil(2 * self.reach_m / CELL_M)
 
-    def _centres(self) -> NDArray[np.floating]:
+    def _centres(self) -> NDArray[np.float64]:
         """Of the cells, shape (side, side, 2)."""
-        at_m = (np.arange(self._side) + 0.5) * CELL_M - self.reach_m
+        at_m = (np.arange(self._side, dtype=np.float64) + 0.5) * CELL_M - self.reach_m
         return np.stack(np.meshgrid(at_m, at_m, indexing="ij"), axis=-1)
 
 
@@ -108,6 +108,10 @@ class Ways:
     floor: FloorMap
     goal: Pose
     far_m: NDArray[np.float64]
+
+    def from_m(self, place: Pose) -> float:
+        """How far it is from there; infinite where no way leads."""
+        return float(self.far_m[self.floor.cell(place)])
 
     def next_from(self, robot: Pose) -> Pose:
         """The furthest place of the way that can be driven to in a straight line; the goal if

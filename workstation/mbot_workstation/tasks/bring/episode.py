@@ -56,7 +56,7 @@ class BringEpisode(FetchEpisode):
                 break
         self.mat_rgb: Rgb = (rng.uniform(0.02, 0.2), rng.uniform(0.4, 0.7), rng.uniform(0.1, 0.3))
         self._carries, self._taken = False, 0
-        self._search = Search((MIDDLE,))
+        self._search = Search((MIDDLE,), MAT_SEEN_M)
         super().__init__(rules, rng)
 
     @property

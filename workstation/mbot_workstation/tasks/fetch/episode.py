@@ -149,7 +149,7 @@ class FetchEpisode:
         # Half a physics step: a sum of many small steps is not exact.
         if self.object_s >= self.rules.time_limit_s - 0.0025:
             return self.failed(Happening.TIME_OUT)
-        return self._ran_into(touched_things(robot, self.rules)) if self.rules.standing else Step()
+        return self._ran_into(self.touched_things(robot))
 
     def facts(self, moment: Moment) -> tuple[Any, ...]:
         """FACTS at a decision."""
@@ -171,6 +171,10 @@ class FetchEpisode:
             *self.suspect(moment),
             self._wrong_things,
         )
+
+    def touched_things(self, robot: Pose) -> frozenset[int]:
+        """Which things that are not the object the robot touches."""
+        return touched_things(robot, self.rules)
 
     def is_out_of_sight(self, eye: Pose) -> bool:
         """Whether something hides the object from there, in whatever direction it is."""

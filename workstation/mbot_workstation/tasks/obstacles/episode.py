@@ -20,8 +20,9 @@ from mbot_workstation.tasks.fetch.episode import (
     from_robot,
 )
 from mbot_workstation.tasks.fetch.rules import FetchRules
-from mbot_workstation.tasks.floor_map import ROOM_M, FloorMap, Ways
+from mbot_workstation.tasks.floor_map import FloorMap, Ways
 from mbot_workstation.tasks.search import Search
+from mbot_workstation.tasks.solids import Solids, Wall
 
 HARDLY_M = 1e-4
 """Who is nearer by less stands, and pushes nothing."""
@@ -43,6 +44,12 @@ PRESSED_M = 0.001
 FROM_BORDER_M = 0.15
 """No way leads nearer to it."""
 
+FROM_WALLS_M = 0.2
+"""An object's middle; a robot's front comes within 0.09 m."""
+
+HIDES_M = 0.02
+"""So near to the straight view a wall hides the middle of an object."""
+
 LEG_HEIGHT_M = 0.3
 """Of a chair's legs, at least."""
 
@@ -54,11 +61,13 @@ class Obstacles:
     Attributes:
         pieces: to be drawn.
         standing: to be met; a chair is its legs.
+        walls: likewise, and one can't see through them.
 
     """
 
     pieces: tuple[Distractor, ...]
-    standing: tuple[Standing, ...]
+    standing: tuple[Standing, ...] = ()
+    walls: tuple[Wall, ...] = ()
 
 
 def draw_obstacles(
@@ -108,19 +117,20 @@ class ObstaclesEpisode(FetchEpisode):
 
     Attributes:
         obstacles: what stands about.
+        floor: where it can drive.
 
     """
 
-    def __init__(self, rules: FetchRules, rng: np.random.Generator, number: int) -> None:
-        self.obstacles = draw_obstacles(rng, number, rules.standing)
+    def __init__(self, rules: FetchRules, rng: np.random.Generator, obstacles: Obstacles) -> None:
+        self.obstacles = obstacles
+        things = (*rules.standing, *obstacles.standing)
+        self._solids, self._things = Solids.of(things, obstacles.walls), len(things)
+        floor_m = rules.border_m - FROM_BORDER_M
+        self.floor = FloorMap(floor_m, self._solids, rules.touch_radius_m)
         self._ways: Ways | None = None
         self._search = Search()
         self._pushing_s = 0.0
-        self._taken = tuple(
-            (one.x_m, one.y_m, one.radius_m + rules.touch_radius_m + ROOM_M)
-            for one in (*rules.standing, *self.obstacles.standing)
-        )
-        super().__init__(replace(rules, standing=(*rules.standing, *self.obstacles.standing)), rng)
+        super().__init__(replace(rules, standing=things), rng)
 
     def advance(self, robot: Pose, elapsed_s: float) -> Step:
         """As without them; what it touches stays where it is."""
@@ -128,8 +138,9 @@ class ObstaclesEpisode(FetchEpisode):
         if step.ended or step.robot_to_origin:
             self._pushing_s = 0.0
             return step
-        push = self._push(robot)
-        self._search.advance(robot, self._taken)
+        radius_m = self.rules.touch_radius_m - PRESSED_M
+        push = self._solids.out_of_m(robot, radius_m, HARDLY_M)
+        self._search.advance(robot, self.floor)
         self._pushing_s = self._pushing_s + elapsed_s if push != (0.0, 0.0) else 0.0
         if self._pushing_s >= STUCK_S and step.happening != Happening.TOUCH:
             self._pushing_s = 0.0
@@ -137,17 +148,25 @@ class ObstaclesEpisode(FetchEpisode):
             return replace(stuck, score=stuck.score + step.score)
         return replace(step, pushed_m=push)
 
-    def _push(self, robot: Pose) -> tuple[float, float]:
-        """Out of what it drives into."""
-        push_x = push_y = 0.0
-        for thing in self.rules.standing:
-            dx, dy = robot.x_m - thing.x_m, robot.y_m - thing.y_m
-            away_m = max(math.hypot(dx, dy), 1e-6)
-            too_near_m = thing.radius_m + self.rules.touch_radius_m - PRESSED_M - away_m
-            if too_near_m > HARDLY_M:
-                push_x += dx / away_m * too_near_m
-                push_y += dy / away_m * too_near_m
-        return push_x, push_y
+    def touched_things(self, robot: Pose) -> frozenset[int]:
+        """With the walls, which count on after the things."""
+        gaps_m = self._solids.gaps_m(np.array([robot.x_m, robot.y_m]))
+        return frozenset(np.flatnonzero(gaps_m <= self.rules.touch_radius_m).tolist())
+
+    def free_way_m(self, robot: Pose) -> float:
+        """How far it is to anything, at least."""
+        if not self.obstacles.walls:
+            return super().free_way_m(robot)
+        gap_m = float(self._solids.gaps_m(np.array([robot.x_m, robot.y_m])).min())
+        return max(0.0, min(super().free_way_m(robot), gap_m - self.rules.touch_radius_m))
+
+    def is_out_of_sight(self, eye: Pose) -> bool:
+        """Behind a thing or a wall."""
+        if super().is_out_of_sight(eye):
+            return True
+        target = np.array([[self.target.x_m, self.target.y_m]])
+        walls = self._solids.beside_m(eye, target)[0, self._things :]
+        return bool((walls < HIDES_M).any())
 
     def aim_from(self, robot: Pose) -> Pose:
         """Where the shortest way turns first."""
@@ -173,17 +192,19 @@ class ObstaclesEpisode(FetchEpisode):
 
     def _way_to(self, place: Pose, robot: Pose) -> Pose:
         """The furthest place of the way there that can be driven to in a straight line."""
-        reach_m = self.rules.border_m - FROM_BORDER_M
-        floor = FloorMap(reach_m, self.rules.standing, self.rules.touch_radius_m)
-        if floor.is_clear(robot, np.array([[place.x_m, place.y_m]]))[0]:
+        if self.floor.is_clear(robot, np.array([[place.x_m, place.y_m]]))[0]:
             return place
         if self._ways is None or self._ways.goal != place:
-            self._ways = floor.ways_to(place)
+            self._ways = self.floor.ways_to(place)
         return self._ways.next_from(robot)
 
     def next_object(self, robot: Pose, rules: FetchRules | None = None) -> None:
-        """Another one, which is looked for."""
-        super().next_object(robot, rules)
+        """Another one, which is looked for; not in a wall."""
+        for _ in range(MOST_TRIES):
+            super().next_object(robot, rules)
+            gaps_m = self._solids.gaps_m(np.array([self.target.x_m, self.target.y_m]))
+            if (gaps_m[self._things :] >= FROM_WALLS_M).all():
+                break
         self._search.begin()
 
     def result(self) -> Mapping[str, Any]:

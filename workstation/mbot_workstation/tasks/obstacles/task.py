@@ -10,7 +10,7 @@ from mbot_workstation.sim.scene.scene_look import Distractor
 from mbot_workstation.tasks.episode import Setting
 from mbot_workstation.tasks.fetch.lessons import FetchLesson
 from mbot_workstation.tasks.fetch.task import Fetch, rules_in
-from mbot_workstation.tasks.obstacles.episode import ObstaclesEpisode
+from mbot_workstation.tasks.obstacles.episode import ObstaclesEpisode, draw_obstacles
 from mbot_workstation.tasks.task import Reference
 
 
@@ -40,8 +40,9 @@ class FetchAmongObstacles(Fetch):
     ) -> ObstaclesEpisode:
         """Start a run."""
         assert isinstance(lesson, ObstaclesLesson)
+        rules = rules_in(lesson, setting)
         number = int(rng.integers(*lesson.things, endpoint=True))
-        return ObstaclesEpisode(rules_in(lesson, setting), rng, number)
+        return ObstaclesEpisode(rules, rng, draw_obstacles(rng, number, rules.standing))
 
     def reference(self, lesson: FetchLesson) -> Reference | None:
         """Nobody published one."""
@@ -62,7 +63,7 @@ class FetchAmongObstacles(Fetch):
 
     def play(
         self, reach_m: float | None, goal: int | None, *, ends_on_failure: bool
-    ) -> ObstaclesLesson:
+    ) -> FetchLesson:
         """As fetch, among as many."""
         usual = super().play(reach_m, goal, ends_on_failure=ends_on_failure)
         return ObstaclesLesson(
