@@ -17,6 +17,7 @@ CHECKOUT = Path(__file__).parents[1]
 SOURCE = (
     "robot/mbot_agent",
     "workstation/mbot_workstation",
+    "workstation/mbot",
     "shared/protocol/mbot_protocol",
     "robot/mbot_update",
 )

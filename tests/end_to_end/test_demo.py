@@ -6,7 +6,8 @@ from pathlib import Path
 import cv2
 
 from mbot_protocol.beat.recorded_drive import read_drive
-from mbot_workstation.look.demo.demo_run import LEAVES, ROBOT_LOG
+from mbot_workstation.look.demo.demo_run import LEAVES
+from mbot_workstation.virtual.with_daemon import ROBOT_LOG
 
 from ..ran import ran
 from .processes import PROGRAMS

@@ -1,7 +1,7 @@
 """Watching a robot's telemetry, and recording it."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -16,7 +16,7 @@ _POLL_S = 0.1
 
 def watch(
     link: RobotLink, output: Output, record: Path | None, seconds: float | None
-) -> Iterator[int]:
+) -> Generator[int]:
     """Show what comes; yields again and again how many decisions there were.
 
     Args:

@@ -1,22 +1,16 @@
 """The demonstration: every part as its own program, talking as they would over a network."""
 
-import json
-import socket
-import tempfile
 import time
-from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
 from mbot_protocol.beat.recorded_drive import read_drive
-from mbot_protocol.drive.calibration import read_camera
-from mbot_protocol.errors import MbotError, RefusedError, UnreachableError
+from mbot_protocol.errors import MbotError
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.fleet.link.remote_control import RemoteControl
 from mbot_workstation.fleet.link.robot_link import RobotLink
 from mbot_workstation.fleet.models.push import push
-from mbot_workstation.fleet.models.signing_key import SigningKey
 from mbot_workstation.fleet.telemetry.output import Output
 from mbot_workstation.fleet.telemetry.stream import Sample, TelemetryStream
 from mbot_workstation.fleet.telemetry.telemetry_file import TelemetryFile
@@ -25,35 +19,22 @@ from mbot_workstation.look.demo.contact_sheet import contact_sheet, path_side_px
 from mbot_workstation.look.demo.demo_result import DemoResult, summarise
 from mbot_workstation.look.demo.path_drawing import draw_path, read_trajectory
 from mbot_workstation.pictures.picture_file import write_picture
-from mbot_workstation.sim.calibrated.motion_calibration import read_motion
-from mbot_workstation.virtual.child import Child
+from mbot_workstation.virtual import with_daemon
+from mbot_workstation.virtual.with_daemon import (
+    AGENT_LOG,
+    ROBOT_LOG,
+    DaemonSettings,
+    driven_robot,
+)
 
 ROBOT_ID = "virtual-mbot"
 ENOUGH_TOUCHES = 10
-READY_TIMEOUT_S = 60.0
 
-ROBOT_LOG = "virtual-robot.log"
 LEAVES = (
-    *("agent.log", "contact-sheet.png", "ready.json", "recording.mcap", "result.json"),
-    *("robot.toml", "trajectory.jsonl"),
+    *with_daemon.LEAVES,
+    *("contact-sheet.png", "recording.mcap", "result.json", "trajectory.jsonl"),
 )
 """What a demo leaves beside the virtual robot's log."""
-
-CONFIGURATION = """\
-robot_id = "{robot_id}"
-calibration = "{calibration}"
-[camera]
-source = "{camera}"
-[board]
-port = "{board}"
-accept_no_deadman = {accept_no_deadman}
-[models]
-directory = "{models}"
-[trust]
-keys = ["{key}"]
-[network]
-listen = ["tcp/{address}"]
-"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,79 +68,32 @@ def run_demo(settings: DemoSettings, output: Output) -> DemoResult:
     """
     folder = settings.output
     make_fresh(folder, ROBOT_LOG, LEAVES)
-    address = f"127.0.0.1:{_free_port()}"
-    ready = folder / "ready.json"
+    options = [
+        *("--result", str(folder / "result.json")),
+        *("--trajectory", str(folder / "trajectory.jsonl"), *settings.virtual_robot),
+    ]
+    daemon = DaemonSettings(ROBOT_ID, settings.calibration, settings.accept_no_deadman)
     with ExitStack() as stack:
-        state = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        arguments = [
-            *("virtual-robot", "--camera-port", "0", "--board", str(state / "board")),
-            *("--result", str(folder / "result.json"), "--ready-file", str(ready)),
-            *("--trajectory", str(folder / "trajectory.jsonl"), *settings.virtual_robot),
-        ]
-        robot = stack.enter_context(Child("workstation", arguments, folder / ROBOT_LOG))
-        robot.wait_until(ready.exists, READY_TIMEOUT_S, "the virtual robot did not start")
-        places = json.loads(ready.read_text())
-        configuration = folder / "robot.toml"
-        key = SigningKey.ephemeral("demo")
-        configuration.write_text(
-            daemon_configuration(settings, places, state / "models", key.public.line, address)
-        )
-        agent = stack.enter_context(
-            Child("mbot-agent", ["run", "--config", str(configuration)], folder / "agent.log")
-        )
-        link = stack.enter_context(_connect(agent, address))
-        agent.wait_until(
-            lambda: not blocking_faults(link), READY_TIMEOUT_S, "the daemon is not ready to drive"
-        )
+        both = stack.enter_context(driven_robot(folder, daemon, options))
+        both.wait_until_drivable()
+        link = stack.enter_context(RobotLink(both.address))
         started_s = time.monotonic()
-        push(link, settings.model, lambda _: key)
+        push(link, settings.model, lambda _: both.key)
         push_s = time.monotonic() - started_s
         board = link.status()
         recording = stack.enter_context(TelemetryFile(folder / "recording.mcap", link.robot_id))
         stream = stack.enter_context(TelemetryStream(link))
         stack.enter_context(output)
-        cpu_before_s, began_s = agent.cpu_s, time.monotonic()
+        cpu_before_s, began_s = both.agent.cpu_s, time.monotonic()
         decisions = drive(link, stream, recording, output, settings, folder)
         driven_s = time.monotonic() - began_s
-        cpu_share = (agent.cpu_s - cpu_before_s) / driven_s
-        if agent.end() != 0:
-            raise MbotError(f"the daemon did not end well, see {folder / 'agent.log'}")
-        robot.end()
+        cpu_share = (both.agent.cpu_s - cpu_before_s) / driven_s
+        if both.agent.end() != 0:
+            raise MbotError(f"the daemon did not end well, see {folder / AGENT_LOG}")
+        both.robot.end()
     result = summarise(folder, decisions, driven_s, cpu_share, push_s, board)
     _draw(folder, result)
     return result
-
-
-def daemon_configuration(
-    settings: DemoSettings, places: Mapping[str, str], models: Path, key: str, address: str
-) -> str:
-    """The daemon's robot.toml.
-
-    Args:
-        settings: of the demonstration.
-        places: of the virtual robot's `board` and `camera`, as its ready file names them.
-        models: folder for what is pushed.
-        key: the line of the one that is trusted.
-        address: where to listen, as HOST:PORT.
-
-    """
-    return CONFIGURATION.format(
-        robot_id=ROBOT_ID,
-        accept_no_deadman=str(settings.accept_no_deadman).lower(),
-        calibration=_daemons_part(settings.calibration),
-        models=models,
-        key=key,
-        address=address,
-        **places,
-    )
-
-
-def _daemons_part(calibration: Path | None) -> str:
-    """The folder as the daemon's configuration names it; empty if it holds nothing for it."""
-    if calibration is None:
-        return ""
-    folder = calibration.absolute()
-    return str(folder) if read_camera(folder) or read_motion(folder) else ""
 
 
 def drive(
@@ -206,40 +140,6 @@ def _touches(folder: Path) -> int:
         return 0
 
 
-def _connect(agent: Child, address: str) -> RobotLink:
-    """A link to the daemon as soon as it listens."""
-    found: list[RobotLink] = []
-
-    def listens() -> bool:
-        try:
-            with RobotLink(address) as link:
-                link.status()
-        except UnreachableError:
-            return False
-        found.append(RobotLink(address))
-        return True
-
-    agent.wait_until(listens, READY_TIMEOUT_S, "the daemon does not listen")
-    return found[0]
-
-
-def blocking_faults(link: RobotLink) -> list[str]:
-    """What keeps it from driving once it has a model, by kind.
-
-    Raises:
-        RefusedError: the board has no dead man's switch: waiting would not mend that.
-
-    """
-    status = link.status()
-    faults = [fault.kind for fault in status.faults if fault.kind != "no-model"]
-    if "board-no-deadman" in faults:
-        raise RefusedError(
-            f"the board's firmware ({status.board_version}) keeps its last command for ever if the "
-            "daemon dies, so the daemon does not drive it; --accept-no-deadman lets it"
-        )
-    return faults
-
-
 def _draw(folder: Path, result: DemoResult) -> None:
     path = draw_path(read_trajectory(folder / "trajectory.jsonl"), path_side_px())
     title = (
@@ -248,9 +148,3 @@ def _draw(folder: Path, result: DemoResult) -> None:
     )
     seen = [beat for beat in read_drive(folder / "recording.mcap").decided if beat.encoded]
     write_picture(folder / "contact-sheet.png", contact_sheet(seen, path, title))
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
