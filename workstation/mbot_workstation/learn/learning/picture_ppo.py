@@ -42,8 +42,9 @@ MEMORY_CAPACITY = 200_000
 Batch = TypeVar("Batch", bound=Sequences)
 Done = TypeVar("Done")
 
-ALONE_EVERY = 2
-"""Of so many rehearsals one is of single pictures without a memory."""
+ALONE_EVERY, STILLS_EVERY = 8, 2
+"""Of so many rehearsals one is of single pictures without a memory; of an eye that learns no more,
+whose stills cost little, more of them (docs/notebook/training.md)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +189,8 @@ class PicturePPO(PPO):
 
     def _rehearsal(self, number: int) -> Sequences:
         assert self._memory is not None
-        if self.policy.units == 0 or number % ALONE_EVERY:
+        every = ALONE_EVERY if self.stills is None else STILLS_EVERY
+        if self.policy.units == 0 or number % every:
             return self._memory.draw(self.rehearsal_batch)
         alone = self._memory.draw_alone if self.stills is None else self.stills.draw
         return alone(self.rehearsal_batch)
