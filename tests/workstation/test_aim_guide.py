@@ -9,7 +9,7 @@ from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.effects.body_record import BODY_RECORD, body_record
 from mbot_workstation.sim.effects.effects import RealWorldEffects
 from mbot_workstation.sim.effects.presets import NOMINAL
-from mbot_workstation.tasks.aim_guide import AimGuide, Facts
+from mbot_workstation.tasks.floor.aim_guide import AimGuide, Facts
 
 FACTS = np.dtype([("aim_ahead_m", np.float32), ("aim_left_m", np.float32), ("seen", np.bool_)])
 

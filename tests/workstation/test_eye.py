@@ -74,8 +74,14 @@ def test_an_eye_learns_to_see(environment: TaskVecEnv, monkeypatch: pytest.Monke
     torch.set_num_threads(1)  # as a training does
     network = ResidualNetwork(observation_space())
     said: list[str] = []
-    assert teach_eye(network, environment, guide_for, 2000, threading.Event(), said.append)
+    advice = teach_eye(network, environment, guide_for, 2000, threading.Event(), said.append)
+    assert advice is not None
     losses = [float(line.rsplit(" ", 1)[1]) for line in said]
+    views = take_views(environment, guide_for, 400, threading.Event())
+    with torch.no_grad():
+        wheels = advice(network(torch.from_numpy(views.pictures).float())).numpy()
+    told, right = (one[:, 1] - one[:, 0] for one in (wheels, views.advice))
+    assert np.corrcoef(told, right)[0, 1] > 0.6, "to which side the guide would turn"
     assert losses[1] < 0.75 * losses[0]
 
 

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from mbot_workstation.sim.pose import ORIGIN, Pose
 from mbot_workstation.sim.scene.scene_look import Standing
-from mbot_workstation.tasks.floor_map import CELL_M, ROOM_M, FloorMap, Ways
-from mbot_workstation.tasks.solids import Solids
+from mbot_workstation.tasks.floor.floor_map import CELL_M, ROOM_M, FloorMap, Ways
+from mbot_workstation.tasks.floor.solids import Solids
 
 ROBOT_M = 0.09
 Things = tuple[Standing, ...]

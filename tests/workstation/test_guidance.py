@@ -15,7 +15,9 @@ from mbot_workstation.learn.learning.collection import Collection
 from mbot_workstation.learn.learning.full_speed import within_full_speed
 from mbot_workstation.learn.learning.guidance import advice_loss, guide_weight
 from mbot_workstation.learn.learning.learner import LearnerSettings, make_learner
+from mbot_workstation.learn.learning.picture_ppo import PicturePPO
 from mbot_workstation.learn.learning.sequences import Sequences
+from mbot_workstation.learn.learning.views import Stills
 from mbot_workstation.learn.worlds.rooms import evaluation_rooms
 from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
@@ -345,6 +347,15 @@ def test_parts_are_side_by_side() -> None:
 
 
 @pytest.mark.slow
+def rehearses_stills(learner: PicturePPO, number: int) -> bool:
+    """Whether this one of its rehearsals is of stills, if it has any."""
+    features, advice = np.full((4, 256), 7, np.float32), np.zeros((4, 2), np.float32)
+    learner.stills = Stills(features, advice, learner.policy.units)
+    drawn = learner._rehearsal(number)  # pyright: ignore[reportPrivateUsage]
+    learner.stills = None
+    return drawn.seen.ndim == 3 and bool((drawn.seen == 7).all())
+
+
 def test_rehearsing_moves_the_wheels_and_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     settings = LearnerSettings(
         steps_per_robot=16,
@@ -376,6 +387,8 @@ def test_rehearsing_moves_the_wheels_and_the_memory(monkeypatch: pytest.MonkeyPa
             learner._rehearse(threads)  # pyright: ignore[reportPrivateUsage]
         after = learner.policy.state_dict()
     assert alone == [learner.rehearsal_batch], "the first of eight"
+    with_stills = [number for number in range(8) if rehearses_stills(learner, number)]
+    assert with_stills == [0, 2, 4, 6], "half of them, of an eye that learns no more"
     assert not torch.equal(before["action_net.bias"], after["action_net.bias"])
     assert not torch.equal(before["memory.bias_hh"], after["memory.bias_hh"])
     assert "_memory" in learner._excluded_save_params()  # pyright: ignore[reportPrivateUsage]

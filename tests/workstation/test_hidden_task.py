@@ -11,10 +11,10 @@ from mbot_workstation.sim.scene.target_object import RED_CUBE
 from mbot_workstation.tasks.episode import Moment, Setting
 from mbot_workstation.tasks.fetch.lessons import FetchLesson
 from mbot_workstation.tasks.fetch.rules import WRONG_SCORE
-from mbot_workstation.tasks.flat import DOOR_M, FROM_START_M, HALF_M, draw_flat
+from mbot_workstation.tasks.floor.flat import DOOR_M, FROM_CORNER_M, FROM_START_M, HALF_M, draw_flat
+from mbot_workstation.tasks.floor.solids import Solids, Wall
 from mbot_workstation.tasks.hidden import FLAT, TASK
 from mbot_workstation.tasks.obstacles.episode import FROM_WALLS_M, Obstacles, ObstaclesEpisode
-from mbot_workstation.tasks.solids import Solids, Wall
 
 from .driven_task import drives, world_of
 
@@ -48,6 +48,19 @@ def test_every_room_of_a_flat_has_a_door(seed: int) -> None:
     for one, other in zip(flat.walls[::2], flat.walls[1::2], strict=True):
         door_m = math.hypot(one.x1_m - other.x0_m, one.y1_m - other.y0_m)
         assert DOOR_M[0] - 1e-9 <= door_m <= DOOR_M[1] + 1e-9
+
+
+def test_no_wall_begins_in_a_door_or_right_beside_one() -> None:
+    for seed in range(200):
+        walls = draw_flat(np.random.default_rng(seed), 3).walls
+        pairs = list(zip(walls[::2], walls[1::2], strict=True))
+        doors = [((one.x1_m, one.y1_m), (other.x0_m, other.y0_m)) for one, other in pairs]
+        for number, (one, other) in enumerate(pairs):
+            for end in ((one.x0_m, one.y0_m), (other.x1_m, other.y1_m)):
+                for door in doors[:number]:
+                    away_m = min(math.dist(end, edge) for edge in door)
+                    middle = [(a + b) / 2 for a, b in zip(*door, strict=True)]
+                    assert min(away_m, math.dist(end, middle)) >= FROM_CORNER_M
 
 
 def test_flats_differ_and_come_again() -> None:

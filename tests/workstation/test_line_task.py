@@ -11,6 +11,7 @@ import pytest
 from mbot_workstation.learn.worlds.task_env import TaskEnv
 from mbot_workstation.sim.pose import ORIGIN, Pose
 from mbot_workstation.tasks.episode import NOTHING, Moment, Setting, Step
+from mbot_workstation.tasks.floor.tape import Tape, even
 from mbot_workstation.tasks.line import (
     AHEAD_M,
     BESIDE_M,
@@ -28,7 +29,6 @@ from mbot_workstation.tasks.line import (
     LineRun,
     LineSight,
 )
-from mbot_workstation.tasks.tape import Tape, even
 
 from .driven_task import drives
 from .small_world import ROOMS

@@ -114,3 +114,14 @@ def test_the_critic_is_told_finite_numbers_of_about_one() -> None:
     assert told.shape == (2, TRUTH)
     assert np.isfinite(told).all()
     assert np.abs(told).max() < 2.5
+
+
+def test_a_policy_begins_with_the_advice_of_its_eye_whatever_it_remembers() -> None:
+    policy, advice = made(16), torch.nn.Linear(256, 2)
+    pictures = torch.from_numpy(PICTURES[0])
+    policy.begin_with(advice)
+    remembers = PolicyInput(pictures, torch.randn(3, 16), torch.rand(3, 2))
+    with torch.no_grad():
+        wheels = policy.decide(remembers).actions
+        torch.testing.assert_close(wheels, advice(policy.features_extractor(pictures.float())))
+    assert policy.action_net.weight is not advice.weight, "a copy, which is learned on"

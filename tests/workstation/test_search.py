@@ -1,8 +1,8 @@
 import math
 
 from mbot_workstation.sim.pose import ORIGIN, Pose
-from mbot_workstation.tasks.floor_map import FloorMap
-from mbot_workstation.tasks.search import (
+from mbot_workstation.tasks.floor.floor_map import FloorMap
+from mbot_workstation.tasks.floor.search import (
     MIDDLE,
     PLACES,
     RINGS_M,
@@ -11,7 +11,7 @@ from mbot_workstation.tasks.search import (
     WHOLE_TURN_RAD,
     Search,
 )
-from mbot_workstation.tasks.solids import Solids, Wall
+from mbot_workstation.tasks.floor.solids import Solids, Wall
 
 ACROSS = FloorMap(2.75, Solids.of((), (Wall(0.6, -3.0, 0.6, 1.6), Wall(0.6, 2.4, 0.6, 3.0))), 0.09)
 """A wall with a door up on the left side."""
@@ -84,6 +84,15 @@ def test_of_what_it_has_not_seen_the_shortest_way_comes_first() -> None:
     hidden = [Pose(*one) for one in PLACES if ACROSS.is_free(Pose(*one))]
     hidden = [one for one in hidden if not ACROSS.is_in_sight(Pose(-0.5, 0.0), one)]
     assert ways.from_m(place) == min(ways.from_m(one) for one in hidden)
+
+
+def test_the_other_side_of_a_wall_is_further_than_it_looks() -> None:
+    wall = FloorMap(2.75, Solids.of((), (Wall(-3.0, 0.5, 1.9, 0.5),)), 0.09)
+    behind, around = (-0.5, 1.0), (2.3, 1.5)
+    robot = Pose(-0.5, 0.0)
+    assert math.dist(behind, (-0.5, 0.0)) < math.dist(around, (-0.5, 0.0))
+    assert not any(wall.is_in_sight(robot, Pose(*place)) for place in (behind, around))
+    assert turn(Search((behind, around)), robot, wall) == Pose(*around)
 
 
 def test_who_has_seen_everything_begins_again() -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mbot_workstation.sim.pose import Pose
 from mbot_workstation.sim.scene.scene_look import Standing
-from mbot_workstation.tasks.solids import WALL_M, Solids, Wall
+from mbot_workstation.tasks.floor.solids import WALL_M, Solids, Wall
 
 metres = st.floats(-2.0, 2.0)
 walls = st.lists(st.builds(Wall, metres, metres, metres, metres), min_size=1, max_size=4)

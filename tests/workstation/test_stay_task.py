@@ -82,6 +82,8 @@ def test_a_square_is_new_once_and_again_after_it_was_left_for_ten_seconds() -> N
     assert set(happenings(away)) == {NOTHING}
     again = [run.advance(place, 0.5) for place in (BESIDE, HERE)]
     assert happenings(again) == [NEW_PLACE, NOTHING]
+    soon = [run.advance(HERE, 0.5) for _ in range(round(0.9 * FORGOTTEN_S / 0.5))]
+    assert set(happenings([*soon, run.advance(BESIDE, 0.4)])) == {NOTHING}, "not before"
     assert run.result()["score"] == pytest.approx(2 * NEW_PLACE_SCORE)
     assert not run.ended
 

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mbot_workstation.sim.pose import Pose
-from mbot_workstation.tasks.tape import (
+from mbot_workstation.tasks.floor.tape import (
     PIECE_M,
     THICK_M,
     WIDTH_M,

@@ -1,6 +1,7 @@
 import io
 import itertools
 import json
+import math
 import pickle
 import signal
 import subprocess
@@ -101,6 +102,14 @@ def test_an_eye_that_has_learned_to_see_learns_no_more(
         return survey(environment, pictures)
 
     monkeypatch.setattr(TaskVecEnv, "survey", watched)
+    begins: list[torch.Tensor] = []
+    begin_with = MemoryPolicy.begin_with
+
+    def noted(policy: MemoryPolicy, advice: torch.nn.Linear) -> None:
+        begins.append(advice.weight)
+        begin_with(policy, advice)
+
+    monkeypatch.setattr(MemoryPolicy, "begin_with", noted)
     learner = replace(
         TINY.learner, eye_pictures=64, guided_decisions=96, rehearsals=9, residual=True
     )
@@ -111,6 +120,7 @@ def test_an_eye_that_has_learned_to_see_learns_no_more(
     run_to_end(run, replace(config, steps=192))  # interrupted, it goes on with the same eye
     others.append(read_weights(run.last_checkpoint()))
     assert shown == ["10"] * 3, "robots as in the last lesson"
+    assert len(begins) == 1, "once: what was interrupted goes on with what it has learned"
     assert len(others) == 2
     for (name, weight), other in itertools.product(first.items(), others):
         same = torch.equal(weight, other[name])
@@ -328,6 +338,10 @@ def test_progress_says_what_each_term_of_the_reward_brought(tmp_path: Path) -> N
     assert row.terms == {"way": 3.75, "haste": -0.75}
     assert path.read_text().splitlines()[0].endswith(",mean_laps,episodes,mean_way,mean_haste")
     assert read_progress(path) == [row]
+    ProgressLog(path, "laps", step=150, row_every=100, terms=("haste", "style"))
+    (kept,) = read_progress(path)
+    assert kept.terms["haste"] == -0.75
+    assert math.isnan(kept.terms["style"]), "a task's file may have changed since"
 
 
 class Pictures(gymnasium.Env[Any, Any]):

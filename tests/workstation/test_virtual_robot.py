@@ -17,8 +17,10 @@ import serial
 from mbot_protocol.drive.mcore import BAUD_RATE, Joystick
 from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.cli.virtual_robot import virtual_robot
+from mbot_workstation.sim.body.robot_mjcf import HIDDEN_GROUP
 from mbot_workstation.sim.camera.scene_renderer import TRAINING
 from mbot_workstation.sim.scene.object_file import read_objects
+from mbot_workstation.sim.scene.object_mjcf import DISTRACTORS
 from mbot_workstation.sim.scene.room_generator import generate_room
 from mbot_workstation.sim.scene.scene_parameters import Arena, SceneParameters
 from mbot_workstation.tasks.fetch.episode import Happening
@@ -63,6 +65,18 @@ def test_a_command_on_the_port_moves_what_the_camera_sees() -> None:
         assert robot.world.status().robot.yaw_rad > 0
         assert until(lambda: cv2.absdiff(capture.read()[1], still).mean() > 5)
         capture.release()
+
+
+@pytest.mark.parametrize("task", ["line", "hidden", "bring"])
+def test_what_a_task_puts_into_its_arena_is_there(task: str) -> None:
+    with running(task=task) as robot:
+        pieces, model = robot.world.pieces(), robot.simulation.model
+        drawn = [model.geom(name) for name in DISTRACTORS[: len(pieces) + 1]]
+    assert pieces
+    for piece, geom in zip(pieces, drawn, strict=False):
+        assert geom.group[0] != HIDDEN_GROUP
+        assert geom.pos.tolist() == pytest.approx(piece.centre_m)
+    assert drawn[-1].group[0] == HIDDEN_GROUP, "and nothing else"
 
 
 def test_no_two_pictures_of_a_standing_robot_are_the_same() -> None:

@@ -21,10 +21,7 @@ DEFAULT_TASK = "fetch"
 RESERVED = ("reward", "ended", "happening", "lesson", "episode", "terminal_observation")
 """Names that infos and step records have already."""
 
-_FRAME = (
-    *("aim_guide", "episode", "find", "flat", "floor_map", "lesson", "search", "sight", "solids"),
-    *("tape", "task"),
-)
+_FRAME = ("episode", "find", "floor", "lesson", "sight", "task")
 
 
 def task_names() -> tuple[str, ...]:

@@ -7,7 +7,7 @@ import numpy as np
 from mbot_workstation.tasks.episode import Setting
 from mbot_workstation.tasks.fetch.lessons import FetchLesson
 from mbot_workstation.tasks.fetch.task import rules_in
-from mbot_workstation.tasks.flat import draw_flat
+from mbot_workstation.tasks.floor.flat import draw_flat
 from mbot_workstation.tasks.obstacles.episode import Obstacles, ObstaclesEpisode
 from mbot_workstation.tasks.obstacles.task import FetchAmongObstacles
 
@@ -41,22 +41,6 @@ class FindHidden(FetchAmongObstacles):
         flat = draw_flat(rng, int(rng.integers(*lesson.cuts, endpoint=True)))
         obstacles = Obstacles(flat.pieces(rng), walls=flat.walls)
         return ObstaclesEpisode(rules_in(lesson, setting), rng, obstacles)
-
-    def course(self, *, guided: bool, further: bool) -> tuple[str, ...]:
-        """The guide soon teaches the last one."""
-        return ("flat",) if guided or further else ("two-rooms", "flat")
-
-    def play(
-        self, reach_m: float | None, goal: int | None, *, ends_on_failure: bool
-    ) -> HiddenLesson:
-        """As fetch, in a flat."""
-        return replace(
-            FLAT,
-            name="play",
-            spawn_farthest_m=FLAT.spawn_farthest_m if reach_m is None else reach_m,
-            objects=goal or 0,
-            ends_on_failure=ends_on_failure,
-        )
 
 
 TASK = FindHidden()

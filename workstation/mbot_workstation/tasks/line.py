@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.effects.effects import EffectRanges
 from mbot_workstation.sim.pose import Pose
-from mbot_workstation.sim.scene.scene_look import Distractor
-from mbot_workstation.tasks.aim_guide import AimGuide, aim_expert
 from mbot_workstation.tasks.episode import NOTHING, Guide, Moment, Setting, Step
 from mbot_workstation.tasks.fetch.episode import IN_VIEW_RAD, from_robot
+from mbot_workstation.tasks.floor.aim_guide import AimGuide
+from mbot_workstation.tasks.floor.tape import Tape, even, figure_eight, laid_from, round_line
+from mbot_workstation.tasks.floor.taped import SLACK_S, TapedRun, TapedTask
 from mbot_workstation.tasks.lesson import Lesson
-from mbot_workstation.tasks.tape import Tape, even, figure_eight, laid_from, round_line
-from mbot_workstation.tasks.task import Expert, Task
 
 LAP, WAY, LOST, TIME_OUT = "lap", "half a metre", "lost", "time-out"
 LAP_SCORE, WAY_SCORE, LOST_SCORE = 1.0, 0.1, -1.0
@@ -28,9 +27,6 @@ LOST_M = 0.15
 
 AHEAD_M = 0.3
 """The guide drives to the line so far ahead."""
-
-SLACK_S = 0.0025
-"""Half a physics step: a sum of many small steps is not exact."""
 
 STEP_M = 0.02
 """Between the places of the line that are told apart."""
@@ -88,14 +84,8 @@ class LineLesson(Lesson):
         return self.laps * (LAP_SCORE + WAY_SCORE * 6 / WAY_M)
 
 
-class LineRun:
-    """One run. It begins on the line, along it.
-
-    Attributes:
-        tape: what is laid.
-        ended: whether the run is over.
-
-    """
+class LineRun(TapedRun):
+    """One run. It begins on the line, along it."""
 
     def __init__(self, lesson: LineLesson, rng: np.random.Generator) -> None:
         if rng.random() < lesson.crossings:
@@ -105,8 +95,8 @@ class LineRun:
         if rng.random() < 0.5:
             line = line[::-1]
         line = laid_from(line, int(rng.integers(len(line))))
-        self.tape, self._lesson = Tape(line), lesson
-        self.missing = frozenset[int]()
+        super().__init__(Tape(line))
+        self._lesson = lesson
         for _ in range(int(rng.integers(lesson.gaps + 1))):
             first = int(rng.integers(3, len(line) - 3))
             gap = range(first, first + int(rng.integers(*GAP_PIECES, endpoint=True)))
@@ -114,13 +104,8 @@ class LineRun:
                 self.missing |= {*gap}
         self._places = even(line, STEP_M)
         self._at = 0  # counts on from lap to lap
-        self._furthest_m = self._lap_s = self._score = 0.0
+        self._furthest_m = self._lap_s = 0.0
         self._laps = 0
-        self.ended = False
-
-    def places(self) -> Mapping[int, Pose]:
-        """Nothing stands here."""
-        return {}
 
     def free_way_m(self, robot: Pose) -> float:
         """Until the line is lost."""
@@ -131,16 +116,16 @@ class LineRun:
         self._at, beside_m = self._nearest(robot)
         self._lap_s += elapsed_s
         if beside_m >= LOST_M:
-            return self._happened(LOST, LOST_SCORE, ended=True)
+            return self.happened(LOST, LOST_SCORE, ended=True)
         if self._lap_s >= self._lesson.lap_s - SLACK_S:
-            return self._happened(TIME_OUT, LOST_SCORE, ended=True)
+            return self.happened(TIME_OUT, LOST_SCORE, ended=True)
         if self._at >= (self._laps + 1) * len(self._places):
             self._laps += 1
             self._lap_s = 0.0
-            return self._happened(LAP, LAP_SCORE, ended=self._laps >= self._lesson.laps)
+            return self.happened(LAP, LAP_SCORE, ended=self._laps >= self._lesson.laps)
         if self._at * STEP_M >= self._furthest_m + WAY_M:
             self._furthest_m += WAY_M
-            return self._happened(WAY, WAY_SCORE, ended=False)
+            return self.happened(WAY, WAY_SCORE, ended=False)
         return Step()
 
     def facts(self, moment: Moment) -> tuple[Any, ...]:
@@ -183,11 +168,6 @@ class LineRun:
         x_m, y_m = self._places[(at + round(further_m / STEP_M)) % len(self._places)].tolist()
         return Pose(x_m, y_m)
 
-    def _happened(self, what: str, score: float, *, ended: bool) -> Step:
-        self._score += score
-        self.ended = ended
-        return Step(what, score, ended)
-
 
 class LineSight:
     """See `Sight`."""
@@ -207,7 +187,7 @@ class LineSight:
         return shown * np.array([1, -1, 1], np.float32)
 
 
-class FollowLine(Task):
+class FollowLine(TapedTask):
     """Three laps."""
 
     name = "line"
@@ -231,19 +211,6 @@ class FollowLine(Task):
         """Start a run on a line of its own."""
         del setting
         return LineRun(lesson, rng)
-
-    def pieces(self, episode: LineRun) -> tuple[Distractor, ...]:
-        """The tape, but for its gaps."""
-        pieces = episode.tape.pieces()
-        return tuple(one for number, one in enumerate(pieces) if number not in episode.missing)
-
-    def course(self, *, guided: bool, further: bool) -> tuple[str, ...]:
-        """The guide soon teaches the last one."""
-        return ("3-laps",) if guided or further else ("curves", "3-laps")
-
-    def expert(self, robots: int, ranges: EffectRanges, robot: RobotParameters) -> Expert:
-        """As the guide, whatever pictures show."""
-        return aim_expert(robots, ranges, robot)
 
     def guide(
         self, robots: int, ranges: EffectRanges, robot: RobotParameters, remembers: int

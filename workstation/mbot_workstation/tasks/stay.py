@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.effects.effects import EffectRanges
 from mbot_workstation.sim.pose import ORIGIN, Pose
-from mbot_workstation.sim.scene.scene_look import Distractor
-from mbot_workstation.tasks.aim_guide import AimGuide, aim_expert
 from mbot_workstation.tasks.episode import NOTHING, Guide, Moment, Setting, Step
+from mbot_workstation.tasks.floor.aim_guide import AimGuide
+from mbot_workstation.tasks.floor.tape import Tape, round_line
+from mbot_workstation.tasks.floor.taped import SLACK_S, TapedRun, TapedTask
 from mbot_workstation.tasks.lesson import Lesson
-from mbot_workstation.tasks.tape import Tape, round_line
-from mbot_workstation.tasks.task import Expert, Task
 
 LEFT, DONE, NEW_PLACE = "left", "done", "new place"
 LEFT_SCORE, DONE_SCORE, NEW_PLACE_SCORE = -1.0, 1.0, 0.1
@@ -55,9 +54,6 @@ FACTS = np.dtype(
 straight ahead; likewise from where the picture was taken, and 20 degrees to the left and right of
 there; where it would be good to go next."""
 
-SLACK_S = 0.0025
-"""Half a physics step: a sum of many small steps is not exact."""
-
 SIDE_RAD = math.radians(20)
 
 SEEN_M = 0.6
@@ -90,28 +86,16 @@ class StayLesson(Lesson):
         return DONE_SCORE + NEW_PLACE_SCORE * self.stay_s
 
 
-class StayRun:
-    """One run.
-
-    Attributes:
-        tape: around the area.
-        ended: whether the run is over.
-
-    """
+class StayRun(TapedRun):
+    """One run."""
 
     def __init__(self, lesson: StayLesson, rng: np.random.Generator) -> None:
         points = round_line(rng, lesson.radius_m, lesson.dents)
         turn = rng.uniform(-math.pi, math.pi)
         cos, sin = math.cos(turn), math.sin(turn)
-        self.tape = Tape(points @ np.array([[cos, sin], [-sin, cos]]))
+        super().__init__(Tape(points @ np.array([[cos, sin], [-sin, cos]])))
         self._stay_s, self._now_s = lesson.stay_s, 0.0
         self._entered_s = {_square(ORIGIN): 0.0}
-        self._score = 0.0
-        self.ended = False
-
-    def places(self) -> Mapping[int, Pose]:
-        """Nothing stands here."""
-        return {}
 
     def free_way_m(self, robot: Pose) -> float:
         """Until a wheel is on the tape."""
@@ -121,13 +105,13 @@ class StayRun:
         """See whether it has left, is done, or comes to another place."""
         self._now_s += elapsed_s
         if self.free_way_m(robot) == 0 or not self.tape.encloses(robot.x_m, robot.y_m):
-            return self._happened(LEFT, LEFT_SCORE, ended=True)
+            return self.happened(LEFT, LEFT_SCORE, ended=True)
         if self._now_s >= self._stay_s - SLACK_S:
-            return self._happened(DONE, DONE_SCORE, ended=True)
+            return self.happened(DONE, DONE_SCORE, ended=True)
         square = _square(robot)
         is_new = self._now_s - self._entered_s.get(square, -math.inf) > FORGOTTEN_S
         self._entered_s[square] = self._now_s
-        return self._happened(NEW_PLACE, NEW_PLACE_SCORE, ended=False) if is_new else Step()
+        return self.happened(NEW_PLACE, NEW_PLACE_SCORE, ended=False) if is_new else Step()
 
     def facts(self, moment: Moment) -> tuple[Any, ...]:
         """FACTS."""
@@ -151,11 +135,6 @@ class StayRun:
     def result(self) -> Mapping[str, Any]:
         """The run so far."""
         return {"seconds": int(self._now_s), "score": round(self._score, 4)}
-
-    def _happened(self, what: str, score: float, *, ended: bool) -> Step:
-        self._score += score
-        self.ended = ended
-        return Step(what, score, ended)
 
 
 class StaySight:
@@ -181,7 +160,7 @@ class StaySight:
         return shown[:, [0, 1, 3, 2]]
 
 
-class Stay(Task):
+class Stay(TapedTask):
     """Drive, and stay inside."""
 
     name = "stay"
@@ -204,18 +183,6 @@ class Stay(Task):
         """Start a run in the middle."""
         del setting
         return StayRun(lesson, rng)
-
-    def pieces(self, episode: StayRun) -> tuple[Distractor, ...]:
-        """The tape."""
-        return episode.tape.pieces()
-
-    def course(self, *, guided: bool, further: bool) -> tuple[str, ...]:
-        """The guide soon teaches the last one."""
-        return ("60-s",) if guided or further else ("wide", "60-s")
-
-    def expert(self, robots: int, ranges: EffectRanges, robot: RobotParameters) -> Expert:
-        """As the guide, whatever pictures show."""
-        return aim_expert(robots, ranges, robot)
 
     def guide(
         self, robots: int, ranges: EffectRanges, robot: RobotParameters, remembers: int

@@ -46,10 +46,8 @@ class Task(Protocol):
         critic: those of `facts` that the critic is told, and the factor that brings each near 1.
         lessons: all there are; `course` says which are learned.
         sight: what its pictures show; None: a network learns that from driving alone.
-        mistakes: those of `facts` that count what goes wrong without ending an episode, as keys
-            name them.
-        terms: those of `facts` that say what an episode was paid so far by each term of its reward,
-            for curves.
+        mistakes: those of `facts` that count what goes wrong without ending an episode.
+        terms: those that say what an episode was paid so far by each term of its reward.
 
     """
 
@@ -69,15 +67,14 @@ class Task(Protocol):
         """Start an episode of one of its lessons, with the robot in the origin."""
         ...
 
-    def pieces(self, episode: Any) -> tuple[Distractor, ...]:
+    def pieces(self, _episode: Any, /) -> tuple[Distractor, ...]:
         """What stands or lies in the arena in this run, beside the scene's objects."""
-        del episode
         return ()
 
     def course(self, *, guided: bool, further: bool) -> tuple[str, ...]:
-        """Names of the lessons to learn if not told: with a guide, or from a trained policy on."""
-        del guided, further
-        return tuple(lesson.name for lesson in self.lessons)
+        """Names of the lessons to learn if not told: the last with a guide or a trained policy."""
+        names = tuple(lesson.name for lesson in self.lessons)
+        return names[-1:] if guided or further else names
 
     def play(self, reach_m: float | None, goal: int | None, *, ends_on_failure: bool) -> Lesson:
         """The lesson that a virtual robot plays, as far as a user says how.

@@ -1,6 +1,7 @@
 """The paper's Fig. 4 of runs: reward, episode length and lesson over the decisions."""
 
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -86,7 +87,7 @@ def _draw_terms(axes: Any, rows: Sequence[ProgressRow]) -> None:
     """What an episode was paid by each term of the reward."""
     steps = [row.step / 1e6 for row in rows]
     for name, colour in zip(rows[-1].terms, itertools.cycle(_COLOURS), strict=False):
-        paid = [row.terms[name] for row in rows]
+        paid = [row.terms.get(name, math.nan) for row in rows]
         axes.plot(steps, paid, color=colour, marker="o", markersize=3, label=name)
     axes.set_ylabel("reward by term")
     axes.legend(fontsize=8)

@@ -1,6 +1,7 @@
 """How a training run goes: means of the finished episodes, a row every 40,000 decisions."""
 
 import csv
+import math
 from collections import deque
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -41,9 +42,10 @@ class ProgressRow:
     episodes: int
     terms: Mapping[str, float] = field(default_factory=dict[str, float])
 
-    def cells(self) -> list[object]:
-        """As they are written."""
-        return [getattr(self, name) for name in _NAMES] + list(self.terms.values())
+    def cells(self, terms: Sequence[str]) -> list[object]:
+        """As they are written; a term that was not paid then is no number."""
+        paid = [self.terms.get(term, math.nan) for term in terms]
+        return [getattr(self, name) for name in _NAMES] + paid
 
 
 _NAMES = tuple(one.name for one in fields(ProgressRow) if one.name != "terms")
@@ -80,7 +82,7 @@ class ProgressLog:
         terms: Sequence[str] = (),
     ) -> None:
         """Begin the file, or go on after a step: later rows belong to a lost future."""
-        self._path = path
+        self._path, self._terms = path, terms
         self._row_every = row_every
         self._next_step = (step // row_every + 1) * row_every
         self._since_row: list[FinishedEpisode] = []
@@ -89,7 +91,7 @@ class ProgressLog:
         with path.open("w", newline="") as file:
             writer = csv.writer(file)
             writer.writerow(columns(counted, terms))
-            writer.writerows(row.cells() for row in kept)
+            writer.writerows(row.cells(terms) for row in kept)
 
     def add(self, episode: FinishedEpisode) -> None:
         """Count a finished episode."""
@@ -103,13 +105,12 @@ class ProgressLog:
         self._next_step = (step // self._row_every + 1) * self._row_every
         ended = self._since_row
         terms = {
-            name: round(fmean(episode.terms[name] for episode in ended), 4)
-            for name in ended[0].terms
+            name: round(fmean(episode.terms[name] for episode in ended), 4) for name in self._terms
         }
         row = ProgressRow(step, round(wall_s, 1), lesson, *_means(ended), len(ended), terms)
         ended.clear()
         with self._path.open("a", newline="") as file:
-            csv.writer(file).writerow(row.cells())
+            csv.writer(file).writerow(row.cells(self._terms))
         return row
 
     def recent_means(self) -> tuple[float, float, float] | None:

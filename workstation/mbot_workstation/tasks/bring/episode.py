@@ -15,7 +15,7 @@ from mbot_workstation.tasks.fetch.episode import FACTS as FETCH_FACTS
 from mbot_workstation.tasks.fetch.episode import IN_VIEW_RAD, FetchEpisode, from_robot
 from mbot_workstation.tasks.fetch.obstacles import way_to_things_m
 from mbot_workstation.tasks.fetch.rules import FetchRules, touch_score
-from mbot_workstation.tasks.search import MIDDLE, Search
+from mbot_workstation.tasks.floor.search import MIDDLE, Search
 
 TAKEN, BROUGHT = "taken", "brought"
 

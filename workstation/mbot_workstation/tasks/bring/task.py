@@ -14,8 +14,7 @@ from mbot_workstation.tasks.episode import NOTHING, Setting
 from mbot_workstation.tasks.fetch.episode import IN_VIEW_RAD, Happening
 from mbot_workstation.tasks.fetch.lessons import FetchLesson
 from mbot_workstation.tasks.fetch.sight import FetchSight
-from mbot_workstation.tasks.fetch.task import Fetch, rules_in
-from mbot_workstation.tasks.task import Reference
+from mbot_workstation.tasks.fetch.task import TouchTask, rules_in
 
 LOOKS_AT_MAT = 0.4
 """Share of pictures to learn from that are taken towards it. Assumed."""
@@ -63,7 +62,7 @@ class BringSight:
         return shown * np.array([1, 1, -1, 1, 1, -1], np.float32)
 
 
-class Bring(Fetch):
+class Bring(TouchTask):
     """Touch the object, which is then carried, and drive onto the mat."""
 
     name = "bring"
@@ -71,8 +70,8 @@ class Bring(Fetch):
     happenings = (NOTHING, *Happening, TAKEN, BROUGHT)
     facts = FACTS
     sight = BringSight()
-    critic: Mapping[str, float] = {**Fetch.critic, "carries": 1.0, "mat_left_rad": 0.3}
-    lessons: tuple[BringLesson, ...] = (
+    critic: Mapping[str, float] = {**TouchTask.critic, "carries": 1.0, "mat_left_rad": 0.3}
+    lessons = (
         BringLesson("one", 1.2, objects=1),
         BringLesson("ten", 1.5, objects=10),
     )
@@ -83,28 +82,9 @@ class Bring(Fetch):
         """Start a run."""
         return BringEpisode(rules_in(lesson, setting), rng)
 
-    def reference(self, lesson: FetchLesson) -> Reference | None:
-        """Nobody published one."""
-        del lesson
-        return None
-
-    def play(
-        self, reach_m: float | None, goal: int | None, *, ends_on_failure: bool
-    ) -> BringLesson:
-        """As fetch, objects up to 1.5 m away if not told."""
-        reach_m = self.lessons[-1].spawn_farthest_m if reach_m is None else reach_m
-        usual = super().play(reach_m, goal, ends_on_failure=ends_on_failure)
-        return BringLesson(
-            usual.name, reach_m, objects=usual.objects, ends_on_failure=ends_on_failure
-        )
-
     def pieces(self, episode: BringEpisode) -> tuple[Distractor, ...]:
         """The mat."""
         return (episode.mat_piece(),)
-
-    def course(self, *, guided: bool, further: bool) -> tuple[str, ...]:
-        """The guide soon teaches the last one."""
-        return ("ten",) if guided or further else ("one", "ten")
 
     def summary(self, result: Mapping[str, Any]) -> str:
         """For people."""

@@ -29,9 +29,5 @@ class NewTask(PaidFetch):
     lessons = (FetchLesson("near", 1.0), FetchLesson("far", 2.5, objects=10))
     rewards = (approach, haste)
 
-    def course(self, *, guided: bool, further: bool) -> tuple[str, ...]:
-        """The guide soon teaches the last one."""
-        return ("far",) if guided or further else ("near", "far")
-
 
 TASK = NewTask()

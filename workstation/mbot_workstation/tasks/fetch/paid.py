@@ -12,7 +12,7 @@ from mbot_workstation.tasks.episode import Moment, Setting, Step
 from mbot_workstation.tasks.fetch.episode import FACTS, FetchEpisode, from_robot
 from mbot_workstation.tasks.fetch.lessons import FetchLesson
 from mbot_workstation.tasks.fetch.rules import FetchRules
-from mbot_workstation.tasks.fetch.task import Fetch, rules_in
+from mbot_workstation.tasks.fetch.task import TouchTask, rules_in
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ class PaidRun(FetchEpisode):
         return (*super().facts(moment), *self._paid)
 
 
-class PaidFetch(Fetch):
+class PaidFetch(TouchTask):
     """Derive from it and name the rewards; everything else of fetch can be changed as well.
 
     Attributes:

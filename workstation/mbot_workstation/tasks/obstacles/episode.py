@@ -20,9 +20,9 @@ from mbot_workstation.tasks.fetch.episode import (
     from_robot,
 )
 from mbot_workstation.tasks.fetch.rules import FetchRules
-from mbot_workstation.tasks.floor_map import FloorMap, Ways
-from mbot_workstation.tasks.search import Search
-from mbot_workstation.tasks.solids import Solids, Wall
+from mbot_workstation.tasks.floor.floor_map import FloorMap, Ways
+from mbot_workstation.tasks.floor.search import Search
+from mbot_workstation.tasks.floor.solids import Solids, Wall
 
 HARDLY_M = 1e-4
 """Who is nearer by less stands, and pushes nothing."""
@@ -127,7 +127,7 @@ class ObstaclesEpisode(FetchEpisode):
         self._solids, self._things = Solids.of(things, obstacles.walls), len(things)
         floor_m = rules.border_m - FROM_BORDER_M
         self.floor = FloorMap(floor_m, self._solids, rules.touch_radius_m)
-        self._ways: Ways | None = None
+        self._ways: dict[Pose, Ways] = {}
         self._search = Search()
         self._pushing_s = 0.0
         super().__init__(replace(rules, standing=things), rng)
@@ -194,9 +194,9 @@ class ObstaclesEpisode(FetchEpisode):
         """The furthest place of the way there that can be driven to in a straight line."""
         if self.floor.is_clear(robot, np.array([[place.x_m, place.y_m]]))[0]:
             return place
-        if self._ways is None or self._ways.goal != place:
-            self._ways = self.floor.ways_to(place)
-        return self._ways.next_from(robot)
+        if place not in self._ways:  # to the object, and to where it may be seen: both are asked
+            self._ways[place] = self.floor.ways_to(place)
+        return self._ways[place].next_from(robot)
 
     def next_object(self, robot: Pose, rules: FetchRules | None = None) -> None:
         """Another one, which is looked for; not in a wall."""
@@ -206,6 +206,7 @@ class ObstaclesEpisode(FetchEpisode):
             if (gaps_m[self._things :] >= FROM_WALLS_M).all():
                 break
         self._search.begin()
+        self._ways.clear()
 
     def result(self) -> Mapping[str, Any]:
         """With how often it got stuck."""

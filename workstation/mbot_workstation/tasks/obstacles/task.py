@@ -9,9 +9,8 @@ import numpy as np
 from mbot_workstation.sim.scene.scene_look import Distractor
 from mbot_workstation.tasks.episode import Setting
 from mbot_workstation.tasks.fetch.lessons import FetchLesson
-from mbot_workstation.tasks.fetch.task import Fetch, rules_in
+from mbot_workstation.tasks.fetch.task import TouchTask, rules_in
 from mbot_workstation.tasks.obstacles.episode import ObstaclesEpisode, draw_obstacles
-from mbot_workstation.tasks.task import Reference
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +25,7 @@ class ObstaclesLesson(FetchLesson):
     things: tuple[int, int] = (3, 8)
 
 
-class FetchAmongObstacles(Fetch):
+class FetchAmongObstacles(TouchTask):
     """Touch ten objects, and nothing else."""
 
     name = "obstacles"
@@ -44,11 +43,6 @@ class FetchAmongObstacles(Fetch):
         number = int(rng.integers(*lesson.things, endpoint=True))
         return ObstaclesEpisode(rules, rng, draw_obstacles(rng, number, rules.standing))
 
-    def reference(self, lesson: FetchLesson) -> Reference | None:
-        """Nobody published one."""
-        del lesson
-        return None
-
     def summary(self, result: Mapping[str, Any]) -> str:
         """For people."""
         return f"{super().summary(result)}; stuck {result['stuck']}"
@@ -56,22 +50,6 @@ class FetchAmongObstacles(Fetch):
     def pieces(self, episode: ObstaclesEpisode) -> tuple[Distractor, ...]:
         """What stands about."""
         return episode.obstacles.pieces
-
-    def course(self, *, guided: bool, further: bool) -> tuple[str, ...]:
-        """The guide soon teaches the last one."""
-        return ("3-to-8",) if guided or further else ("few", "3-to-8")
-
-    def play(
-        self, reach_m: float | None, goal: int | None, *, ends_on_failure: bool
-    ) -> FetchLesson:
-        """As fetch, among as many."""
-        usual = super().play(reach_m, goal, ends_on_failure=ends_on_failure)
-        return ObstaclesLesson(
-            usual.name,
-            usual.spawn_farthest_m,
-            objects=usual.objects,
-            ends_on_failure=ends_on_failure,
-        )
 
 
 TASK = FetchAmongObstacles()

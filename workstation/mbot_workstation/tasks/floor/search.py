@@ -9,7 +9,7 @@ once it was in sight of a turn; the one with the shortest way comes next.
 import math
 
 from mbot_workstation.sim.pose import Pose
-from mbot_workstation.tasks.floor_map import FloorMap, Ways
+from mbot_workstation.tasks.floor.floor_map import FloorMap, Ways
 
 WHOLE_TURN_RAD = 2.2 * math.pi
 """A turn and a bit: pictures are late."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from mbot_workstation.sim.scene.scene_look import Distractor
 from mbot_workstation.sim.scene.target_object import Rgb
-from mbot_workstation.tasks.solids import Wall
+from mbot_workstation.tasks.floor.solids import Wall
 
 HALF_M = 3.0
 """Walls end where the arena's boards stand."""
@@ -85,7 +85,7 @@ def _cut(
             Wall(at_m, a, at_m, b) if along_x else Wall(a, at_m, b, at_m)
             for a, b in ((begin, door_m), (door_m + width_m, end))
         ]
-        if all(_from_start_m(wall) >= FROM_START_M for wall in made) and not _shuts(made, walls):
+        if all(_from_start_m(one) >= FROM_START_M for one in made) and _fits(made, walls):
             walls += made
             if along_x:
                 return [(x0, y0, at_m, y1), (at_m, y0, x1, y1)]
@@ -99,25 +99,18 @@ def _from_start_m(wall: Wall) -> float:
     return math.hypot(x, y)
 
 
-def _shuts(made: list[Wall], walls: list[Wall]) -> bool:
-    """Whether a new wall ends in a door of an older one, or right beside it."""
-    ends = [place for one in made for place in ((one.x0_m, one.y0_m), (one.x1_m, one.y1_m))]
-    old = [place for one in walls for place in ((one.x0_m, one.y0_m), (one.x1_m, one.y1_m))]
-    inner = [
-        (x, y)
-        for x, y in ends
-        if max(abs(x), abs(y)) < HALF_M and not _is_on_wall(x, y, walls) and (x, y) in _outer(made)
-    ]
-    near = any(
-        math.hypot(x - ox, y - oy) < FROM_CORNER_M for x, y in _outer(made) for ox, oy in old
-    )
-    return bool(inner) or near
-
-
-def _outer(made: list[Wall]) -> list[tuple[float, float]]:
-    """Where the whole wall, door included, begins and ends."""
+def _fits(made: list[Wall], walls: list[Wall]) -> bool:
+    """Whether a new wall, its door included, begins and ends at the boards or on older walls, and
+    away from where these end: from their doors.
+    """
     first, last = made
-    return [(first.x0_m, first.y0_m), (last.x1_m, last.y1_m)]
+    outer = [(first.x0_m, first.y0_m), (last.x1_m, last.y1_m)]
+    ends = [end for one in walls for end in ((one.x0_m, one.y0_m), (one.x1_m, one.y1_m))]
+    return all(
+        (max(abs(x), abs(y)) >= HALF_M or _is_on_wall(x, y, walls))
+        and all(math.hypot(x - ex, y - ey) >= FROM_CORNER_M for ex, ey in ends)
+        for x, y in outer
+    )
 
 
 def _is_on_wall(x_m: float, y_m: float, walls: list[Wall]) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbot_workstation.sim.pose import Pose
-from mbot_workstation.tasks.solids import Solids
+from mbot_workstation.tasks.floor.solids import Solids
 
 CELL_M = 0.1
 
