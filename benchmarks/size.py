@@ -16,10 +16,10 @@ BUDGETS = {
     f"{WORKSTATION}/cli": 5830,
     f"{WORKSTATION}/look": 3300,
     f"{WORKSTATION}/measure": 15260,
-    f"{WORKSTATION}/learn": 9520,
+    f"{WORKSTATION}/learn": 9550,
     f"{WORKSTATION}/virtual": 2770,
     f"{WORKSTATION}/fleet": 6710,
-    f"{WORKSTATION}/tasks": 3560,
+    f"{WORKSTATION}/tasks": 3500,
     f"{WORKSTATION}/sim": 6320,
     f"{WORKSTATION}/pictures": 420,
     WORKSTATION: 320,
@@ -27,7 +27,7 @@ BUDGETS = {
     PROTOCOL: 5600,
     "robot/mbot_agent": 9430,
     "robot/mbot_update": 1380,
-    "tests": 60300,
+    "tests": 59460,
     "benchmarks": 4780,
 }
 """Lines by folder; what lies in a folder with a budget of its own counts there. They are what

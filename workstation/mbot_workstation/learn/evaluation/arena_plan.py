@@ -1,12 +1,12 @@
 """A task's arena before anybody drives: from above, and as the robot sees it."""
 
-import math
 from collections.abc import Mapping, Sequence
 
 import cv2
 import numpy as np
 
 from mbot_protocol.drive.picture import Picture
+from mbot_workstation.learn.evaluation.pieces_above import draw_pieces
 from mbot_workstation.learn.evaluation.task_check import course_of
 from mbot_workstation.learn.worlds.task_env import TaskEnv
 from mbot_workstation.pictures.film_tile import FAINT, GAP_PX, INK, blank, write
@@ -55,11 +55,7 @@ def _above(
     for mark in scene.marks:
         points = np.array([at(*point) for point in mark.points_m], np.int32)
         cv2.polylines(area, [points], isClosed=False, color=TAPE, thickness=2)
-    for piece in pieces:
-        colour = tuple(round(255 * part) for part in piece.rgb)
-        corners = np.array([at(*corner) for corner in _corners(piece)], np.int32)
-        cv2.fillPoly(area, [corners], colour)
-        cv2.polylines(area, [corners], isClosed=True, color=colour)  # also what is thin
+    draw_pieces(area, pieces, at)
     for number, place in places.items():
         thing = scene.objects[number]
         radius = max(3, round(thing.width_m / 2 * SIDE_PX / 2 / reach_m))
@@ -68,20 +64,6 @@ def _above(
     cv2.circle(area, at(robot.x_m, robot.y_m), 6, INK, 2)
     cv2.arrowedLine(area, at(robot.x_m, robot.y_m), at(ahead.x_m, ahead.y_m), INK, 2)
     return area
-
-
-def _corners(piece: Distractor) -> list[tuple[float, float]]:
-    """Of a box from above, or of a polygon about what is round; a tilt changes nothing here."""
-    x_m, y_m, _ = piece.centre_m
-    half_x, half_y, _ = piece.half_size_m
-    if piece.shape == "box":
-        around = [(half_x, half_y), (-half_x, half_y), (-half_x, -half_y), (half_x, -half_y)]
-    else:
-        half_y = half_x if piece.shape in ("ball", "post") else half_y
-        turns = np.linspace(0, 2 * np.pi, 12, endpoint=False).tolist()
-        around = [(half_x * math.cos(turn), half_y * math.sin(turn)) for turn in turns]
-    cos, sin = math.cos(piece.yaw_rad), math.sin(piece.yaw_rad)
-    return [(x_m + cos * x - sin * y, y_m + sin * x + cos * y) for x, y in around]
 
 
 def _titled(picture: Picture, words: str) -> Picture:

@@ -13,6 +13,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.policy.policy_contract import OBSERVATION_SIDE_PX
 from mbot_workstation.learn.drivers.contestants import Driver, driver
 from mbot_workstation.learn.evaluation.episodes import Trial
+from mbot_workstation.learn.evaluation.pieces_above import draw_pieces
 from mbot_workstation.learn.worlds.task_env import TaskEnv
 from mbot_workstation.sim.pose import Pose
 
@@ -84,6 +85,8 @@ class Reel:
 
     def _map(self) -> NDArray[np.uint8]:
         above = np.full((SIDE_PX, SIDE_PX, 3), FLOOR_RGB, np.uint8)
+        world = self._environment.world
+        draw_pieces(above, world.task.pieces(world.episode), _pixel)
         places = [_pixel(pose.x_m, pose.y_m) for pose in self._path]
         cv2.polylines(above, [np.array(places, np.int32)], False, PATH_RGB, 1, cv2.LINE_AA)
         robot = self._path[-1]
@@ -91,7 +94,7 @@ class Reel:
             robot.x_m + 0.2 * np.cos(robot.yaw_rad), robot.y_m + 0.2 * np.sin(robot.yaw_rad)
         )
         cv2.arrowedLine(above, places[-1], nose, ROBOT_RGB, 2, cv2.LINE_AA, tipLength=0.4)
-        for place in self._environment.world.episode.places().values():
+        for place in world.episode.places().values():
             x_px, y_px = _pixel(place.x_m, place.y_m)
             cv2.rectangle(above, (x_px - 3, y_px - 3), (x_px + 3, y_px + 3), OBJECT_RGB, -1)
         return above
