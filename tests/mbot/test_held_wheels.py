@@ -147,7 +147,10 @@ def test_without_a_reply_it_says_so_and_holds_nothing(fake: FakeRobot) -> None:
     assert len(drives(fake)) == told
 
 
-@pytest.mark.parametrize(("left", "right"), [(1.01, 0), (0, float("nan")), (float("inf"), 0)])
+@pytest.mark.parametrize(
+    ("left", "right"),
+    [(1.01, 0), (0, float("nan")), (float("inf"), 0), (True, 0), ("1", 0), (0, None)],
+)
 def test_a_wheel_that_is_no_wheel_is_named(fake: FakeRobot, left: float, right: float) -> None:
     with Robot(fake.address) as robot:
         with pytest.raises(ConfigurationError, match=r"(left|right) is .*, expected a number"):

@@ -5,11 +5,12 @@ import math
 import numpy as np
 import pytest
 
+from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.sim.pose import ORIGIN, Pose
 from mbot_workstation.sim.scene.target_object import RED_CUBE
 from mbot_workstation.tasks.episode import NOTHING, Moment, Setting
 from mbot_workstation.tasks.fetch.lessons import FetchLesson
-from mbot_workstation.tasks.fetch.paid import PaidFetch, PaidRun, Situation
+from mbot_workstation.tasks.fetch.paid import PaidFetch, PaidRun, Reward, Situation
 
 told: list[Situation] = []
 
@@ -81,3 +82,27 @@ def test_to_be_put_back_is_no_way_driven(run: PaidRun) -> None:
     assert run.advance(Pose(2.91, 0.0), 0.1).robot_to_origin
     run.advance(ORIGIN, 0.1)
     assert told[-1].driven_m == 0.0
+
+
+def test_what_is_no_number_is_told_with_the_rewards_name() -> None:
+    def forgets(_now: Situation) -> float:
+        return None  # pyright: ignore
+
+    rules = FAR.rules
+    run = PaidRun(rules, np.random.default_rng(0), (forgets,))
+    with pytest.raises(ConfigurationError, match="the reward forgets gave None"):
+        run.advance(ORIGIN, 0.1)
+
+
+@pytest.mark.parametrize("rewards", [(way, way), (lambda _: 0.0, lambda _: 1.0)])
+def test_rewards_have_names_of_their_own(rewards: tuple[Reward, ...]) -> None:
+    with pytest.raises(ConfigurationError, match="call it otherwise"):
+        type("Twice", (PaidFetch,), {"rewards": rewards})
+
+
+def test_no_reward_is_called_as_a_fact() -> None:
+    def border(_now: Situation) -> float:
+        return 0.0
+
+    with pytest.raises(ConfigurationError, match="border"):
+        type("Taken", (PaidFetch,), {"rewards": (border,)})

@@ -6,6 +6,7 @@ link dies; two commands in a row may be lost.
 
 import math
 import threading
+from numbers import Real
 
 from mbot.state import look_again
 from mbot_protocol.errors import ConfigurationError, MbotError, RefusedError
@@ -120,8 +121,10 @@ class HeldWheels:
         self._over.set()
 
 
-def _checked(value: float, name: str) -> float:
-    wheel = float(value)
-    if not (math.isfinite(wheel) and -1 <= wheel <= 1):
-        raise ConfigurationError(f"{name} is {value}, expected a number in [-1, 1]")
-    return wheel
+def _checked(value: object, name: str) -> float:
+    # True is 1 to Python, and a slip here: full speed.
+    if not isinstance(value, bool) and isinstance(value, Real):
+        wheel = float(value)
+        if math.isfinite(wheel) and -1 <= wheel <= 1:
+            return wheel
+    raise ConfigurationError(f"{name} is {value!r}, expected a number in [-1, 1]")

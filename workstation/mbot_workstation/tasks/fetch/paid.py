@@ -3,10 +3,12 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from numbers import Real
 from typing import Any
 
 import numpy as np
 
+from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.sim.pose import ORIGIN, Pose
 from mbot_workstation.tasks.episode import Moment, Setting, Step
 from mbot_workstation.tasks.fetch.episode import FACTS, FetchEpisode, from_robot
@@ -78,7 +80,7 @@ class PaidRun(FetchEpisode):
             touching=len(self._touching),
             happening=step.happening,
         )
-        extra = [reward(now) for reward in self._rewards]
+        extra = [_paid_by(reward, now) for reward in self._rewards]
         self._before = ORIGIN if step.robot_to_origin else robot
         self._paid = [paid + more for paid, more in zip(self._paid, extra, strict=True)]
         self._score += sum(extra)
@@ -87,6 +89,14 @@ class PaidRun(FetchEpisode):
     def facts(self, moment: Moment) -> tuple[Any, ...]:
         """As the paper's, and what each reward has paid."""
         return (*super().facts(moment), *self._paid)
+
+
+def _paid_by(reward: Reward, now: Situation) -> float:
+    """What a user's function says; raises ConfigurationError if that is no number."""
+    paid = reward(now)
+    if not isinstance(paid, Real):  # numpy's are Real, and so is what is not finite
+        raise ConfigurationError(f"the reward {reward.__name__} gave {paid!r}, expected a number")
+    return float(paid)
 
 
 class PaidFetch(TouchTask):
@@ -102,6 +112,11 @@ class PaidFetch(TouchTask):
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
         cls.terms = tuple(reward.__name__ for reward in cls.rewards)
+        for name in cls.terms:
+            if cls.terms.count(name) > 1 or name in (FACTS.names or ()):
+                raise ConfigurationError(
+                    f"a reward is called {name}, as another one or a fact is; call it otherwise"
+                )
         cls.facts = np.dtype([*FACTS.descr, *((name, np.float32) for name in cls.terms)])
 
     def begin(self, lesson: FetchLesson, setting: Setting, rng: np.random.Generator) -> PaidRun:
