@@ -19,7 +19,7 @@ BUDGETS = {
     f"{WORKSTATION}/learn": 9550,
     f"{WORKSTATION}/virtual": 2770,
     f"{WORKSTATION}/fleet": 6710,
-    f"{WORKSTATION}/tasks": 3500,
+    f"{WORKSTATION}/tasks": 3520,
     f"{WORKSTATION}/sim": 6320,
     f"{WORKSTATION}/pictures": 420,
     WORKSTATION: 320,
