@@ -436,7 +436,7 @@ def test_without_options_a_policy_with_memory_learns_from_a_guide_on_any_robot()
     assert config.learner.guided_decisions == run_plan.GUIDED_DECISIONS
     assert config.learner.memory_units == command.MEMORY_UNITS == MEMORY_UNITS
     assert config.learner.eye_pictures == GUIDED.eye_pictures
-    assert configured(steps=300).learner.eye_pictures == 300, "few for a short run"
+    assert configured(steps=300).learner.eye_pictures == 600, "few for a short run"
 
 
 def test_the_papers_way_is_ten_lessons_without_guide_or_memory() -> None:

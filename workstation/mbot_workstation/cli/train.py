@@ -70,7 +70,7 @@ class TrainOptions:
     )
     steps: int | None = option(
         None,
-        "Decisions of all robots together; 400,000 if not given, 300,000 with --from and "
+        "Decisions of all robots together; 560,000 if not given, 300,000 with --from and "
         "--object, 1,500,000 from nothing with --guide 0.",
         panel=_WHAT,
         min=1,

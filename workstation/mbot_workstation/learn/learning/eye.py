@@ -30,9 +30,10 @@ from mbot_workstation.tasks.episode import Guide
 ROUND = 32_000
 """Pictures that are kept at a time: 400 MB, twice that while they are put together."""
 
-EPOCHS = 2
-"""How often each is learned from before it is forgotten. After twelve times the network knew them
-by heart (docs/notebook/training.md)."""
+EPOCHS = 1
+"""How often each is learned from before it is forgotten. A new picture is drawn in less time than
+one is learned from, and after twelve times the network knew them by heart
+(docs/notebook/training.md)."""
 
 STILLS = 48_000
 """Views that an eye is shown when it has learned, at most; 48 MB as it sees them."""
@@ -135,14 +136,13 @@ class _Learner:
         stop: threading.Event,
     ) -> float:
         """A few epochs of a round, which lies between these shares of the whole; the mean loss."""
-        steps, total = max(1, EPOCHS * len(views) // BATCH), 0.0
-        for step in range(steps):
+        batches, total = _batches(len(views)), 0.0
+        for step, drawn in enumerate(batches):
             if stop.is_set():
                 break
-            share = shares[0] + (shares[1] - shares[0]) * step / steps
+            share = shares[0] + (shares[1] - shares[0]) * step / len(batches)
             for group in self.optimiser.param_groups:
                 group["lr"] = LEARNING_RATE * (FINAL_LEARNING_RATE / LEARNING_RATE) ** share
-            drawn = np.random.randint(len(views), size=min(BATCH, len(views)))
             parts = np.array_split(drawn, THREADS)
             done = list(self.threads.map(lambda part: self._gradients(views, part), parts))
             for parameter, *gradients in zip(
@@ -152,7 +152,7 @@ class _Learner:
                 parameter.grad = torch.empty_like(parameter).copy_(total_gradient)
             self.optimiser.step()
             total += sum(loss for _, loss in done) / len(drawn)
-        return total / steps
+        return total / len(batches)
 
     @property
     def _learned(self) -> list[nn.Parameter]:
@@ -174,6 +174,12 @@ class _Learner:
         shown, wheels = said[:, : truth.shape[1]], said[:, truth.shape[1] :]
         loss = _loss(shown, torch.nan_to_num(truth)) + advice_loss(wheels, advice)
         return torch.autograd.grad(loss, self._learned), float(loss.detach())
+
+
+def _batches(views: int) -> list[NDArray[np.int64]]:
+    """Numbers of views, each as often as it is learned from, in any order."""
+    drawn = np.concatenate([np.random.permutation(views) for _ in range(EPOCHS)])
+    return np.array_split(drawn, max(1, len(drawn) // BATCH))
 
 
 def _loss(told: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:

@@ -112,7 +112,7 @@ GUIDED = replace(
     guided_epochs=2,
     rehearsals=128,
     residual=True,
-    eye_pictures=400_000,
+    eye_pictures=800_000,
 )
 """The guide soon makes a trained policy of it; its advice is no matter of luck and bears larger
 steps, in small batches. Finer filters than the paper's see more of the far objects (network.py).
