@@ -134,7 +134,8 @@ def restore_learner(
     """Put a checkpoint's weights into a learner.
 
     A new run (without the optimiser's state) may have a memory or layers where the checkpoint has
-    none: the policy does at first what it did without.
+    none: the policy does at first what it did without. A critic that another task tells other facts
+    begins anew.
 
     Args:
         folder: the checkpoint.
@@ -150,6 +151,7 @@ def restore_learner(
     if not with_optimizer:
         fresh = learner.policy.state_dict()
         weights = turned(_with_memory(_deeper(weights, fresh), fresh), turn_deg)
+        weights = _with_critic(weights, fresh)
     try:
         learner.policy.load_state_dict(weights)
     except RuntimeError:
@@ -185,6 +187,19 @@ def _with_memory(
     wheels = torch.zeros_like(fresh["action_net.weight"])
     wheels[:, : weights["action_net.weight"].shape[1]] = weights["action_net.weight"]
     return made | {"action_net.weight": wheels}
+
+
+def _with_critic(
+    weights: dict[str, torch.Tensor], fresh: dict[str, torch.Tensor]
+) -> dict[str, torch.Tensor]:
+    """With a fresh critic where that of the checkpoint does not fit."""
+    critic = {name: value for name, value in fresh.items() if name.startswith("value_net.")}
+    known = [weights.get(name) for name in critic]
+    fits = all(
+        have is not None and have.shape == value.shape
+        for have, value in zip(known, critic.values(), strict=True)
+    )
+    return weights if fits else weights | critic
 
 
 def _read_tensors(folder: Path, member: str) -> dict[str, Any]:
