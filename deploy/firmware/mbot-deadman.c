@@ -8,13 +8,17 @@
 //                        and drive commands are refused until ARM has come ("latched")
 //   silence              motors off after COMMAND_TIMEOUT_MS, latched
 //   a hung program       the watchdog resets the board after 250 ms
+//   no floor in front    where the host has asked for it: no wheel turns forward
+//   something in front   the same: the robot turns and backs, and does not go forward
 //
 // A refused command is not acknowledged, so the host learns of it as of any lost command. STOP does
-// not unlatch: the host says it all the time, also when nobody wants to drive. Speeds are the board's own, -255..255, used as they come: the daemon maps
-// the policy's 501 steps onto them (mbot_protocol.drive.actions).
+// not unlatch: the host says it all the time, also when nobody wants to drive. Speeds are the
+// board's own, -255..255, used as they come: the daemon maps the policy's 501 steps onto them
+// (mbot_protocol.drive.actions).
 //
-// Everything runs in the loop of main, which never waits; two interrupts move bytes. Time is
-// Timer 1, free running in hardware, so that no lost interrupt can lengthen the time-out.
+// Everything runs in the loop of main, which never waits, not for an echo either; two interrupts
+// move bytes. Time is Timer 1, free running in hardware, so that no lost interrupt can lengthen the
+// time-out.
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -30,8 +34,8 @@
 
 #define TEXT_OF(number) #number
 #define TEXT(number) TEXT_OF(number)
-// The daemon trusts names that begin with mbot-deadman, and from 2 on it sends ARM.
-#define NAME "mbot-deadman 2 " TEXT(COMMAND_TIMEOUT_MS) "ms"
+// The daemon trusts names that begin with mbot-deadman; from 2 on it sends ARM, from 3 on SENSES.
+#define NAME "mbot-deadman 3 " TEXT(COMMAND_TIMEOUT_MS) "ms"
 #define LINE_END "\r\n"
 
 #define TICKS_OF_US(us) ((uint16_t)((us) / 16UL)) // Timer 1: 16 MHz / 256
@@ -45,7 +49,11 @@ _Static_assert(COMMAND_TIMEOUT_MS >= 20 && COMMAND_TIMEOUT_MS <= 1000, "Timer 1 
 enum { M1_DIR = PD7, M1_PWM = PD6, M2_DIR = PD4, M2_PWM = PD5 };
 #define MOTOR_PINS (_BV(M1_DIR) | _BV(M1_PWM) | _BV(M2_DIR) | _BV(M2_PWM))
 
-static bool moving; // a motor is on
+static int16_t wanted_m1, wanted_m2; // by the command in force; a reflex may let through less
+static bool turning;                 // a motor is on
+static bool edge, near;              // reflexes: no floor, or something, in front of the robot
+static uint8_t m1_ahead = 1;         // whether M1 drives the robot forward by negative speeds,
+static uint8_t m2_ahead = 0;         // and M2; as the kit is built
 
 // The flags of MCUSR at the last reset: 1 power, 2 reset pin, 4 brown-out, 8 watchdog. A boot loader
 // may have cleared them: 0.
@@ -64,12 +72,39 @@ __attribute__((naked, used, section(".init3"))) static void motors_off_first(voi
 
 // The duty is (|speed| + 1) / 256. The timer can't make 0, so the pin is taken from it instead;
 // that also takes effect at once and not only at the end of the period.
-static void set_motors(int16_t m1, int16_t m2) {
+static void turn_motors(int16_t m1, int16_t m2) {
     PORTD = (m1 >= 0 ? _BV(M1_DIR) : 0) | (m2 >= 0 ? _BV(M2_DIR) : 0);
     OCR0A = (uint8_t)(m1 < 0 ? -m1 : m1);
     OCR0B = (uint8_t)(m2 < 0 ? -m2 : m2);
     TCCR0A = (m1 ? _BV(COM0A1) : 0) | (m2 ? _BV(COM0B1) : 0) | _BV(WGM01) | _BV(WGM00);
-    moving = m1 || m2;
+    turning = m1 || m2;
+}
+
+// What is wanted, less what a reflex forbids. At an edge no wheel turns forward: in a turn on the
+// spot the outer one would swing over it, since the wheels stand as far apart as the edge is away.
+// In front of a thing the robot may turn on the spot.
+static void move(void) {
+    int16_t left = m1_ahead ? -wanted_m1 : wanted_m1, right = m2_ahead ? -wanted_m2 : wanted_m2;
+    int16_t ahead = (left + right) / 2;
+    if (near && ahead > 0) {
+        left -= ahead;
+        right -= ahead;
+    }
+    if (edge) {
+        left = left > 0 ? 0 : left;
+        right = right > 0 ? 0 : right;
+    }
+    turn_motors(m1_ahead ? -left : left, m2_ahead ? -right : right);
+}
+
+static bool is_driven(void) {
+    return wanted_m1 || wanted_m2;
+}
+
+static void set_motors(int16_t m1, int16_t m2) {
+    wanted_m1 = m1;
+    wanted_m2 = m2;
+    move();
 }
 
 // ---- serial line: two ring buffers, one byte of each always free ----
@@ -125,7 +160,7 @@ static void send(const void *data, uint8_t size) {
 
 enum { GET = 1, RUN = 2, RESET = 4 };
 enum { VERSION = 0, JOYSTICK = 5, MOTOR = 10 };
-enum { RESET_CAUSE = 0x70, ARM = 0x71 }; // ours; the stock firmware knows no such devices
+enum { RESET_CAUSE = 0x70, ARM = 0x71, SENSES = 0x72 }; // ours; the stock firmware has none such
 enum { PORT_M1 = 9, PORT_M2 = 10 };
 
 // The frames there are. Anything else is dropped at the first byte that fits none of them.
@@ -135,7 +170,9 @@ static const struct {
     {2, RESET, 0}, // has no device
     {3, GET, VERSION},
     {3, GET, RESET_CAUSE},
+    {3, GET, SENSES},
     {3, RUN, ARM},
+    {7, RUN, SENSES},
     {6, RUN, MOTOR},
     {7, RUN, JOYSTICK},
 };
@@ -196,21 +233,172 @@ static void tell_reset_cause(void) {
 }
 
 static void drive(void) {
-    static int16_t m1, m2; // what a command for the other motor leaves as it is
-    if (!moving) {
-        m1 = m2 = 0; // it may have stopped without us
-    }
     if (frame[5] == JOYSTICK) {
-        m1 = speed_at(6);
-        m2 = speed_at(8);
+        set_motors(speed_at(6), speed_at(8));
     } else if (frame[6] == PORT_M1) {
-        m1 = speed_at(7);
+        set_motors(speed_at(7), wanted_m2);
     } else {
-        m2 = speed_at(7);
+        set_motors(wanted_m1, speed_at(7));
     }
-    set_motors(m1, m2);
     driven_at = TCNT1;
 }
+
+// ---- senses: what the kit's two infrared pairs and its ultrasonic sensor tell, where asked for ----
+
+#define FLOOR_EVERY TICKS_OF_US(4000UL)
+#define FLOOR_LOOKS 2  // in a row say that there is none: 4 to 8 ms
+#define FLOOR_BACK 150 // in a row, while a wheel turns, say that the robot has backed off: 0.6 s
+#define PING_EVERY TICKS_OF_US(60000UL)
+#define PULSE 2            // ticks; more than 16 us of the 10 us that it takes
+#define ECHO_WITHIN TICKS_OF_US(30000UL)
+#define LONGEST_ECHO TICKS_OF_US(23200UL) // 4 m there and back
+#define TELL_EVERY TICKS_OF_US(50000UL)
+#define NO_ECHO_MM 4000
+#define FREE_MM 20         // an obstacle has gone when it is so much farther away than where it counts
+
+enum { EDGE_REFLEX = 1, M1_REVERSED = 2, M2_REVERSED = 4 }; // the first byte of SENSES
+enum { FLOOR_1 = 1, FLOOR_2 = 2, AT_EDGE = 4, AT_THING = 8 }; // the third of what is told
+
+// The two signals of an RJ25 port, on port B or C. The ultrasonic sensor has the second.
+static const struct {
+    volatile uint8_t *input; // DDR and PORT follow it
+    uint8_t first, second;
+} PORTS[] = {
+    {&PINB, _BV(PB3), _BV(PB4)},
+    {&PINB, _BV(PB1), _BV(PB2)},
+    {&PINC, _BV(PC2), _BV(PC3)},
+    {&PINC, _BV(PC0), _BV(PC1)},
+};
+#define PORT_COUNT (sizeof PORTS / sizeof *PORTS)
+
+static uint8_t reflexes, line_ports, sonar_port; // a bit a port, from port 1; a port's number, or 0
+static uint16_t nearest_mm;                      // what is nearer cuts forward; 0: nothing does
+static bool telling;
+static uint8_t floor_seen = FLOOR_1 | FLOOR_2;
+static uint16_t distance_mm = NO_ECHO_MM;
+static uint8_t supply; // in 20 mV; 0: not measured yet
+
+static void take_senses(const uint8_t *setting) {
+    reflexes = setting[0];
+    m1_ahead = !(reflexes & M1_REVERSED);
+    m2_ahead = !!(reflexes & M2_REVERSED);
+    line_ports = setting[1];
+    sonar_port = setting[2] <= PORT_COUNT ? setting[2] : 0;
+    nearest_mm = sonar_port ? setting[3] * 10 : 0;
+    distance_mm = NO_ECHO_MM;
+    floor_seen = FLOOR_1 | FLOOR_2;
+    edge = near = false;
+    telling = line_ports || sonar_port;
+    DDRB = PORTB = DDRC = PORTC = 0;      // inputs, and no echo half waited for
+    ADMUX = _BV(REFS0) | 0x0e;            // the 1.1 V reference, measured against the supply
+    ADCSRA = _BV(ADEN) | 7;               // 125 kHz
+}
+
+static void tell_senses(void) {
+    uint8_t told = floor_seen | (edge ? AT_EDGE : 0) | (near ? AT_THING : 0);
+    uint8_t reply[] = {0xff, 0x55, SENSES, 6 /* four bytes */, (uint8_t)distance_mm,
+                       (uint8_t)(distance_mm >> 8), told, supply, '\r', '\n'};
+    send(reply, sizeof reply);
+}
+
+// A conversion takes 0.1 ms, so the last one is over.
+static void measure_supply(void) {
+    uint16_t measured = ADC; // 1024 is the supply
+    if (measured) {
+        uint16_t volts = 56320U / measured; // 1.1 V * 1024 / 20 mV
+        supply = volts > 255 ? 255 : (uint8_t)volts;
+    }
+    ADCSRA |= _BV(ADSC);
+}
+
+static uint8_t floor_now(void) {
+    uint8_t seen = FLOOR_1 | FLOOR_2;
+    for (uint8_t port = 0; port < PORT_COUNT; port++) {
+        if (line_ports & _BV(port)) {
+            uint8_t level = *PORTS[port].input;
+            seen &= (uint8_t)~(level & PORTS[port].first ? 0 : FLOOR_1);
+            seen &= (uint8_t)~(level & PORTS[port].second ? 0 : FLOOR_2);
+        }
+    }
+    return seen;
+}
+
+// Every four milliseconds. An edge is over when the robot has driven away from it: by then it has turned
+// or backed so far that no wheel swings over it.
+static void feel_floor(void) {
+    static uint8_t missing;
+    static uint16_t there;
+    floor_seen = floor_now();
+    if (floor_seen == (FLOOR_1 | FLOOR_2)) {
+        missing = 0;
+        there += edge && turning && there < FLOOR_BACK;
+    } else {
+        there = 0;
+        missing += missing < FLOOR_LOOKS;
+    }
+    bool is_edge = (reflexes & EDGE_REFLEX) && (missing == FLOOR_LOOKS || (edge && there < FLOOR_BACK));
+    if (is_edge != edge) {
+        edge = is_edge;
+        there = 0;
+        move();
+    }
+}
+
+static void take_echo(uint16_t ticks) {
+    static uint8_t free_pings;
+    distance_mm = ticks >= LONGEST_ECHO ? NO_ECHO_MM : (uint16_t)(ticks * 80UL / 29); // 5.8 us a mm
+    free_pings = distance_mm < nearest_mm + FREE_MM ? 0 : free_pings + (free_pings < 2);
+    bool is_near = distance_mm < nearest_mm || (near && free_pings < 2);
+    if (is_near != near) {
+        near = is_near;
+        move();
+    }
+}
+
+// One wire: a pulse out, then as long a one back as the sound was under way.
+static void ping(uint16_t now) {
+    static enum { RESTS, CALLS, LISTENS, HEARS } state;
+    static uint16_t since;
+    volatile uint8_t *input = PORTS[sonar_port - 1].input, *direction = input + 1, *output = input + 2;
+    uint8_t pin = PORTS[sonar_port - 1].second;
+    bool high = *input & pin;
+    uint16_t passed = now - since;
+    if (state == RESTS && passed >= PING_EVERY && !high) {
+        *output |= pin;
+        *direction |= pin;
+        state = CALLS;
+        since = now;
+    } else if (state == CALLS && passed >= PULSE) {
+        *output &= (uint8_t)~pin;
+        *direction &= (uint8_t)~pin;
+        state = LISTENS;
+    } else if (state == LISTENS && high) {
+        state = HEARS;
+        since = now;
+    } else if ((state == LISTENS && passed >= ECHO_WITHIN) || (state == HEARS && !high) ||
+               (state == HEARS && passed >= LONGEST_ECHO)) {
+        take_echo(state == HEARS ? passed : LONGEST_ECHO);
+        state = RESTS;
+    }
+}
+
+static void sense(uint16_t now) {
+    static uint16_t felt_at, told_at;
+    if (sonar_port) {
+        ping(now);
+    }
+    if (line_ports && (uint16_t)(now - felt_at) >= FLOOR_EVERY) {
+        felt_at = now;
+        feel_floor();
+    }
+    if (telling && (uint16_t)(now - told_at) >= TELL_EVERY) {
+        told_at = now;
+        measure_supply();
+        tell_senses();
+    }
+}
+
+// ---- what is done with a frame ----
 
 // Do what the complete frame says and forget it.
 static void obey(void) {
@@ -218,6 +406,8 @@ static void obey(void) {
     if (frame[4] == GET) {
         if (frame[5] == VERSION) {
             tell_version();
+        } else if (frame[5] == SENSES) {
+            tell_senses();
         } else {
             tell_reset_cause();
         }
@@ -225,7 +415,13 @@ static void obey(void) {
     }
     if (!is_drive()) {
         set_motors(0, 0);
-        latched = latched && !(frame[4] == RUN && frame[5] == ARM);
+        if (frame[4] == RUN && frame[5] == SENSES) {
+            take_senses(frame + 6);
+        }
+        if (frame[4] == RUN && frame[5] == ARM) {
+            latched = false;
+            edge = edge && floor_now() != (FLOOR_1 | FLOOR_2); // somebody may have put it back
+        }
     } else if (latched) {
         return; // the missing acknowledgement says so
     } else {
@@ -297,7 +493,8 @@ int main(void) {
                 size = 0;
             }
         }
-        if (moving && (uint16_t)(TCNT1 - driven_at) >= COMMAND_TIMEOUT) {
+        sense(TCNT1);
+        if (is_driven() && (uint16_t)(TCNT1 - driven_at) >= COMMAND_TIMEOUT) {
             set_motors(0, 0);
             latched = true;
         }

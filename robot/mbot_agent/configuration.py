@@ -117,6 +117,44 @@ class BoardSettings(Struct, frozen=True, forbid_unknown_fields=True):
     accept_no_deadman: bool = False
 
 
+Port = Annotated[int, Meta(ge=1, le=4)]
+
+
+class SensesSettings(Struct, frozen=True, forbid_unknown_fields=True):
+    """What the board is to feel, and what holds it back.
+
+    Attributes:
+        edge: "stop": without a floor in front no wheel turns forward; "tell": it is only told.
+        distance_m: nothing goes forward when an echo is nearer; 0: no echo matters.
+        line_ports: RJ25 ports with infrared pairs.
+        ultrasonic_port: that of the ultrasonic sensor; 0: there is none.
+
+    """
+
+    edge: Literal["off", "tell", "stop"] = "off"
+    distance_m: Annotated[float, Meta(ge=0, le=2.5)] = 0.0
+    line_ports: tuple[Port, ...] = (2,)
+    ultrasonic_port: Annotated[int, Meta(ge=0, le=4)] = 3
+
+    def __post_init__(self) -> None:
+        if self.edge == "stop" and not self.line_ports:
+            raise ValueError('edge = "stop" needs infrared pairs: name their port in line_ports')
+        if self.distance_m and not self.ultrasonic_port:
+            raise ValueError(
+                "distance_m needs an ultrasonic sensor: set ultrasonic_port to its port"
+            )
+        if self.ultrasonic_port in self.line_ports:
+            raise ValueError(f"port {self.ultrasonic_port} can't have both kinds of sensor")
+
+    @property
+    def are_read(self) -> bool:
+        """Whether anybody asks for any of them."""
+        return self.edge != "off" or self.distance_m > 0
+
+
+NOTHING_READ = SensesSettings()
+
+
 class Control(Struct, frozen=True, forbid_unknown_fields=True):
     """The control loop."""
 
@@ -233,6 +271,7 @@ class Configuration(Struct, frozen=True, forbid_unknown_fields=True):
     calibration: str = ""
     camera: CameraSettings = CameraSettings()
     board: BoardSettings = BoardSettings()
+    senses: SensesSettings = SensesSettings()
     motors: WheelMaps = WheelMaps()
     control: Control = Control()
     models: Models = Models()

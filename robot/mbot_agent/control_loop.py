@@ -9,7 +9,7 @@ from dataclasses import replace
 from mbot_agent.arming import Hold, Mode, Orders, State
 from mbot_agent.camera.stuck import StuckCheck
 from mbot_agent.configuration import Configuration
-from mbot_agent.faults import Fault
+from mbot_agent.faults import Fault, fault_ahead
 from mbot_agent.hardware import Board, Camera, Frame
 from mbot_agent.helm import Helm
 from mbot_agent.metronome import Metronome, shift_towards_frames_ns
@@ -70,7 +70,7 @@ class ControlLoop:
         self._hold = Hold(configuration.control.longest_hold_s)
         self._longest_wait_s = configuration.control.longest_wait_s
         self._stuck = StuckCheck()
-        self._resets = board.resets
+        self._resets, self._edges = board.resets, board.edges
         self._ticks = 0
         self.latest: Tick | None = None
 
@@ -104,11 +104,11 @@ class ControlLoop:
 
     def faults(self, mode: Mode) -> tuple[Fault, ...]:
         """What is in the way of a mode now; any thread may ask. A person's hand needs neither
-        eyes nor model.
+        eyes nor model, and may back off from an edge.
         """
         found = [self._board.fault]
         if mode is not Mode.MANUAL:
-            found += [self._camera.fault, self._pilot.fault]
+            found += [fault_ahead(self._board.senses), self._camera.fault, self._pilot.fault]
         if mode in (Mode.RUNNING, Mode.WAITING):
             found.append(self._link_fault())
         if mode is Mode.STOPPED:  # why it stands; a `run` says that this is mended
@@ -136,6 +136,7 @@ class ControlLoop:
             orders=orders,
             faults=self.faults(orders.mode),
             model_sha256=self._pilot.sha256,
+            senses=self._board.senses,
         )
         if frame is None:
             return tick
@@ -158,11 +159,14 @@ class ControlLoop:
         if orders.mode is Mode.WAITING:
             self._begin_or_give_up(orders, faults, now_ns)
         reset, self._resets = self._board.resets != self._resets, self._board.resets
+        edge, self._edges = self._board.edges != self._edges, self._board.edges
         driving = orders.mode is Mode.RUNNING
         paused_ns = now_ns - self.latest.started_ns if self.latest is not None else 0
         overdue = self._hold.too_long(faults if driving else (), now_ns)
         if reset:
             self._helm.latch("the board was reset")
+        elif edge:
+            self._helm.latch("there was no floor in front of it")
         elif driving and paused_ns > self._metronome.period_ns + STALLED_AFTER_NS:
             self._helm.latch(f"the loop stood still for {paused_ns / 1e9:.1f} s")
         elif overdue is not None:

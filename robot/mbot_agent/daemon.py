@@ -58,7 +58,9 @@ def run(configuration: Configuration, last_words: Callable[[], None]) -> None:
     closing = threading.Event()
     with ExitStack() as parts:
         # The board comes first: whatever a crashed predecessor left it doing is stopped now.
-        motors = parts.enter_context(Motors(configuration.board, configuration.motors))
+        motors = parts.enter_context(
+            Motors(configuration.board, configuration.motors, configuration.senses)
+        )
         termination.watch(lambda: _stop_for_good(motors), closing)
         termination.end_with_any_thread(lambda: _stop_for_good(motors), last_words)
         try:
@@ -138,7 +140,8 @@ def _drive(
     recorder = _recorder(configuration, session_id, link, parts)
 
     def notices() -> tuple[Notice, ...]:
-        return keeper.notices + (recorder.notices if recorder is not None else ())
+        kept = recorder.notices if recorder is not None else ()
+        return keeper.notices + motors.notices + kept
 
     commands = CommandService(
         configuration,

@@ -8,14 +8,22 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
+
+from mbot_agent.board.board_session import BoardSession
 from mbot_agent.camera.frame_sources import frame_source
 from mbot_agent.camera.picture_check import PictureCheck
 from mbot_agent.camera.source_contract import CameraError, JpegError
 from mbot_agent.configuration import Configuration, address_advice, shown_source
+from mbot_agent.faults import fault_ahead
+from mbot_protocol.drive.senses import Senses
 from mbot_protocol.errors import MbotError
 from mbot_protocol.signing.public_key import PublicKey
 
 FRAMES = 10
+FEELING_S = 0.4
+"""Several pings of the ultrasonic sensor."""
+
 FULL_DISK_BYTES = 64 << 20
 
 
@@ -119,12 +127,16 @@ def _board(configuration: Configuration) -> Check:
     board = configuration.board
     with opener(board)(board, None) as session:
         session.handshake(lambda: False)
+        senses = _felt(session, configuration)
     firmware = session.firmware
     found = f"{session.path}: firmware {firmware.version}"
     if firmware.mistaken:
         return Check("board", "failed", f"{session.path}: {firmware.mistaken}")
     if firmware.has_deadman:
-        return Check("board", "ok", found)
+        held_back = senses is None or fault_ahead(senses) is not None
+        felt = senses.words if senses else "tells of no sensors: [senses] takes mbot-deadman 3"
+        verdict = "warning" if held_back and configuration.senses.are_read else "ok"
+        return Check("board", verdict, f"{found}; {felt}")
     warning = f"{found} keeps its last command for ever if this computer dies"
     if board.accept_no_deadman:
         return Check("board", "warning", f"{warning}; accepted by board.accept_no_deadman")
@@ -133,6 +145,17 @@ def _board(configuration: Configuration) -> Check:
         "failed",
         f"{warning}: flash firmware with a time-out, or set board.accept_no_deadman = true",
     )
+
+
+def _felt(session: BoardSession, configuration: Configuration) -> Senses | None:
+    """What the board feels now, its reflexes as configured; None: it does not tell."""
+    settings, until_s = configuration.senses, time.monotonic() + FEELING_S
+    if settings.edge == "off":
+        settings = msgspec.structs.replace(settings, edge="tell")
+    if session.watch(settings, configuration.motors):
+        while time.monotonic() < until_s:
+            session.wait(until_s - time.monotonic())
+    return session.senses
 
 
 def examine_trust(

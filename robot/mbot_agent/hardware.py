@@ -8,6 +8,7 @@ from typing import Protocol
 
 from mbot_agent.faults import Fault
 from mbot_protocol.drive.picture import Picture
+from mbot_protocol.drive.senses import Senses
 from mbot_protocol.drive.wheel_command import WheelCommand
 
 
@@ -89,6 +90,16 @@ class Board(Protocol):
     @property
     def resets(self) -> int:
         """How often the board has reset or latched by itself since the daemon's start."""
+        ...
+
+    @property
+    def senses(self) -> Senses | None:
+        """What the board feels; None: it tells nothing of it."""
+        ...
+
+    @property
+    def edges(self) -> int:
+        """How often the board has begun to hold back for want of floor since the daemon's start."""
         ...
 
     def arm(self) -> None:

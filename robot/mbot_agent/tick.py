@@ -10,6 +10,7 @@ from mbot_agent.faults import Fault
 from mbot_agent.hardware import Delivery
 from mbot_protocol.drive.actions import Steps
 from mbot_protocol.drive.picture import Picture
+from mbot_protocol.drive.senses import Senses
 from mbot_protocol.drive.wheel_command import STOP, Duties
 from mbot_protocol.policy.policy_contract import FieldOfView, Memory
 
@@ -44,6 +45,7 @@ class Tick:
         delivery: the board's acknowledgement.
         by_hand: what the wheels are told while a person drives; STOP otherwise.
         view: the field of view that the observation shows.
+        senses: what the board feels; None: it tells nothing of it.
 
     """
 
@@ -65,6 +67,7 @@ class Tick:
     delivery: Delivery | None = None
     by_hand: Duties = STOP
     view: FieldOfView | None = None
+    senses: Senses | None = None
 
     @property
     def at_wheels(self) -> Duties:

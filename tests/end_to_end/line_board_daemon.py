@@ -17,11 +17,15 @@ from mbot_agent.board.board_session import (
     UnacknowledgedError,
 )
 from mbot_agent.board.serial_line import SerialLine
-from mbot_agent.configuration import BoardSettings
+from mbot_agent.configuration import BoardSettings, SensesSettings
+from mbot_protocol.drive.actions import WheelMaps
+from mbot_protocol.drive.senses import Senses
 from mbot_protocol.drive.wheel_command import Duties
 
 
 class LineSession:
+    senses: Senses | None = None
+
     def __init__(self, board: BoardSettings, wake_fd: int | None) -> None:
         self.path, self.firmware, self._heard = board.port, Firmware(), b""
         self._line = SerialLine(board.port, board.baud_rate, wake_fd)
@@ -60,6 +64,9 @@ class LineSession:
 
     def arm(self) -> None:
         pass  # it never latches
+
+    def watch(self, settings: SensesSettings, wheels: WheelMaps) -> bool:
+        return False  # it feels nothing
 
     def wait(self, timeout_s: float) -> None:
         self._lines(timeout_s, wakeable=True)

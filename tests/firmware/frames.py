@@ -6,7 +6,7 @@ from .simulated_board import BYTE_US
 
 Event = tuple[float, str, bytes]
 
-NAME = b"mbot-deadman 2 300ms"
+NAME = b"mbot-deadman 3 300ms"
 BANNER = b"Version: " + NAME + b"\r\n"
 VERSION_REPLY = b"\xff\x55\x00\x04\x14" + NAME + b"\r\n"
 ACKNOWLEDGED = b"\xff\x55\r\n"

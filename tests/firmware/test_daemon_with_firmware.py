@@ -56,7 +56,7 @@ def silence_ms(board: LiveBoard) -> float:
 def test_the_daemon_trusts_it_and_drives(board: LiveBoard) -> None:
     with Motors(BoardSettings(port=board.port)) as motors:
         assert until(lambda: motors.fault is None)
-        assert motors.version == "mbot-deadman 2 300ms"
+        assert motors.version == "mbot-deadman 3 300ms"
         assert motors.has_deadman
         motors.arm()
         assert motors.delivery(motors.drive(for_s(10)), 1.0) is not None

@@ -42,7 +42,7 @@ def test_the_demo_drives_with_the_real_firmware(tmp_path: Path, firmware_folder:
     done = demo(tmp_path, "--firmware", str(firmware_folder / "mbot-deadman.hex"))
     assert done.stdout, done.stderr
     result = json.loads(done.stdout.splitlines()[-1])
-    assert result["board_version"] == "mbot-deadman 2 300ms"
+    assert result["board_version"] == "mbot-deadman 3 300ms"
     assert result["board_has_deadman"]
     assert result["distance_driven_m"] > 0.1
     assert "accept_no_deadman = false" in (tmp_path / "demo" / "robot.toml").read_text()

@@ -13,7 +13,7 @@ from mbot_workstation.virtual.emulated.board_simulator import cache_folder, simu
 def test_ours_is_what_make_firmware_makes() -> None:
     path = find_firmware("deadman")
     assert path.name == "mbot-deadman.elf"
-    assert b"mbot-deadman 2 300ms" in path.read_bytes()
+    assert b"mbot-deadman 3 300ms" in path.read_bytes()
 
 
 def test_elf_and_hex_are_taken_as_they_are(firmware_folder: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from mbot_protocol.beat.beat import PolicyInput
 from mbot_protocol.beat.fields import decision_fields, drive_numbers, drive_schema, state_word
-from mbot_protocol.v1.messages_pb2 import Decision, State, Steps, Wheels
+from mbot_protocol.v1.messages_pb2 import Decision, Senses, State, Steps, Wheels
 
 from ..workstation.samples import decision
 
@@ -32,6 +32,7 @@ def test_the_schema_is_what_viewers_read_and_names_all_that_is_written() -> None
     told = PolicyInput(True, False, 0.0, 0.0, b"", 55.3, 42.9)
     said = decision()
     said.under_voltage, said.duty.left = False, 0.5
+    said.senses.supply_v = 5.0
     assert set(kinds) == set(drive_numbers(said, told))
     assert "$ref" not in drive_schema().decode()
 
@@ -114,7 +115,8 @@ def test_json_names_are_stable() -> None:
         "step_right", "board_m1", "board_m2", "model_sha256", "missed_ticks",
         "cpu_temperature_c", "load_1min", "resident_memory_bytes", "dropped_records",
         "notices", "stop_count", "steps_left", "steps_right", "under_voltage", "duty_left",
-        "duty_right",
+        "duty_right", "senses_distance_m", "senses_floor_1", "senses_floor_2", "senses_edge",
+        "senses_obstacle", "senses_supply_v",
     }  # fmt: skip
     assert fields["session_id"] == "0000000000000001"
     assert fields["captured_ms"] == -30.0
@@ -129,6 +131,14 @@ def test_json_is_null_where_the_robot_said_nothing() -> None:
     for name in ("action_left", "decided_ms", "model_sha256", "cpu_temperature_c", "load_1min"):
         assert fields[name] is None
     assert not any(isinstance(v, float) and math.isnan(v) for v in fields.values())
+
+
+def test_what_a_board_does_not_feel_is_not_known() -> None:
+    known = decision_fields(Decision(senses=Senses(distance_m=4.0)))
+    assert (known["senses_distance_m"], known["senses_edge"]) == (4.0, False)
+    assert known["senses_supply_v"] is None
+    assert decision_fields(Decision())["senses_edge"] is None
+    assert "senses_edge" not in drive_numbers(Decision())
 
 
 def test_a_supply_that_sags_is_told_and_what_is_not_known_is_not() -> None:

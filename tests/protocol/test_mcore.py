@@ -3,6 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mbot_protocol.drive import mcore
+from mbot_protocol.drive.actions import MotorMap, WheelMaps
 from mbot_protocol.drive.mcore import (
     Acknowledgement,
     Banner,
@@ -12,6 +13,7 @@ from mbot_protocol.drive.mcore import (
     Value,
     VersionReply,
 )
+from mbot_protocol.drive.senses import Senses
 
 speeds = st.integers(-255, 255)
 
@@ -73,3 +75,40 @@ def test_makeblocks_firmware_for_other_boards_is_told_from_an_mbots() -> None:
         assert mcore.is_of_another_board(version)
     for version in ("06.01.009", "06.01.107", "1.2.103", "mbot-deadman 2 300ms", "somebody's", ""):
         assert not mcore.is_of_another_board(version)
+
+
+@given(st.integers(0, 65535), st.integers(0, 255), st.integers(0, 255))
+def test_senses_are_told_from_any_other_value(distance_mm: int, told: int, supply: int) -> None:
+    data = distance_mm.to_bytes(2, "little") + bytes((told, supply))
+    senses = Value(0x72, data).senses
+    assert senses is not None
+    assert senses.distance_m == distance_mm / 1000
+    assert (*senses.floor, senses.at_edge, senses.at_obstacle) == tuple(
+        bool(told & 1 << bit) for bit in range(4)
+    )
+    assert senses.supply_v == (pytest.approx(supply * 0.02) if supply else None)
+    assert Value(0x71, data).senses is Value(0x72, data[:2]).senses is None
+
+
+@pytest.mark.parametrize(
+    ("version", "can"),
+    [("06.01.107", False), ("mbot-deadman 2 300ms", False), ("mbot-deadman 3 300ms", True)],
+)
+def test_which_firmware_tells_senses(version: str, can: bool) -> None:
+    assert mcore.tells_senses(version) == can
+
+
+def test_senses_are_asked_for_in_one_frame() -> None:
+    assert mcore.senses_request((2,), 3, 0.15, edge_stops=True) == bytes.fromhex(
+        "ff550700027201 02 03 0f"
+    )
+    turned = WheelMaps(MotorMap(reversed=False), MotorMap(reversed=True))
+    assert mcore.senses_request((1, 4), 0, 9.0, turned, edge_stops=False) == bytes.fromhex(
+        "ff550700027206 09 00 ff"
+    )
+
+
+def test_what_is_felt_reads_as_a_sentence() -> None:
+    felt = Senses(0.424, (True, False), at_edge=True, at_obstacle=False, supply_v=4.96)
+    assert felt.words == "infrared pairs see floor and no floor, ahead 0.42 m, supply 5.0 V"
+    assert "no echo" in Senses(4.0, (True, True), at_edge=False, at_obstacle=False).words

@@ -10,7 +10,7 @@ import tty
 from pathlib import Path
 from typing import Self
 
-from mbot_protocol.drive.mcore import END, HEADER, wants_arming
+from mbot_protocol.drive.mcore import END, HEADER, tells_senses, wants_arming
 
 _UNLOCK, _NUMBER = 0x40045431, 0x80045430
 """TIOCSPTLCK and TIOCGPTN, which Python's termios does not have."""
@@ -34,6 +34,7 @@ class FakeBoard:
         unheard_drives: the same, of those that are no stops.
         latched: refuses to drive until ARM has come, as our firmware does after a reset.
         behind_a_reply: what it says in one piece with its next acknowledgement.
+        felt: what it says of its sensors as soon as it is asked to tell.
         version: what it calls itself.
 
     """
@@ -54,7 +55,7 @@ class FakeBoard:
         self.acknowledge = True
         self.unheard = self.unheard_drives = 0
         self.latched = wants_arming(version)
-        self.behind_a_reply = b""
+        self.behind_a_reply = self.felt = b""
         self.commands: list[tuple[float, int, int]] = []
         self.received = bytearray()
         self._master, self._slave, number = _openpty(devpts)
@@ -101,6 +102,16 @@ class FakeBoard:
         self._buffer.clear()
         self.say(f"Version: {self.version}\r\n".encode())
 
+    def feel(self, distance_mm: int, told: int, supply_20_mv: int = 250) -> None:
+        """Tell of its sensors, as `feeling` has it."""
+        self.say(self.feeling(distance_mm, told, supply_20_mv))
+
+    @staticmethod
+    def feeling(distance_mm: int, told: int, supply_20_mv: int = 250) -> bytes:
+        """What the sensors tell: a reading, the floor's and reflexes' bits, the supply."""
+        reading = distance_mm.to_bytes(2, "little") + bytes((told, supply_20_mv))
+        return HEADER + b"\x72\x06" + reading + END
+
     def wait_for(self, m1: int, m2: int, timeout_s: float = 3.0) -> bool:
         """Whether the motors come to these speeds in time."""
         deadline = time.monotonic() + timeout_s
@@ -140,6 +151,8 @@ class FakeBoard:
         if frame[4:6] == b"\x02\x71" and wants_arming(self.version):
             self.latched = False
             return self._acknowledged()
+        if frame[4:6] == b"\x02\x72" and tells_senses(self.version):
+            return self._acknowledged() + self.felt
         if frame[4:6] == b"\x02\x05":
             return self._driven(frame)
         return b""

@@ -13,6 +13,7 @@ from mbot_agent.helm import Helm, Press
 from mbot_agent.models.pilot import Pilot
 from mbot_agent.tick import Tick
 from mbot_protocol.drive.picture import Picture
+from mbot_protocol.drive.senses import Senses
 from mbot_protocol.drive.wheel_command import Duties, WheelCommand
 
 HAND = Press(sender=7, number=1)
@@ -26,7 +27,8 @@ class ObedientBoard:
         fault: what the test says is wrong with it.
         commands: all that it was given.
         asked: their speeds and the stops, in order.
-        resets: as often as the test says.
+        resets, edges: as often as the test says.
+        senses: what the test says that it feels.
         armed, disarmed: how often it was.
         answers: whether it acknowledges a stop.
 
@@ -39,7 +41,8 @@ class ObedientBoard:
         self.fault: Fault | None = None
         self.commands: list[WheelCommand] = []
         self.asked: list[Duties | str] = []
-        self.resets = 0
+        self.resets = self.edges = 0
+        self.senses: Senses | None = None
         self.armed = self.disarmed = 0
         self.answers = True
 
@@ -128,9 +131,9 @@ class Bench:
         """As a person does who has just looked."""
         self.helm.run(self.stops)
 
-    def hold(self, duties: Duties, hold_ns: int = 10**9) -> None:
+    def hold(self, duties: Duties, hold_ns: int = 10**9, press: Press = HAND) -> None:
         """As a hand does that has taken hold."""
-        self.helm.steer_by_hand(duties, time.monotonic_ns() + hold_ns, self.stops, HAND)
+        self.helm.steer_by_hand(duties, time.monotonic_ns() + hold_ns, self.stops, press)
 
     @property
     def stops(self) -> int:

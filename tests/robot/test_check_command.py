@@ -128,6 +128,31 @@ def test_another_board_of_the_same_maker_is_no_mcore(
     assert (found.verdict, "another board" in found.detail) == (verdict, verdict == "failed")
 
 
+@pytest.mark.parametrize(
+    ("told", "edge", "verdict"),
+    [
+        (0b11, "stop", "ok"),
+        (0b110, "stop", "warning"),
+        (0b10, "off", "ok"),
+        (None, "stop", "warning"),
+    ],
+)
+def test_the_board_says_what_it_feels(
+    told: int | None, edge: str, verdict: str, tmp_path: Path
+) -> None:
+    version = "mbot-deadman 2 300ms" if told is None else "mbot-deadman 3 300ms"
+    with FakeBoard(version) as board:
+        board.felt = b"" if told is None else board.feeling(420, told)
+        path = tmp_path / "config.toml"
+        path.write_text(
+            f'robot_id = "rosa"\ncamera.source = "{tmp_path}/none"\nboard.port = "{board.path}"\n'
+            f'senses.edge = "{edge}"'
+        )
+        found = findings(path)["board"]
+    assert found.verdict == verdict
+    assert ("0.42 m" in found.detail) == (told is not None)
+
+
 def test_a_port_that_is_taken_is_not_called_well(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]

@@ -11,11 +11,13 @@ from mbot_agent import control_loop
 from mbot_agent.arming import Mode, State
 from mbot_agent.configuration import Control
 from mbot_agent.faults import Fault
+from mbot_agent.helm import Press
 from mbot_agent.models.trial import Finding, Trial, Verdict
 from mbot_agent.tick import Tick
 from mbot_protocol.drive.actions import Steps
 from mbot_protocol.drive.camera_model import CameraModel
 from mbot_protocol.drive.picture import Observer, Picture
+from mbot_protocol.drive.senses import Senses
 from mbot_protocol.drive.wheel_command import STOP, Duties
 from mbot_protocol.policy.policy import Answer, Policy
 from mbot_protocol.policy.policy_contract import FULL_VIEW, FieldOfView, Memory, PolicyMetadata
@@ -176,6 +178,59 @@ def test_a_board_that_was_reset_disarms(bench: Bench, mode: Mode) -> None:
     bench.board.resets += 1
     assert bench.tick().state is State.STOPPED
     assert bench.helm.orders.stop.why == "the board was reset"
+
+
+def at_edge(floor: tuple[bool, bool]) -> Senses:
+    return Senses(4.0, floor, at_edge=True, at_obstacle=False)
+
+
+def test_an_edge_disarms_and_wants_a_floor_again(bench: Bench) -> None:
+    drive_with(bench, 0.5, 0.5)
+    assert bench.tick().state is State.RUNNING
+    bench.board.edges, bench.board.senses = 1, at_edge((False, True))
+    tick = bench.tick()
+    assert (tick.state, tick.senses) == (State.STOPPED, bench.board.senses)
+    assert bench.helm.orders.stop.why == "there was no floor in front of it"
+    assert [fault.kind for fault in bench.loop.faults(Mode.RUNNING)] == ["edge"]
+    assert bench.loop.faults(Mode.MANUAL) == (), "a hand may back off"
+    bench.board.senses = at_edge((True, True))  # somebody has put it back
+    assert bench.loop.faults(Mode.RUNNING) == ()
+    bench.run()
+    assert bench.tick().state is State.RUNNING
+
+
+def test_an_edge_ends_a_hands_drive_once(bench: Bench) -> None:
+    bench.hold(Duties(0.2, 0.2))
+    assert bench.tick().state is State.MANUAL
+    bench.board.edges, bench.board.senses = 1, at_edge((False, True))
+    assert bench.tick().state is State.STOPPED
+    bench.hold(Duties(-0.2, -0.2), press=Press(sender=7, number=2))
+    for _ in range(3):
+        assert bench.tick().state is State.MANUAL
+
+
+def test_an_obstacle_holds_and_is_forgiven_when_it_goes_soon(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive_with(bench, 0.5, 0.5)
+    clock = Clock(monkeypatch)
+    bench.tick()
+    near = Senses(0.1, (True, True), at_edge=False, at_obstacle=True)
+    bench.board.senses = near
+    for _ in range(3):
+        clock.advance(0.4)
+        tick = bench.tick()
+        assert (tick.state, [fault.kind for fault in tick.faults]) == (State.FAULT, ["obstacle"])
+        assert bench.board.asked[-1] == "stop"
+    bench.board.senses = None
+    clock.advance(0.4)
+    assert bench.tick().state is State.RUNNING
+    bench.board.senses = near
+    for _ in range(7):
+        clock.advance(0.4)
+        bench.tick()
+    assert bench.helm.orders.mode is Mode.STOPPED
+    assert "10 cm ahead" in bench.helm.orders.stop.why
 
 
 def test_a_robot_that_is_stuck_disarms_and_waits_for_a_word(

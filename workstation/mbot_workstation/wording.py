@@ -5,7 +5,10 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+from mbot_protocol.drive.senses import Senses
+
 if TYPE_CHECKING:  # loading messages takes longer than `--help` may
+    from mbot_protocol.v1 import messages_pb2
     from mbot_protocol.v1.messages_pb2 import Decision, Fault, Status
 
 LONGEST_TEXT = 400
@@ -69,6 +72,15 @@ def computer_words(decision: "Decision") -> str:
     if decision.under_voltage:
         known.append("under-voltage: check battery and cable")
     return ", ".join(known)
+
+
+def senses_words(told: "messages_pb2.Senses") -> str:
+    """What a board feels, and whether it holds the robot back."""
+    supply_v = told.supply_v if told.HasField("supply_v") else None
+    floor = (told.floor_1, told.floor_2)
+    senses = Senses(told.distance_m, floor, told.edge, told.obstacle, supply_v)
+    held = "; it holds back" if told.edge or told.obstacle else ""
+    return senses.words + held
 
 
 def size_words(size_bytes: int) -> str:

@@ -8,6 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, Self
 
+from mbot_agent.configuration import SensesSettings
+from mbot_protocol.drive.actions import WheelMaps
+from mbot_protocol.drive.senses import Senses
 from mbot_protocol.drive.wheel_command import Duties
 from mbot_protocol.errors import UnreachableError
 
@@ -48,11 +51,13 @@ class BoardSession(Protocol):
     Attributes:
         path: the port, for people.
         firmware: what has answered the handshake.
+        senses: what it told of them last, another object each time; None: nothing.
 
     """
 
     path: str
     firmware: Firmware
+    senses: Senses | None
 
     def __enter__(self) -> Self: ...
 
@@ -102,6 +107,18 @@ class BoardSession(Protocol):
 
     def arm(self) -> None:
         """Let a board that has latched drive again; nothing is sent to firmware that never does.
+
+        Raises:
+            BoardLostError, BoardResetError: as `send`.
+
+        """
+        ...
+
+    def watch(self, settings: SensesSettings, wheels: WheelMaps) -> bool:
+        """Have the board tell its senses from now on, and hold the robot back as configured.
+
+        Returns:
+            Whether it can; false as well if nothing is asked for.
 
         Raises:
             BoardLostError, BoardResetError: as `send`.

@@ -19,11 +19,13 @@ from mbot_agent.board.board_session import (
     Firmware,
     UnacknowledgedError,
 )
-from mbot_agent.configuration import BoardSettings
-from mbot_agent.faults import Fault
+from mbot_agent.board.told_senses import ToldSenses
+from mbot_agent.configuration import NOTHING_READ, BoardSettings, SensesSettings
+from mbot_agent.faults import Fault, Notice
 from mbot_agent.hardware import Delivery
 from mbot_protocol.back_off import BackOff
 from mbot_protocol.drive.actions import AS_BUILT, WheelMaps
+from mbot_protocol.drive.senses import Senses
 from mbot_protocol.drive.wheel_command import STOP, WheelCommand
 from mbot_protocol.errors import UnreachableError
 
@@ -52,8 +54,13 @@ class Motors:
 
     """
 
-    def __init__(self, board: BoardSettings, wheels: WheelMaps = AS_BUILT) -> None:
-        """`wheels` say which motor is reversed.
+    def __init__(
+        self,
+        board: BoardSettings,
+        wheels: WheelMaps = AS_BUILT,
+        senses: SensesSettings = NOTHING_READ,
+    ) -> None:
+        """`wheels` say which motor is reversed, `senses` what the board is to feel.
 
         Raises:
             ConfigurationError: nobody knows this kind of board.
@@ -61,6 +68,8 @@ class Motors:
         """
         self._board = board
         self._wheels = wheels
+        self._senses_settings = senses
+        self._told = ToldSenses(senses)
         self._open = board_kinds.opener(board)
         self._news = threading.Condition()
         self._command: WheelCommand | None = None
@@ -107,9 +116,24 @@ class Motors:
         return self._firmware.has_deadman
 
     @property
+    def senses(self) -> Senses | None:
+        """What the board feels; None: it tells nothing of it."""
+        return self._told.latest
+
+    @property
+    def edges(self) -> int:
+        """How often the board has begun to hold back for want of floor."""
+        return self._told.edges
+
+    @property
+    def notices(self) -> tuple[Notice, ...]:
+        """What is worth knowing of the board."""
+        return self._told.notices
+
+    @property
     def fault(self) -> Fault | None:
         """Why the wheels cannot be driven now, if they cannot."""
-        fault, firmware = self._fault, self._firmware
+        fault, firmware = self._fault or self._told.fault, self._firmware
         if fault is None and firmware.mistaken:
             return Fault("board-other", firmware.mistaken)
         if fault is None and not (firmware.has_deadman or self._board.accept_no_deadman):
@@ -205,6 +229,8 @@ class Motors:
                 with self._open(self._board, self._wake_reader) as session:
                     while not self._closing and session.handshake(self._gives_up):
                         back_off.succeeded()
+                        watched = session.watch(self._senses_settings, self._wheels)
+                        self._told.connected(session.firmware.version, watched=watched)
                         self._connected(session)
                         try:
                             self._serve(session)
@@ -240,6 +266,7 @@ class Motors:
         with self._news:
             self._fault, self._firmware, self._command = fault, Firmware(), None
             self._arm = False
+            self._told.lost()
             self._news.notify_all()
 
     def _serve(self, session: BoardSession) -> None:
@@ -249,6 +276,7 @@ class Motors:
         failures = refused = 0
         while not self._closing:
             self.progress_ns = time.monotonic_ns()
+            self._told.take(session.senses)
             command, ticket, fresh = self._in_force()
             now = time.monotonic()
             try:

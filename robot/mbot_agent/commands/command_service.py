@@ -17,6 +17,7 @@ from mbot_agent.network.wire_messages import (
     wire_faults,
     wire_motor,
     wire_notices,
+    wire_senses,
     wire_stop,
 )
 from mbot_agent.network.zenoh_link import Link, Listener
@@ -86,6 +87,7 @@ class CommandService:
         latest = self._loop.latest
         orders = self._helm.orders
         faults = self._loop.faults(orders.mode)
+        senses = self._board.senses
         return messages.Status(
             schema_version=SCHEMA_VERSION,
             robot_id=self._robot_id,
@@ -109,6 +111,7 @@ class CommandService:
             last_stop=wire_stop(orders.stop),
             release=self._release,
             let_go_monotonic_ns=orders.let_go_ns,
+            senses=wire_senses(senses) if senses is not None else None,
         ).SerializeToString()
 
     def _camera_words(self) -> str:

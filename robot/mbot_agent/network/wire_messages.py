@@ -13,6 +13,7 @@ from mbot_agent.network.health import read_health
 from mbot_agent.tick import Tick
 from mbot_protocol.beat.beat import Beat, PolicyInput
 from mbot_protocol.drive.actions import MotorMap, WheelMaps
+from mbot_protocol.drive.senses import Senses
 from mbot_protocol.v1 import messages_pb2 as messages
 from mbot_protocol.wire.schema import SCHEMA_VERSION
 
@@ -45,6 +46,19 @@ def wire_motor(motor: MotorMap) -> messages.MotorMap:
 def wire_stop(stop: Stop) -> messages.LastStop:
     """The last stop."""
     return messages.LastStop(count=stop.count, by=stop.by, why=stop.why, monotonic_ns=stop.at_ns)
+
+
+def wire_senses(senses: Senses) -> messages.Senses:
+    """What the board feels."""
+    floor_1, floor_2 = senses.floor
+    return messages.Senses(
+        distance_m=senses.distance_m,
+        floor_1=floor_1,
+        floor_2=floor_2,
+        edge=senses.at_edge,
+        obstacle=senses.at_obstacle,
+        supply_v=senses.supply_v,
+    )
 
 
 def beat_of(
@@ -81,6 +95,8 @@ def beat_of(
     if tick.delivery is not None:
         decision.written_monotonic_ns = tick.delivery.written_ns
         decision.acknowledged_monotonic_ns = tick.delivery.acknowledged_ns
+    if tick.senses is not None:
+        decision.senses.CopyFrom(wire_senses(tick.senses))
     # A field of Health is a field of Decision; None where this machine does not tell.
     for name, value in asdict(read_health()).items():
         if value is not None:

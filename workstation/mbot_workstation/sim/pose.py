@@ -1,5 +1,6 @@
 """Where something stands on the floor."""
 
+import math
 from dataclasses import dataclass
 
 
@@ -16,6 +17,14 @@ class Pose:
     x_m: float
     y_m: float
     yaw_rad: float = 0.0
+
+    def point(self, ahead_m: float, left_m: float) -> tuple[float, float]:
+        """Where a point lies that is so far ahead and to the left."""
+        cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        return (
+            self.x_m + ahead_m * cos - left_m * sin,
+            self.y_m + ahead_m * sin + left_m * cos,
+        )
 
 
 ORIGIN = Pose(0.0, 0.0, 0.0)

@@ -15,16 +15,19 @@ from mbot_agent.board.board_session import (
 )
 from mbot_agent.board.mcore import mcore_port
 from mbot_agent.board.serial_line import SerialLine
-from mbot_agent.configuration import BoardSettings
+from mbot_agent.configuration import BoardSettings, SensesSettings
 from mbot_protocol.drive import mcore
+from mbot_protocol.drive.actions import WheelMaps
 from mbot_protocol.drive.mcore import (
     Acknowledgement,
     Banner,
     Joystick,
     Reply,
     ReplyParser,
+    Value,
     VersionReply,
 )
+from mbot_protocol.drive.senses import Senses
 from mbot_protocol.drive.wheel_command import Duties
 
 HANDSHAKE_TIMEOUT_S = 6.0
@@ -50,13 +53,17 @@ class McoreSession:
     Attributes:
         path: the port.
         firmware: what has answered.
+        senses: what it told of them last.
 
     """
+
+    senses: Senses | None
 
     def __init__(self, line: SerialLine) -> None:
         """Take over an open line."""
         self.path = line.path
         self.firmware = Firmware()
+        self.senses = None
         self._line = line
         self._parser = ReplyParser()
 
@@ -125,6 +132,22 @@ class McoreSession:
         if self.firmware.may_latch:
             self._exchange(mcore.ARM_REQUEST)
 
+    def watch(self, settings: SensesSettings, wheels: WheelMaps) -> bool:
+        """Tell firmware of ours what to look at; it forgets that with each reset."""
+        self.senses = None
+        if not mcore.tells_senses(self.firmware.version):
+            return False
+        on = settings.are_read
+        request = mcore.senses_request(
+            settings.line_ports if on else (),
+            settings.ultrasonic_port if on else 0,
+            settings.distance_m,
+            wheels,
+            edge_stops=settings.edge == "stop",
+        )
+        self._exchange(request)
+        return on
+
     def wait(self, timeout_s: float) -> None:
         """Sleep until the time-out, a wake-up or news from the board; take in what it says."""
         for reply in self._read(timeout_s, wakeable=True):
@@ -152,7 +175,10 @@ class McoreSession:
                 raise BoardResetError(f"the board on {self.path} has been reset")
 
     def _read(self, timeout_s: float, *, wakeable: bool = False) -> list[Reply]:
-        return list(self._parser.feed(self._line.read(timeout_s, wakeable=wakeable)))
+        replies = list(self._parser.feed(self._line.read(timeout_s, wakeable=wakeable)))
+        told = [reply.senses for reply in replies if isinstance(reply, Value)]
+        self.senses = next((one for one in reversed(told) if one is not None), self.senses)
+        return replies
 
 
 def firmware(version: str) -> Firmware:

@@ -99,7 +99,8 @@ def _leaves(decision: Decision) -> Iterator[tuple[str, Any, Any]]:
             yield field.name, field, word if there else None
         else:
             for part in field.message_type.fields:
-                known = getattr(value, part.name) if there else None
+                said = there and (not part.has_presence or value.HasField(part.name))
+                known = getattr(value, part.name) if said else None
                 yield f"{field.name}_{part.name}", part, known
 
 

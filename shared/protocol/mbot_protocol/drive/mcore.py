@@ -9,10 +9,11 @@ which first flushes the board's parser with zero bytes.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from mbot_protocol.drive.actions import AS_BUILT
+from mbot_protocol.drive.actions import AS_BUILT, WheelMaps
+from mbot_protocol.drive.senses import Senses
 from mbot_protocol.drive.wheel_command import Duties
 
 BAUD_RATE = 115_200
@@ -27,7 +28,7 @@ END = b"\r\n"
 
 _GET, _RUN, _RESET = 1, 2, 4
 _VERSION, _JOYSTICK = 0, 5
-_RESET_CAUSE, _ARM = 0x70, 0x71
+_RESET_CAUSE, _ARM, _SENSES = 0x70, 0x71, 0x72
 
 FLUSH_PADDING = bytes(52)
 """Zero bytes that end any half-read frame: the stock parser's buffer holds 52 bytes (measured)."""
@@ -87,6 +88,32 @@ RESET_REQUEST = HEADER + bytes((0x02, 0x00, _RESET))
 ARM_REQUEST = HEADER + bytes((0x03, 0x00, _RUN, _ARM))
 RESET_CAUSE_REQUEST = HEADER + bytes((0x03, 0x00, _GET, _RESET_CAUSE))
 
+LONGEST_STOPPING_CM = 255
+
+
+def senses_request(
+    line_ports: Iterable[int],
+    ultrasonic_port: int,
+    stopping_distance_m: float,
+    wheels: WheelMaps = AS_BUILT,
+    *,
+    edge_stops: bool,
+) -> bytes:
+    """Have our firmware tell its senses 20 times a second, and hold the robot back by itself.
+
+    Args:
+        line_ports: RJ25 ports, 1 to 4, that have infrared pairs; none: it tells of a floor.
+        ultrasonic_port: that of the ultrasonic sensor; 0: none.
+        stopping_distance_m: an echo that is nearer cuts forward; 0: none does.
+        wheels: which motors are reversed, so what forward is.
+        edge_stops: whether no floor cuts forward.
+
+    """
+    flags = edge_stops | (not wheels.left.reversed) << 1 | bool(wheels.right.reversed) << 2
+    ports = sum({1 << port - 1 for port in line_ports})
+    stop_cm = min(LONGEST_STOPPING_CM, round(stopping_distance_m * 100))
+    return HEADER + bytes((0x07, 0x00, _RUN, _SENSES, flags, ports, ultrasonic_port, stop_cm))
+
 
 def stop_burst() -> bytes:
     """Padding, then STOP: stops the motors whatever the board's parser was in the middle of.
@@ -117,11 +144,29 @@ class Banner:
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """Any other framed reply (a button, a sensor); this project uses none of them."""
+    """Any other framed reply: our firmware's senses; the stock one's button and sensors."""
 
     index: int
     data: bytes
 
+    @property
+    def senses(self) -> Senses | None:
+        """What our firmware tells of its senses; None: it is something else."""
+        if self.index != _SENSES or len(self.data) != _SENSES_BYTES:
+            return None
+        told, supply = self.data[2:]
+        return Senses(
+            distance_m=int.from_bytes(self.data[:2], "little") / 1000,
+            floor=(bool(told & 1), bool(told & 2)),
+            at_edge=bool(told & 4),
+            at_obstacle=bool(told & 8),
+            supply_v=supply * _SUPPLY_V or None,
+        )
+
+
+_SENSES_BYTES = 4
+_SUPPLY_V = 0.02
+"""What one of the supply's units is."""
 
 Reply = Acknowledgement | VersionReply | Banner | Value
 
@@ -248,6 +293,16 @@ def wants_arming(version: str) -> bool:
     """Whether a firmware of this name refuses to drive until ARM has come."""
     found = _OURS.match(version)
     return found is not None and int(found["generation"]) >= 2
+
+
+def tells_senses(version: str) -> bool:
+    """Whether a firmware of this name reads the kit's sensors without ever waiting for them.
+
+    The stock one does not: an ultrasonic sensor without an echo makes it deaf for 0.88 s, to STOP
+    as well (measured).
+    """
+    found = _OURS.match(version)
+    return found is not None and int(found["generation"]) >= 3
 
 
 def deadman_timeout_ms(version: str) -> int | None:

@@ -55,7 +55,7 @@ class Steps(_message.Message):
     def __init__(self, left: _Optional[int] = ..., right: _Optional[int] = ...) -> None: ...
 
 class Decision(_message.Message):
-    __slots__ = ("schema_version", "robot_id", "session_id", "sequence", "state", "faults", "unix_time_ns", "captured_monotonic_ns", "due_monotonic_ns", "started_monotonic_ns", "observed_monotonic_ns", "decided_monotonic_ns", "written_monotonic_ns", "acknowledged_monotonic_ns", "action", "steps", "board_m1", "board_m2", "model_sha256", "missed_ticks", "cpu_temperature_c", "load_1min", "resident_memory_bytes", "dropped_records", "notices", "stop_count", "hand_let_go", "duty", "under_voltage")
+    __slots__ = ("schema_version", "robot_id", "session_id", "sequence", "state", "faults", "unix_time_ns", "captured_monotonic_ns", "due_monotonic_ns", "started_monotonic_ns", "observed_monotonic_ns", "decided_monotonic_ns", "written_monotonic_ns", "acknowledged_monotonic_ns", "action", "steps", "board_m1", "board_m2", "model_sha256", "missed_ticks", "cpu_temperature_c", "load_1min", "resident_memory_bytes", "dropped_records", "notices", "stop_count", "hand_let_go", "duty", "senses", "under_voltage")
     SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
     ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
     SESSION_ID_FIELD_NUMBER: _ClassVar[int]
@@ -84,6 +84,7 @@ class Decision(_message.Message):
     STOP_COUNT_FIELD_NUMBER: _ClassVar[int]
     HAND_LET_GO_FIELD_NUMBER: _ClassVar[int]
     DUTY_FIELD_NUMBER: _ClassVar[int]
+    SENSES_FIELD_NUMBER: _ClassVar[int]
     UNDER_VOLTAGE_FIELD_NUMBER: _ClassVar[int]
     schema_version: int
     robot_id: str
@@ -113,11 +114,12 @@ class Decision(_message.Message):
     stop_count: int
     hand_let_go: bool
     duty: Wheels
+    senses: Senses
     under_voltage: bool
-    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., sequence: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., faults: _Optional[_Iterable[_Union[Fault, _Mapping[str, object]]]] = ..., unix_time_ns: _Optional[int] = ..., captured_monotonic_ns: _Optional[int] = ..., due_monotonic_ns: _Optional[int] = ..., started_monotonic_ns: _Optional[int] = ..., observed_monotonic_ns: _Optional[int] = ..., decided_monotonic_ns: _Optional[int] = ..., written_monotonic_ns: _Optional[int] = ..., acknowledged_monotonic_ns: _Optional[int] = ..., action: _Optional[_Union[Wheels, _Mapping[str, object]]] = ..., steps: _Optional[_Union[Steps, _Mapping[str, object]]] = ..., board_m1: _Optional[int] = ..., board_m2: _Optional[int] = ..., model_sha256: _Optional[str] = ..., missed_ticks: _Optional[int] = ..., cpu_temperature_c: _Optional[float] = ..., load_1min: _Optional[float] = ..., resident_memory_bytes: _Optional[int] = ..., dropped_records: _Optional[int] = ..., notices: _Optional[_Iterable[_Union[Notice, _Mapping[str, object]]]] = ..., stop_count: _Optional[int] = ..., hand_let_go: bool = ..., duty: _Optional[_Union[Wheels, _Mapping[str, object]]] = ..., under_voltage: bool = ...) -> None: ...
+    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., sequence: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., faults: _Optional[_Iterable[_Union[Fault, _Mapping[str, object]]]] = ..., unix_time_ns: _Optional[int] = ..., captured_monotonic_ns: _Optional[int] = ..., due_monotonic_ns: _Optional[int] = ..., started_monotonic_ns: _Optional[int] = ..., observed_monotonic_ns: _Optional[int] = ..., decided_monotonic_ns: _Optional[int] = ..., written_monotonic_ns: _Optional[int] = ..., acknowledged_monotonic_ns: _Optional[int] = ..., action: _Optional[_Union[Wheels, _Mapping[str, object]]] = ..., steps: _Optional[_Union[Steps, _Mapping[str, object]]] = ..., board_m1: _Optional[int] = ..., board_m2: _Optional[int] = ..., model_sha256: _Optional[str] = ..., missed_ticks: _Optional[int] = ..., cpu_temperature_c: _Optional[float] = ..., load_1min: _Optional[float] = ..., resident_memory_bytes: _Optional[int] = ..., dropped_records: _Optional[int] = ..., notices: _Optional[_Iterable[_Union[Notice, _Mapping[str, object]]]] = ..., stop_count: _Optional[int] = ..., hand_let_go: bool = ..., duty: _Optional[_Union[Wheels, _Mapping[str, object]]] = ..., senses: _Optional[_Union[Senses, _Mapping[str, object]]] = ..., under_voltage: bool = ...) -> None: ...
 
 class Status(_message.Message):
-    __slots__ = ("schema_version", "robot_id", "session_id", "now_monotonic_ns", "state", "faults", "software_version", "board_version", "board_has_deadman", "decision_rate_hz", "active_model", "missed_ticks", "decisions", "camera", "notices", "trusted_keys", "accepts_unsigned_models", "left_motor", "right_motor", "last_stop", "release", "let_go_monotonic_ns")
+    __slots__ = ("schema_version", "robot_id", "session_id", "now_monotonic_ns", "state", "faults", "software_version", "board_version", "board_has_deadman", "decision_rate_hz", "active_model", "missed_ticks", "decisions", "camera", "notices", "trusted_keys", "accepts_unsigned_models", "left_motor", "right_motor", "last_stop", "release", "let_go_monotonic_ns", "senses")
     SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
     ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
     SESSION_ID_FIELD_NUMBER: _ClassVar[int]
@@ -140,6 +142,7 @@ class Status(_message.Message):
     LAST_STOP_FIELD_NUMBER: _ClassVar[int]
     RELEASE_FIELD_NUMBER: _ClassVar[int]
     LET_GO_MONOTONIC_NS_FIELD_NUMBER: _ClassVar[int]
+    SENSES_FIELD_NUMBER: _ClassVar[int]
     schema_version: int
     robot_id: str
     session_id: int
@@ -162,7 +165,24 @@ class Status(_message.Message):
     last_stop: LastStop
     release: str
     let_go_monotonic_ns: int
-    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., now_monotonic_ns: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., faults: _Optional[_Iterable[_Union[Fault, _Mapping[str, object]]]] = ..., software_version: _Optional[str] = ..., board_version: _Optional[str] = ..., board_has_deadman: bool = ..., decision_rate_hz: _Optional[float] = ..., active_model: _Optional[_Union[Model, _Mapping[str, object]]] = ..., missed_ticks: _Optional[int] = ..., decisions: _Optional[int] = ..., camera: _Optional[str] = ..., notices: _Optional[_Iterable[_Union[Notice, _Mapping[str, object]]]] = ..., trusted_keys: _Optional[_Iterable[str]] = ..., accepts_unsigned_models: bool = ..., left_motor: _Optional[_Union[MotorMap, _Mapping[str, object]]] = ..., right_motor: _Optional[_Union[MotorMap, _Mapping[str, object]]] = ..., last_stop: _Optional[_Union[LastStop, _Mapping[str, object]]] = ..., release: _Optional[str] = ..., let_go_monotonic_ns: _Optional[int] = ...) -> None: ...
+    senses: Senses
+    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., now_monotonic_ns: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., faults: _Optional[_Iterable[_Union[Fault, _Mapping[str, object]]]] = ..., software_version: _Optional[str] = ..., board_version: _Optional[str] = ..., board_has_deadman: bool = ..., decision_rate_hz: _Optional[float] = ..., active_model: _Optional[_Union[Model, _Mapping[str, object]]] = ..., missed_ticks: _Optional[int] = ..., decisions: _Optional[int] = ..., camera: _Optional[str] = ..., notices: _Optional[_Iterable[_Union[Notice, _Mapping[str, object]]]] = ..., trusted_keys: _Optional[_Iterable[str]] = ..., accepts_unsigned_models: bool = ..., left_motor: _Optional[_Union[MotorMap, _Mapping[str, object]]] = ..., right_motor: _Optional[_Union[MotorMap, _Mapping[str, object]]] = ..., last_stop: _Optional[_Union[LastStop, _Mapping[str, object]]] = ..., release: _Optional[str] = ..., let_go_monotonic_ns: _Optional[int] = ..., senses: _Optional[_Union[Senses, _Mapping[str, object]]] = ...) -> None: ...
+
+class Senses(_message.Message):
+    __slots__ = ("distance_m", "floor_1", "floor_2", "edge", "obstacle", "supply_v")
+    DISTANCE_M_FIELD_NUMBER: _ClassVar[int]
+    FLOOR_1_FIELD_NUMBER: _ClassVar[int]
+    FLOOR_2_FIELD_NUMBER: _ClassVar[int]
+    EDGE_FIELD_NUMBER: _ClassVar[int]
+    OBSTACLE_FIELD_NUMBER: _ClassVar[int]
+    SUPPLY_V_FIELD_NUMBER: _ClassVar[int]
+    distance_m: float
+    floor_1: bool
+    floor_2: bool
+    edge: bool
+    obstacle: bool
+    supply_v: float
+    def __init__(self, distance_m: _Optional[float] = ..., floor_1: bool = ..., floor_2: bool = ..., edge: bool = ..., obstacle: bool = ..., supply_v: _Optional[float] = ...) -> None: ...
 
 class LastStop(_message.Message):
     __slots__ = ("count", "by", "why", "monotonic_ns")

@@ -15,7 +15,13 @@ from mbot_workstation.fleet.telemetry.stream import LinkState
 from mbot_workstation.fleet.telemetry.window import TelemetryWindow
 from mbot_workstation.pictures.half_blocks import half_blocks
 from mbot_workstation.pictures.picture_file import decode_picture
-from mbot_workstation.wording import computer_words, fault_lines, one_line, short_digest
+from mbot_workstation.wording import (
+    computer_words,
+    fault_lines,
+    one_line,
+    senses_words,
+    short_digest,
+)
 
 PICTURE_COLUMNS = 32
 BAR_CELLS = 10
@@ -116,6 +122,8 @@ def _facts(decision: Decision, window: TelemetryWindow) -> Table:
     table.add_row("records", f"lost {window.lost}, dropped by the robot {decision.dropped_records}")
     table.add_row("model", short_digest(decision.model_sha256))
     table.add_row("computer", computer_words(decision) or "-")
+    if decision.HasField("senses"):
+        table.add_row("senses", senses_words(decision.senses))
     if window.restarts:
         table.add_row("restarts", f"{window.restarts} while watching")
     return table

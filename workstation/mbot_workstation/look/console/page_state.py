@@ -9,6 +9,7 @@ from mbot_workstation.wording import (
     duration,
     fault_lines,
     one_line,
+    senses_words,
     short_digest,
     standing_words,
     stop_words,
@@ -108,6 +109,8 @@ def _facts(status: Status, window: TelemetryWindow) -> list[list[str]]:
         rows.append(["frame to motors", f"{span.p50_ms:.0f} ms, 99 %: {span.p99_ms:.0f} ms"])
     if decision is not None and (words := computer_words(decision)):
         rows.append(["computer", words])
+    if status.HasField("senses"):
+        rows.append(["senses", senses_words(status.senses)])
     board = one_line(status.board_version) or "not connected"
     guard = "" if status.board_has_deadman or not status.board_version else " (no dead-man)"
     rows += [

@@ -12,7 +12,13 @@
 //                               TIME broken HEX   the same, each with a framing error
 //                               TIME hang         the program falls into an endless loop
 //                               TIME reset        the reset pin
+//                               TIME high B1      something outside raises a pin, or lowers it (low)
+//                               TIME echo MM      the ultrasonic sensor, whichever port calls it,
+//                                                 answers as from a wall so far away; 0: no echo
+//                               TIME supply MV    what the board runs on
+//                               TIME sync         TIME sync is printed, and nothing is held back
 //                               TIME end
+//          With --pty the times are not looked at, and there are only pins, echo and supply.
 // Output:  TIME pins OCR0A OCR0B TCCR0A PORTD DDRD   when one has changed
 //          TIME tx HEX                               a byte from the board
 //          TIME rx HEX                               a byte handed to the board; only with --pty
@@ -48,12 +54,16 @@
 #define HIGH_MV 5000
 
 enum { OCR0A_AT = 0x47, OCR0B_AT = 0x48, TCCR0A_AT = 0x44, PORTD_AT = 0x2b, DDRD_AT = 0x2a };
+enum { PINB_AT = 0x23, PINC_AT = 0x26 }; // DDR and PORT follow
 enum { PIN_D2 = 2 };
+#define ECHO_BEGINS_US 450 // after the call
+#define ECHO_US_A_MM 5.8
 
 static avr_t *avr;
 static avr_irq_t *line_in;
 static uint32_t hang_at; // an endless loop that avr-libc puts into every program
 static int line = -1;    // the pseudo-terminal's board side
+static unsigned long echo_mm;
 
 static void fail(const char *what) {
     fprintf(stderr, "board_simulator: %s\n", what);
@@ -94,6 +104,39 @@ static void look_at_pins(avr_cycle_count_t lasting) {
     }
 }
 
+static void set_pin(char port, int bit, int level) {
+    avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(port), bit), level);
+}
+
+// The sensor sits at the second signal of one of four ports. It has been called when the pin that the
+// firmware held high goes low.
+static void look_at_sonar(void) {
+    static const struct {
+        char port;
+        int at, bit;
+    } PINS[] = {{'B', PINB_AT, 4}, {'B', PINB_AT, 2}, {'C', PINC_AT, 3}, {'C', PINC_AT, 1}};
+    static bool called[4];
+    static avr_cycle_count_t rises, falls;
+    static int answering = -1;
+    for (int i = 0; i < 4; i++) {
+        const uint8_t *at = avr->data + PINS[i].at;
+        bool calls = at[1] & at[2] & 1 << PINS[i].bit;
+        if (called[i] && !calls && echo_mm) {
+            answering = i;
+            rises = avr->cycle + ECHO_BEGINS_US * CYCLES_PER_US;
+            falls = rises + (avr_cycle_count_t)(echo_mm * ECHO_US_A_MM * CYCLES_PER_US);
+        }
+        called[i] = calls;
+    }
+    if (answering >= 0 && rises && avr->cycle >= rises) {
+        set_pin(PINS[answering].port, PINS[answering].bit, 1);
+        rises = 0;
+    } else if (answering >= 0 && !rises && avr->cycle >= falls) {
+        set_pin(PINS[answering].port, PINS[answering].bit, 0);
+        answering = -1;
+    }
+}
+
 static void run_until(avr_cycle_count_t cycle) {
     while (avr->cycle < cycle) {
         if (avr->run_cycle_count > WATCH_CYCLES) { // how far simavr would go in one step
@@ -104,6 +147,7 @@ static void run_until(avr_cycle_count_t cycle) {
             fail("the firmware has crashed");
         }
         look_at_pins(WATCH_CYCLES);
+        look_at_sonar();
     }
 }
 
@@ -137,12 +181,16 @@ static void load_hex(const char *path) {
 }
 
 // Stock firmware looks at its button (A7), which is not pressed, and at its infrared receiver (D2),
-// which hears nothing. A reset makes simavr forget D2, but not that it has been told already.
+// which hears nothing; at port 2 the line follower sees a floor. A reset makes simavr forget its pins,
+// but not that it has been told already.
 static void reset(void) {
-    avr_irq_t *receiver = avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ('D'), PIN_D2);
     avr_reset(avr);
-    avr_raise_irq(receiver, 0);
-    avr_raise_irq(receiver, 1);
+    set_pin('D', PIN_D2, 0);
+    set_pin('D', PIN_D2, 1);
+    for (int bit = 1; bit <= 2; bit++) {
+        set_pin('B', bit, 0);
+        set_pin('B', bit, 1);
+    }
     avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, ADC_IRQ_ADC7), HIGH_MV);
 }
 
@@ -168,6 +216,23 @@ static void load(const char *path) {
     reset();
 }
 
+// What the world does to the board; false: it is not that.
+static bool outside(const char *verb, const char *value) {
+    if (!strcmp(verb, "high") || !strcmp(verb, "low")) {
+        if ((*value != 'B' && *value != 'C') || value[1] < '0' || value[1] > '7') {
+            fail("a pin is not known");
+        }
+        set_pin(*value, value[1] - '0', !strcmp(verb, "high"));
+    } else if (!strcmp(verb, "echo")) {
+        echo_mm = strtoul(value, NULL, 10);
+    } else if (!strcmp(verb, "supply")) {
+        avr->vcc = avr->avcc = avr->aref = (uint32_t)strtoul(value, NULL, 10);
+    } else {
+        return false;
+    }
+    return true;
+}
+
 static void run_script(void) {
     static char text[1 << 16], verb[16], hex[1 << 16];
     unsigned long long us;
@@ -188,7 +253,11 @@ static void run_script(void) {
             avr->sreg[S_I] = 0;
         } else if (!strcmp(verb, "reset")) {
             reset();
-        } else {
+        } else if (!strcmp(verb, "sync")) {
+            look_at_pins(0);
+            printf("%llu sync\n", us);
+            fflush(stdout);
+        } else if (!outside(verb, hex)) {
             unsigned byte, error = strcmp(verb, "rx") ? UART_INPUT_FE : 0;
             for (const char *digits = hex; sscanf(digits, "%2x", &byte) == 1; digits += 2) {
                 run_until(at);
@@ -223,8 +292,26 @@ static bool happens(int descriptor, short event) {
     return poll(&watched, 1, 0) > 0 && watched.revents & event;
 }
 
+// Take in what has come on the input; whether that has ended.
 static bool is_over(void) {
-    return happens(STDIN_FILENO, POLLIN | POLLHUP);
+    static char text[256];
+    static size_t size;
+    while (happens(STDIN_FILENO, POLLIN | POLLHUP)) {
+        ssize_t got = read(STDIN_FILENO, text + size, sizeof text - 1 - size);
+        if (got <= 0) {
+            return true;
+        }
+        size += (size_t)got;
+        text[size] = 0;
+        for (char *end; (end = strchr(text, '\n')); size = strlen(text)) {
+            char verb[16], value[16] = "";
+            if (sscanf(text, "%*u %15s %15s", verb, value) < 1 || !outside(verb, value)) {
+                fail("a line of the input cannot be read");
+            }
+            memmove(text, end + 1, strlen(end + 1) + 1);
+        }
+    }
+    return false;
 }
 
 // Sleep until the next step is due. After a hold-up of more than CATCH_UP_NS simulated time falls
