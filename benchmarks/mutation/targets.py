@@ -8,6 +8,8 @@ _ROBOT, _PROTOCOL, _WORKSTATION = "robot", "shared/protocol", "workstation"
 _FILES = (
     (_ROBOT, "mbot_agent", "arming helm control_loop intake metronome"),
     (_ROBOT, "mbot_agent/board", "motors motor_stop serial_line"),
+    (_ROBOT, "mbot_agent/board/gpio", "gpio_session"),
+    (_ROBOT, "mbot_agent/board/lines", "line_protocol line_session"),
     (_ROBOT, "mbot_agent/board/mcore", "mcore_session"),
     (_ROBOT, "mbot_agent/camera", "capture picture_check stuck"),
     (_ROBOT, "mbot_agent/commands", "command_service stop_service"),

@@ -3,6 +3,7 @@
 deploy/config.toml is the annotated example; a test keeps it equal to the defaults here.
 """
 
+import contextlib
 import logging
 import math
 import os
@@ -100,6 +101,33 @@ class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True):
         return abs(width_px / height_px / calibrated - 1) <= ASPECT_TOLERANCE
 
 
+Pin = Annotated[int, Meta(ge=9, le=27)]
+"""GPIO 0 to 8 are pulled up while a Pi boots: motors would run."""
+
+
+class GpioSettings(Struct, frozen=True, forbid_unknown_fields=True):
+    """A motor driver's inputs on the computer's pins, by their GPIO numbers.
+
+    Attributes:
+        left, right: inputs that turn that motor forward and backward, each with PWM.
+        enable: what is held high as long as the daemon has the driver.
+
+    """
+
+    left: tuple[Pin, Pin] = (17, 27)
+    right: tuple[Pin, Pin] = (22, 23)
+    enable: tuple[Pin, ...] = ()
+
+    @property
+    def pins(self) -> tuple[int, ...]:
+        """All of them."""
+        return *self.left, *self.right, *self.enable
+
+    def __post_init__(self) -> None:
+        if len(set(self.pins)) < len(self.pins):
+            raise ValueError(f"pins are {list(self.pins)}, expected each once")
+
+
 class BoardSettings(Struct, frozen=True, forbid_unknown_fields=True):
     """Which kind of board turns the wheels, how to reach it, and what is expected of its firmware.
 
@@ -108,6 +136,7 @@ class BoardSettings(Struct, frozen=True, forbid_unknown_fields=True):
         port: a serial port's path; "auto": found by the kind.
         baud_rate: the port's.
         accept_no_deadman: whether to drive with firmware that goes on when this computer dies.
+        gpio: the pins of a motor driver on them.
 
     """
 
@@ -115,6 +144,7 @@ class BoardSettings(Struct, frozen=True, forbid_unknown_fields=True):
     port: str = "auto"
     baud_rate: Annotated[int, Meta(gt=0)] = 115_200
     accept_no_deadman: bool = False
+    gpio: GpioSettings = GpioSettings()
 
 
 Port = Annotated[int, Meta(ge=1, le=4)]
@@ -356,6 +386,10 @@ def load(path: Path) -> Configuration:
     return decode(text, str(path))
 
 
+class _OnlyBoard(Struct, frozen=True):
+    board: BoardSettings
+
+
 def load_board(path: Path) -> BoardSettings:
     """How to reach the board, from whatever of the file can be read: a mistake in another section,
     or no valid TOML at all, must not keep anybody from stopping the motors.
@@ -368,6 +402,9 @@ def load_board(path: Path) -> BoardSettings:
         text = path.read_text(errors="replace")
     except OSError:
         return BoardSettings()
+    with contextlib.suppress(ConfigurationError):
+        sections = re.findall(r"^\[board[\].].*?(?=^\[(?!board[\].])|\Z)", text, re.M | re.S)
+        return decode_toml("".join(sections), _OnlyBoard, str(path)).board
     section = re.search(r"^\s*\[board\]([^\[]*)", text, re.MULTILINE)
     found: dict[str, str] = {}
     if section is not None:

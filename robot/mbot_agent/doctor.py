@@ -143,7 +143,7 @@ def _board(configuration: Configuration) -> Check:
     return Check(
         "board",
         "failed",
-        f"{warning}: flash firmware with a time-out, or set board.accept_no_deadman = true",
+        f"{warning}: use firmware with a time-out, or set board.accept_no_deadman = true",
     )
 
 

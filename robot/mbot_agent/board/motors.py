@@ -139,8 +139,8 @@ class Motors:
         if fault is None and not (firmware.has_deadman or self._board.accept_no_deadman):
             return Fault(
                 "board-no-deadman",
-                f"the board's firmware ({firmware.version}) keeps driving if this computer dies; "
-                "flash one with a time-out, or accept it by board.accept_no_deadman = true",
+                f"the board ({firmware.version}) keeps driving if this computer dies; use one "
+                "with a time-out, or accept it by board.accept_no_deadman = true",
             )
         return fault
 
