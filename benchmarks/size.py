@@ -13,7 +13,7 @@ WORKSTATION = "workstation/mbot_workstation"
 PROTOCOL = "shared/protocol/mbot_protocol"
 
 BUDGETS = {
-    f"{WORKSTATION}/cli": 5830,
+    f"{WORKSTATION}/cli": 5920,
     f"{WORKSTATION}/look": 3300,
     f"{WORKSTATION}/measure": 15260,
     f"{WORKSTATION}/learn": 9555,

@@ -175,3 +175,17 @@ def test_the_updaters_units_are_faultless_and_make_no_cycle(tmp_path: Path) -> N
     )
     told = [line for line in (result.stdout + result.stderr).splitlines() if "mbot-agent" in line]
     assert told == []
+
+
+def test_the_lines_that_open_the_pins_to_the_service_are_accepted(tmp_path: Path) -> None:
+    page = (DEPLOY.parent / "docs" / "other-robots.md").read_text()
+    (lines,) = re.findall(r"```ini\n(.*?)```", page, re.DOTALL)
+    added = tmp_path / f"{UNIT.name}.d" / "override.conf"
+    added.parent.mkdir()
+    added.write_text(lines)
+    (tmp_path / UNIT.name).write_text(re.sub("=[-+]*/opt/\\S+", "=/bin/true", UNIT.read_text()))
+    result = ran(systemd_tool("systemd-analyze"), "verify", "--man=no", tmp_path / UNIT.name)
+    assert result.stdout + result.stderr == ""
+    added.write_text(lines.replace("DeviceAllow", "DeviceAlow"))
+    result = ran(systemd_tool("systemd-analyze"), "verify", "--man=no", tmp_path / UNIT.name)
+    assert "DeviceAlow" in result.stderr

@@ -14,6 +14,7 @@ from mbot_workstation.cli.maneuvers import ListedManeuver
 from mbot_workstation.cli.models import Examined
 from mbot_workstation.cli.objects import ObjectsDrawn, ObjectThere
 from mbot_workstation.cli.recordings import DriveThere, FilledRecording
+from mbot_workstation.cli.robot import RobotWritten
 from mbot_workstation.cli.set_up import UpdateOutcome
 from mbot_workstation.fleet.enrolment.membership import HandOver
 from mbot_workstation.fleet.enrolment.roll import EnrolledRobot, Roll
@@ -88,6 +89,7 @@ KEYS: dict[type, str] = {
     RobotReport: "address robot_id state hand_let_go faults notices accepts_unsigned_models "
     "trusted_keys model_sha256 model_name model_signed_by decision_rate_hz decisions missed_ticks "
     "board_version board_has_deadman left_motor right_motor camera software_version release error",
+    RobotWritten: "folder files free_speed_rpm",
     Roll: "schema me people robots routers revoked",
     RunOutcome: "robot_id state faults",
     StoredModel: "sha256 name size_bytes decision_rate_hz stored_unix_time_ns active previous "

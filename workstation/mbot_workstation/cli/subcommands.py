@@ -20,6 +20,7 @@ from mbot_workstation.cli.models import check_model_file, models, push_model, ro
 from mbot_workstation.cli.objects import look_at_object
 from mbot_workstation.cli.print_targets import app as print_targets
 from mbot_workstation.cli.recordings import app as recordings
+from mbot_workstation.cli.robot import app as robot
 from mbot_workstation.cli.set_up import flash, setup_card, update
 from mbot_workstation.cli.tasks import app as tasks
 from mbot_workstation.cli.track import track
@@ -33,6 +34,7 @@ PANELS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "make-servo-policy": make_servo_policy,
     },
     "Set a robot up": {
+        "robot": robot,
         "flash": flash,
         "keys": keys,
         "enroll": enroll,
