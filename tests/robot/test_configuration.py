@@ -46,6 +46,13 @@ def test_the_example_shows_every_setting() -> None:
             "camera.stale_after_ms is 5000 (line 3)",
         ),
         ('robot_id = "a"\n[camera]\nwidth_px = 320', "belong together"),
+        ('robot_id = "a"\n[board.gpio]\nleft = [17, 4]', "board.gpio.left"),
+        ('robot_id = "a"\n[board.gpio]\nleft = [17]', "board.gpio.left"),
+        ('robot_id = "a"\n[board.gpio]\nleft = [17, 22]', "board.gpio: pins are [17, 22, 22, 23]"),
+        (
+            'robot_id = "a"\n[board.gpio]\nenabel = [25]',
+            "board.gpio.enabel is unknown (line 3); did you mean enable?",
+        ),
         (
             'robot_id = "a"\n[control]\ndecision_rate_hz = 50',
             "control.decision_rate_hz is 50 (line 3)",
@@ -301,6 +308,15 @@ def test_the_boards_kind_is_found_in_a_broken_configuration(tmp_path: Path) -> N
     assert load_board(path).kind == "lines"
     path.write_text('robot_id = "a"\n')
     assert load_board(path).kind == "mcore"
+
+
+def test_the_boards_pins_are_found_in_a_broken_configuration(tmp_path: Path) -> None:
+    path = tmp_path / "config.toml"
+    board = '[board]\nkind = "gpio"\n[board.gpio]\nleft = [12, 13]\n'
+    for broken in ("[camera\n", '[camera]\nsorce = "x"\n', "[boards]\n"):
+        path.write_text(f"robot_id = ???\n{board}{broken}")
+        found = load_board(path)
+        assert (found.kind, found.gpio.left) == ("gpio", (12, 13))
 
 
 def test_without_a_configuration_the_board_is_looked_for_on_usb(tmp_path: Path) -> None:
