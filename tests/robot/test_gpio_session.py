@@ -53,7 +53,10 @@ def pins(monkeypatch: pytest.MonkeyPatch) -> Iterator[Pins]:
 def test_both_wheels_turn_both_ways_and_stand_at_the_end(pins: Pins) -> None:
     session: BoardSession = board_kinds.opener(SETTINGS)(SETTINGS, None)
     with session:
+        assert session.firmware.version == ""
+        session.send(Duties(1.0, 1.0))
         assert session.handshake(lambda: False)
+        assert pins.duties == OFF
         assert session.path == "GPIO 17, 27, 22, 23, 25"
         assert session.firmware.version.startswith("gpiozero 2")
         assert not session.firmware.has_deadman
@@ -83,16 +86,26 @@ def test_whatever_ends_it_stops_the_motors(pins: Pins, error: Exception) -> None
         pass  # the pins were given back
 
 
+def test_it_stops_before_it_lets_go(pins: Pins, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pin that nobody holds floats."""
+    said = list[str]()
+    monkeypatch.setattr(MockPWMPin, "close", lambda _: said.append(str(pins.duties == OFF)))
+    with GpioSession.open(SETTINGS, None) as session:
+        session.send(Duties(1.0, 1.0))
+        monkeypatch.setattr(session, "stop", lambda: said.append("stop"))
+    assert said[0] == "stop"
+
+
 def test_pins_in_use_and_pins_that_fail_are_named(
     pins: Pins, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with GpioSession.open(SETTINGS, None) as session:
-        with pytest.raises(UnreachableError, match=r"GPIO 17, .*PinInUse"):
-            GpioSession.open(SETTINGS, None)
-        monkeypatch.setattr(MockPWMPin, "_set_state", None)
+    session = GpioSession.open(SETTINGS, None)
+    with pytest.raises(UnreachableError, match=r"GPIO 17, .*PinInUse"):
+        GpioSession.open(SETTINGS, None)
+    monkeypatch.setattr(MockPWMPin, "_set_state", None)
+    for act in (lambda: session.send(Duties(1.0, 1.0)), lambda: session.__exit__(*3 * [None])):
         with pytest.raises(BoardLostError, match="GPIO 17, "):
-            session.send(Duties(1.0, 1.0))
-        monkeypatch.undo()
+            act()
 
 
 def test_without_gpiozero_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -112,6 +125,8 @@ def test_waiting_ends_with_its_time_or_a_wake_up(pins: Pins) -> None:
         session.wait(60.0)
     os.close(reader)
     os.close(writer)
+    with GpioSession.open(SETTINGS, None) as session:
+        session.wait(0.0)  # nobody wakes it
 
 
 def test_the_motor_thread_refuses_it_unless_it_is_accepted(pins: Pins) -> None:

@@ -70,10 +70,21 @@ def test_lines_are_the_same_however_the_bytes_come(pieces: list[bytes]) -> None:
     assert reader.feed(b"ok\r\n") == ["ok"]
 
 
+def test_what_never_ends_is_no_line_and_is_not_kept() -> None:
+    reader, longest = LineReader(), b"x" * LONGEST_LINE
+    assert reader.feed(longest + b"\n") == [longest.decode()]
+    assert reader.feed(longest + b"x\n") == []
+    assert reader.feed(longest + b"x") == reader.feed(b"\n") == []
+    reader.feed(longest * 9)
+    assert len(reader._begun) <= LONGEST_LINE + 1  # pyright: ignore[reportPrivateUsage]
+
+
 @pytest.mark.parametrize(
     ("line", "deadman", "mistaken"),
     [
         (NAME, True, False),
+        ("serial-line 1 1ms", True, False),
+        ("serial-line 1 1000ms", True, False),
         ("serial-line 1 0ms", False, False),
         ("serial-line 1 1001ms", False, False),
         ("serial-line 2 300ms", True, True),
@@ -96,6 +107,7 @@ def test_it_is_a_board_of_its_kind_stopped_before_and_after(line_board: LineBoar
     settings = BoardSettings(kind="serial-line", port=line_board.path)
     session: BoardSession = board_kinds.opener(settings)(settings, None)
     with session:
+        assert session.firmware.version == ""
         assert session.handshake(never)
         assert session.firmware.version == NAME
         assert line_board.lines == ["S", "V", "S"]
@@ -108,7 +120,7 @@ def test_it_is_a_board_of_its_kind_stopped_before_and_after(line_board: LineBoar
 
 
 def test_a_board_without_a_name_is_not_found_by_itself() -> None:
-    with pytest.raises(UnreachableError, match=r"set board\.port"):
+    with pytest.raises(UnreachableError, match=r"set board\.port; there is (nothing|/)"):
         LineSession.open(BoardSettings(kind="serial-line"), None)
 
 

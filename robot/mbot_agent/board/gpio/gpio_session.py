@@ -37,7 +37,8 @@ class GpioSession:
         self._wake_fds = [] if wake_fd is None else [wake_fd]
         library = _gpiozero()
         with ExitStack() as opened, _explained(self.path, UnreachableError):
-            self._motors = [_held(opened, library.Motor(*pins)) for pins in (gpio.left, gpio.right)]
+            self._left = _held(opened, library.Motor(*gpio.left))
+            self._right = _held(opened, library.Motor(*gpio.right))
             for pin in gpio.enable:
                 _held(opened, library.DigitalOutputDevice(pin, initial_value=True))
             self._pins = opened.pop_all()
@@ -51,7 +52,7 @@ class GpioSession:
         return self
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
-        with _explained(self.path, BoardLostError), self._pins:
+        with self._pins:
             self.stop()
 
     def handshake(self, giving_up: Callable[[], bool]) -> bool:
@@ -64,8 +65,7 @@ class GpioSession:
         """Set both motors' PWM."""
         began_ns = time.monotonic_ns()
         with _explained(self.path, BoardLostError):
-            for motor, duty in zip(self._motors, (motors.left, motors.right), strict=True):
-                motor.value = duty
+            self._left.value, self._right.value = motors.left, motors.right
         return began_ns, time.monotonic_ns()
 
     def stop(self) -> None:
