@@ -44,6 +44,22 @@ def state_of(mode: Mode, faults: tuple[Fault, ...]) -> State:
 
 
 @dataclass(frozen=True, slots=True)
+class Driver:
+    """Who drives by hand, as they call themselves, and since when (monotonic)."""
+
+    name: str
+    since_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """What the robot did in the last `back_ms` was wrong, somebody says."""
+
+    by: str
+    back_ms: int
+
+
+@dataclass(frozen=True, slots=True)
 class Stop:
     """The last thing that disarmed the robot.
 

@@ -137,6 +137,7 @@ class ControlLoop:
             faults=self.faults(orders.mode),
             model_sha256=self._pilot.sha256,
             senses=self._board.senses,
+            mark=self._helm.take_mark(),
         )
         if frame is None:
             return tick
@@ -192,7 +193,7 @@ class ControlLoop:
         if tick.state is not State.RUNNING or tick.observation is None:
             by_hand = tick.state is State.MANUAL
             self._pilot.rehearse(None if by_hand else tick.observation, due_ns)
-            return tick
+            return self._beside_the_hand(tick, due_ns) if by_hand else tick
         memory = self._pilot.memory
         answer = self._pilot.decide(tick.observation, due_ns)
         tick = replace(tick, memory=memory)
@@ -202,12 +203,20 @@ class ControlLoop:
             return replace(tick, faults=(answer,))
         return replace(tick, action=answer, decided_ns=time.monotonic_ns())
 
+    def _beside_the_hand(self, tick: Tick, due_ns: int) -> Tick:
+        """What the policy would have done, for the recording: the hand has driven already."""
+        if tick.observation is None or not self._camera.is_fresh():
+            return tick
+        memory = self._pilot.memory
+        answer = self._pilot.would_do(tick.observation, due_ns)
+        return replace(tick, memory=memory, would_have_done=answer) if answer else tick
+
     def _act(self, tick: Tick) -> Tick:
         """Hand the action to the board; without one, the wheels stand unless a person drives."""
         if tick.action is None:
             self._camera.drives(False)
             if tick.state is State.MANUAL:
-                return replace(tick, by_hand=self._helm.by_hand)
+                return replace(tick, by_hand=self._helm.by_hand, driver=self._helm.driver)
             self._helm.rest(tick.orders)
             return tick
         steps = to_steps(tick.action.left, tick.action.right)
@@ -232,6 +241,8 @@ class ControlLoop:
         """
         if tick.steps is not None and tick.delivery is not None:
             self._pilot.drove(*tick.steps.action)
+        elif tick.would_have_done is not None:  # and the hand did this
+            self._pilot.drove(*self._wheels.steps(tick.by_hand).action)
         else:
             self._pilot.forget()
         if (fault := self._stuck.judge(tick)) is not None:

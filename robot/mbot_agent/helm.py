@@ -7,12 +7,15 @@ does not know of it is obeyed.
 
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from mbot_agent.arming import Mode, Orders
+from mbot_agent.arming import Driver, Mark, Mode, Orders
 from mbot_agent.hardware import Board
 from mbot_protocol.drive.wheel_command import STOP, Duties, WheelCommand
 from mbot_protocol.errors import RefusedError
+
+MARKED_WITHIN_NS = 2_500_000_000
+"""A drive is recorded for 3 s after its end; the mark comes with the next beat, 0.4 s later."""
 
 MOST_SENDERS = 64
 """Whose last press is remembered. The one that is forgotten had its last command long ago: none is
@@ -26,11 +29,13 @@ class Press:
     Attributes:
         sender: whose hand.
         number: which time; grows.
+        name: whose, for people to read; not what tells two presses apart.
 
     """
 
     sender: int
     number: int
+    name: str = field(default="", compare=False)
 
 
 class Helm:
@@ -43,12 +48,40 @@ class Helm:
         self._manual_until_ns = 0
         self._by_hand = STOP
         self._press: Press | None = None
+        self._driver: Driver | None = None
+        self._mark: Mark | None = None
         self._over: dict[int, int] = {}
 
     @property
     def by_hand(self) -> Duties:
         """What a person's hand last told the wheels; means nothing unless the mode is manual."""
         return self._by_hand
+
+    @property
+    def driver(self) -> Driver | None:
+        """Whose hand that is, likewise."""
+        return self._driver
+
+    def mark(self, mark: Mark) -> None:
+        """Note for the recording that what has just been was wrong; moves and stops nothing.
+
+        Raises:
+            RefusedError: nothing is recorded any more that it could be said of.
+
+        """
+        orders = self._orders
+        stood_ns = time.monotonic_ns() - max(orders.stop.at_ns, orders.let_go_ns)
+        if not orders.is_armed and (orders.mode is Mode.IDLE or stood_ns > MARKED_WITHIN_NS):
+            raise RefusedError(
+                f"the robot has stood for more than {MARKED_WITHIN_NS / 1e9:.0f} s: the recording "
+                "has ended; `workstation drives` judges what is fetched"
+            )
+        self._mark = mark
+
+    def take_mark(self) -> Mark | None:
+        """What was noted since the last time; for the loop's thread."""
+        mark, self._mark = self._mark, None
+        return mark
 
     @property
     def orders(self) -> Orders:
@@ -115,6 +148,7 @@ class Helm:
             if press != self._press:
                 self._end_press()
                 self._press = press
+                self._driver = Driver(press.name, time.monotonic_ns())
             if self._orders.mode is not Mode.MANUAL:
                 self._orders = orders
                 self._board.arm()

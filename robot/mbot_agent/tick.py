@@ -5,7 +5,7 @@ Each step of the loop makes a new one that knows more; who listens gets the last
 
 from dataclasses import dataclass
 
-from mbot_agent.arming import Orders, State, state_of
+from mbot_agent.arming import Driver, Mark, Orders, State, state_of
 from mbot_agent.faults import Fault
 from mbot_agent.hardware import Delivery
 from mbot_protocol.drive.actions import Steps
@@ -37,7 +37,7 @@ class Tick:
         captured_ns: when the frame was taken.
         observation: what the policy sees, shape (64, 64, 3), uint8, RGB.
         observed_ns: when that was ready.
-        memory: what the policy went on with, if it was asked to drive; None: it started over.
+        memory: what the policy went on with, if it was asked; None: it started over.
         action: what the policy answered, if it was asked to drive.
         decided_ns: when it had.
         steps: the same in motor steps.
@@ -46,6 +46,9 @@ class Tick:
         by_hand: what the wheels are told while a person drives; STOP otherwise.
         view: the field of view that the observation shows.
         senses: what the board feels; None: it tells nothing of it.
+        driver: who drives by hand; None: nobody.
+        would_have_done: what the policy answered while a person drove; nothing moves by it.
+        mark: what somebody has said since the last beat of what came before.
 
     """
 
@@ -68,6 +71,9 @@ class Tick:
     by_hand: Duties = STOP
     view: FieldOfView | None = None
     senses: Senses | None = None
+    driver: Driver | None = None
+    would_have_done: Action | None = None
+    mark: Mark | None = None
 
     @property
     def at_wheels(self) -> Duties:

@@ -53,6 +53,16 @@ def test_a_motor_map_is_odd_and_stays_within_full_drive(motor: MotorMap, step: i
         assert abs(duty) >= motor.dead_band / LEVELS
 
 
+@given(maps, steps, st.floats(-1, 1))
+def test_a_duty_is_told_as_the_step_that_it_came_from(
+    motor: MotorMap, step: int, duty: float
+) -> None:
+    back = motor.step(motor.duty(step))
+    assert motor.duty(back) == motor.duty(step)
+    assert abs(motor.step(duty)) <= STEP_LIMIT, "of whatever a recording says"
+    assert motor.step(-duty) == -motor.step(duty)
+
+
 @given(maps, st.integers(0, STEP_LIMIT - 1))
 def test_a_larger_step_is_never_slower(motor: MotorMap, step: int) -> None:
     assert motor.duty(step + 1) >= motor.duty(step)

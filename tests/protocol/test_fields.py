@@ -33,6 +33,7 @@ def test_the_schema_is_what_viewers_read_and_names_all_that_is_written() -> None
     said = decision()
     said.under_voltage, said.duty.left = False, 0.5
     said.senses.supply_v = 5.0
+    said.held_ms, said.wrong_ms, said.would_have_done.left = 1, 3000, 0.5
     assert set(kinds) == set(drive_numbers(said, told))
     assert "$ref" not in drive_schema().decode()
 
@@ -117,6 +118,8 @@ def test_json_names_are_stable() -> None:
         "notices", "stop_count", "steps_left", "steps_right", "under_voltage", "duty_left",
         "duty_right", "senses_distance_m", "senses_floor_1", "senses_floor_2", "senses_edge",
         "senses_obstacle", "senses_supply_v",
+        "driven_by", "held_ms", "would_have_done_left", "would_have_done_right",
+        "wrong_ms", "wrong_says",
     }  # fmt: skip
     assert fields["session_id"] == "0000000000000001"
     assert fields["captured_ms"] == -30.0

@@ -6,8 +6,12 @@ from typing import Any
 
 import pytest
 
-from mbot_agent.arming import Mode, State
-from mbot_agent.commands.command_service import LONGEST_EXPIRY_NS, CommandService
+from mbot_agent.arming import Mark, Mode, State
+from mbot_agent.commands.command_service import (
+    LONGEST_EXPIRY_NS,
+    LONGEST_MARK_MS,
+    CommandService,
+)
 from mbot_agent.commands.stop_service import StopService
 from mbot_agent.configuration import Configuration
 from mbot_agent.faults import Fault
@@ -138,6 +142,23 @@ def test_an_update_takes_no_order_but_a_stop(service: Service) -> None:
     assert service.bench.helm.orders.mode is Mode.STOPPED
     service.updating = False
     assert service.run().accepted
+
+
+@pytest.mark.parametrize("mode", ["idle", "run", "drive", "stop", "update"])
+def test_a_mark_sets_nothing_in_motion_and_stops_nothing(service: Service, mode: str) -> None:
+    {"run": service.run, "drive": service.drive, "stop": service.stop}.get(mode, list)()
+    service.updating = mode == "update"
+    orders, asked = service.bench.helm.orders, list(service.bench.board.asked)
+    reply = service.send(service.command(mark=messages.Mark(back_ms=3000), sender="max\n"))
+    assert reply.accepted == (mode not in ("idle", "update")), "there is a recording, or none"
+    assert (service.bench.helm.orders, service.bench.board.asked) == (orders, asked)
+    for wrong in (0, LONGEST_MARK_MS + 1):
+        refused = service.send(service.command(mark=messages.Mark(back_ms=wrong)))
+        assert "back_ms is" in refused.reason
+    late = service.command(mark=messages.Mark(back_ms=3000), expires_monotonic_ns=1)
+    assert "expired" in service.send(late).reason, "of other seconds than were meant"
+    mark = service.bench.helm.take_mark()
+    assert mark == (Mark("max", 3000) if reply.accepted else None)
 
 
 def test_run_and_drive_that_know_the_last_stop_are_obeyed(service: Service) -> None:

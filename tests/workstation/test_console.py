@@ -304,6 +304,15 @@ def test_wheels_are_shown_whoever_turns_them() -> None:
         assert (told["left"], told["right"]) == pytest.approx(wheels)
 
 
+def test_it_is_said_whose_hand_drives() -> None:
+    window = TelemetryWindow()
+    window.newest = Decision(driven_by="anna@desk")
+    state = page_state(
+        "mbot-1", Status(state=State.STATE_MANUAL), window, silence_s=0.1, problem=""
+    )
+    assert state["headline"] == "Driven by hand by anna@desk"
+
+
 def test_run_is_refused_with_the_reason() -> None:
     assert shown(Status(state=State.STATE_STOPPED))["run_refused"] == ""
     assert "already" in str(shown(Status(state=State.STATE_RUNNING))["run_refused"])

@@ -15,7 +15,7 @@ from msgspec import structs
 from PIL import Image, ImageSequence
 from typer.testing import CliRunner
 
-from mbot_protocol.beat.recorded_drive import RecordedDrive
+from mbot_protocol.beat.recorded_drive import RecordedDrive, read_drive
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision, Fault, State
 from mbot_workstation.cli.drives import ReportOptions
@@ -29,6 +29,7 @@ from mbot_workstation.look.drives.driven_path import PathPoint
 from mbot_workstation.pictures.picture_file import encode_picture
 
 from .called import output_of
+from .hand_driven import hand_driven
 
 called_film = partial(output_of, film_command)
 RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"
@@ -42,6 +43,19 @@ def test_a_sentence_says_what_happened(drive: RecordedDrive) -> None:
     stopped = drive.beats[8]
     assert stopped.decision.state == State.STATE_STOPPED
     assert figures(replace(drive, beats=drive.beats[:9])).end == "It was stopped by root."
+
+
+def test_of_a_hands_drive_is_said_whose_hand_and_what_the_wheels_were_told(tmp_path: Path) -> None:
+    found = figures(read_drive(hand_driven(tmp_path / "drive")))
+    assert found.sentence.startswith(
+        "mbot-1 was driven for 1.6 s by 93277d5c321b, 4 decisions, "
+        "driven by hand by anna@desk for 2.4 s, no beat missed."
+    )
+    assert [(left, right) for _, left, right in found.wheels[4:10]] == [(0.4, -0.2)] * 6
+    assert "not driven" not in found.sentence
+    log = [words for _, words in found.drive.log]
+    assert "anna@desk drives by hand" in log
+    assert "the 3.0 s before were wrong, says max" in log
 
 
 def test_faults_missed_and_lost_beats_are_counted(drive: RecordedDrive) -> None:

@@ -30,6 +30,7 @@ from mbot_workstation.pictures.film_tile import TILE_PX, Bar, blank, caption_px,
 from mbot_workstation.pictures.picture_file import observation
 
 from ..robot.tiny_models import constant_model, counting_model
+from .hand_driven import BY_POLICY, hand_driven
 from .samples import decision, picture
 
 RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"
@@ -168,6 +169,17 @@ def test_a_recording_that_cannot_be_replayed_says_why(drive: RecordedDrive, tmp_
     path.write_bytes(path.read_bytes()[:60])
     with pytest.raises(ConfigurationError, match=r"nothing to be seen .*0 of . chunks"):
         read_drive(path)
+
+
+def test_of_a_hands_drive_replay_says_that_it_was_one(tmp_path: Path) -> None:
+    drive = read_drive(hand_driven(tmp_path / "drive"))
+    with pytest.raises(ConfigurationError, match="a person drove it") as refused:
+        replay(replace(drive, beats=drive.beats[BY_POLICY:]), [MODEL])
+    other = tmp_path / "other.onnx"
+    other.write_bytes(constant_model(0.9, -0.9))
+    found = list(replay_words.summary(replay(drive, [], other)))
+    assert "  6 beats were driven by hand: no decision of a policy" in found
+    assert "fetch" not in str(refused.value), "there is nothing more to be fetched"
 
 
 def test_what_is_wrong_with_a_model_reaches_the_person(

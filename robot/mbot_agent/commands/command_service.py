@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 
 from mbot_agent import installed_version
-from mbot_agent.arming import Mode, state_of
+from mbot_agent.arming import Mark, Mode, state_of
 from mbot_agent.commands.stop_service import name_in_a_line
 from mbot_agent.configuration import Configuration, shown_source
 from mbot_agent.control_loop import ControlLoop
@@ -30,6 +30,9 @@ from mbot_protocol.wire.schema import SCHEMA_VERSION, decode
 
 LONGEST_HOLD_MS = 1000
 """A hand-driven command holds no longer than this without being renewed."""
+
+LONGEST_MARK_MS = 10_000
+"""What a person still has before their eyes when they say that it was wrong."""
 
 LONGEST_EXPIRY_NS = 2_000_000_000
 """A command that would be good for longer is refused: nobody may keep one for later."""
@@ -142,6 +145,9 @@ class CommandService:
             self._helm.stop(name_in_a_line(command.sender))  # however late: it is always right
             return
         self._check_current(command)
+        if action == "mark":
+            self._mark(command)
+            return
         if self._updating():
             raise RefusedError("an update of mbot-agent is under way: wait for its end")
         self._heard()
@@ -182,9 +188,16 @@ class CommandService:
             raise RefusedError(f"not armed: {found} (`run --when-ready` waits for that)")
         self._helm.run(seen_stops)
 
+    def _mark(self, command: messages.Command) -> None:
+        if not 0 < command.mark.back_ms <= LONGEST_MARK_MS:
+            raise RefusedError(
+                f"back_ms is {command.mark.back_ms}, expected 1 to {LONGEST_MARK_MS}"
+            )
+        self._helm.mark(Mark(name_in_a_line(command.sender), command.mark.back_ms))
+
     def _drive(self, command: messages.Command) -> None:
         drive, now_ns = command.drive, time.monotonic_ns()
-        press = Press(command.sender_id, drive.press)
+        press = Press(command.sender_id, drive.press, name_in_a_line(command.sender))
         if drive.let_go:
             self._helm.let_go(press)
             return

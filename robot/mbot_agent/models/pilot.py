@@ -23,6 +23,7 @@ class Pilot:
         self._answer: Answer | None = None
         self._trial: Trial  # of the policy, and with it
         self._given_up: Fault | None = None
+        self._is_a_burden = False  # beside a hand
         self._incoming: deque[tuple[Policy, Trial]] = deque()
 
     def use(self, policy: Policy, trial: Trial | None = None) -> None:
@@ -38,6 +39,7 @@ class Pilot:
         while self._incoming:
             self._policy, self._trial = self._incoming[0]
             self._given_up = None
+            self._is_a_burden = False
             self.forget()
             self._incoming.popleft()
 
@@ -87,6 +89,7 @@ class Pilot:
 
         """
         assert self._policy is not None  # no-model is a fault, and with a fault nothing drives
+        self._is_a_burden = False
         try:
             answer = self._policy.decide(observation, self._memory or self._policy.blank)
         except PolicyError as error:
@@ -115,6 +118,23 @@ class Pilot:
             self._trial.idle()
         else:
             self.decide(observation, due_ns)
+
+    def would_do(self, observation: Picture, due_ns: int) -> Action | None:
+        """What it would do while a person drives: for the recording, and for nothing else.
+
+        A model on trial is not asked: it might take the daemon along. One that fails or answers
+        late is not asked again until it has driven, and nothing is held against it.
+        """
+        if self._policy is None or self._trial.is_open or self._given_up or self._is_a_burden:
+            return None
+        try:
+            answer = self._policy.decide(observation, self._memory or self._policy.blank)
+        except PolicyError:
+            self._is_a_burden = True
+            return None
+        self._is_a_burden = time.monotonic_ns() > due_ns
+        self._answer = answer
+        return Action(answer.left, answer.right)
 
     def _failed(self, error: PolicyError) -> Fault:
         fault = Fault("model-failed", f"{error}; push another one or `workstation rollback`")

@@ -97,6 +97,13 @@ def beat_of(
         decision.acknowledged_monotonic_ns = tick.delivery.acknowledged_ns
     if tick.senses is not None:
         decision.senses.CopyFrom(wire_senses(tick.senses))
+    if tick.driver is not None:
+        decision.driven_by = tick.driver.name
+        decision.held_ms = max(0, tick.started_ns - tick.driver.since_ns) // 1_000_000
+    if (unheard := tick.would_have_done) is not None:
+        decision.would_have_done.left, decision.would_have_done.right = unheard.left, unheard.right
+    if tick.mark is not None:
+        decision.wrong_ms, decision.wrong_says = tick.mark.back_ms, tick.mark.by
     # A field of Health is a field of Decision; None where this machine does not tell.
     for name, value in asdict(read_health()).items():
         if value is not None:
@@ -111,7 +118,7 @@ def _policy_input(tick: Tick) -> PolicyInput:
     told = memory.previous_action if memory is not None else (0.0, 0.0)
     return PolicyInput(
         armed=tick.orders.is_armed,
-        began_anew=tick.action is not None and memory is None,
+        began_anew=(tick.action or tick.would_have_done) is not None and memory is None,
         told_left=told[0],
         told_right=told[1],
         memory=memory.state.astype(np.dtype("<f4")).tobytes() if memory is not None else b"",

@@ -6,9 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from mbot_protocol.drive.actions import STEP_LIMIT
 from mbot_protocol.drive.picture import Picture
-from mbot_protocol.v1.messages_pb2 import Decision
 
 TILE_PX = 128
 LINE_PX = 12
@@ -26,10 +24,9 @@ class Bar:
     share: float
 
 
-def wheel_bars(decision: Decision) -> tuple[Bar, Bar]:
-    """Both wheels as the policy told them."""
-    steps = decision.steps
-    return Bar("L", steps.left / STEP_LIMIT), Bar("R", steps.right / STEP_LIMIT)
+def wheel_bars(told: tuple[float, float]) -> tuple[Bar, Bar]:
+    """Both wheels as they were told."""
+    return Bar("L", told[0]), Bar("R", told[1])
 
 
 def caption_px(bars: int) -> int:

@@ -1,15 +1,17 @@
 """One beat of the control loop, as a robot tells of it: live, on its card, and read again."""
 
 from dataclasses import dataclass
+from math import isfinite
 
 import msgspec
 from google.protobuf.message import DecodeError
 from msgspec import UNSET, UnsetType
 
-from mbot_protocol.drive.actions import STEP_LIMIT
+from mbot_protocol.drive.actions import LEVELS, STEP_LIMIT, WheelMaps
+from mbot_protocol.drive.wheel_command import Duties
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.policy.policy_contract import FieldOfView
-from mbot_protocol.v1.messages_pb2 import Decision, LastStop
+from mbot_protocol.v1.messages_pb2 import Decision, LastStop, State
 
 MOST_BYTES = 65_536
 """Of a decision: three hundred times one without faults."""
@@ -104,6 +106,29 @@ class Beat:
         """Whether the policy has answered."""
         return self.decision.HasField("action")
 
+    @property
+    def by_hand(self) -> bool:
+        """Whether a person drove."""
+        return self.decision.state == State.STATE_MANUAL
+
+    def at_wheels(self, wheels: WheelMaps | None = None) -> tuple[float, float]:
+        """What the wheels were told, left and right in [-1, 1], by a policy or a person.
+
+        Args:
+            wheels: how this robot's steps became duties. Without that a person's command is told
+                as the duties: beyond the dead band, so somewhat larger.
+
+        """
+        decision = self.decision
+        known = decision.duty.left, decision.duty.right
+        if not decision.HasField("duty") and wheels is not None:  # by a release of before
+            duties = wheels.of_levels(decision.board_m1, decision.board_m2)
+            known = duties.left, duties.right
+        is_steps = decision.HasField("steps") and not self.by_hand
+        if is_steps and (any(known) or not decision.HasField("duty")):
+            return decision.steps.left / STEP_LIMIT, decision.steps.right / STEP_LIMIT
+        return known if wheels is None else wheels.steps(Duties(*known)).action
+
 
 def read_decision(data: bytes) -> Decision:
     """A decision's bytes, as they stand in recordings of whatever origin.
@@ -119,4 +144,10 @@ def read_decision(data: bytes) -> Decision:
         raise DecodeError(f"{told} faults and notices, expected at most {MOST_TOLD}")
     if max(abs(decision.steps.left), abs(decision.steps.right)) > STEP_LIMIT:
         raise DecodeError(f"a step beyond {STEP_LIMIT}")
+    if max(abs(decision.board_m1), abs(decision.board_m2)) > LEVELS:
+        raise DecodeError(f"a motor beyond {LEVELS}")
+    if not all(-1 <= duty <= 1 for duty in (decision.duty.left, decision.duty.right)):
+        raise DecodeError("a duty beyond 1, or none")  # NaN too
+    if not all(map(isfinite, (decision.would_have_done.left, decision.would_have_done.right))):
+        raise DecodeError("an answer that is no number")
     return decision

@@ -35,6 +35,11 @@ def changes(
     if before is None or before.state != now.state:
         level: Level = "WARN" if now.state == State.STATE_FAULT else "INFO"
         found.append((level, f"now {decision_state(now)}"))
+    if now.driven_by and (before is None or before.driven_by != now.driven_by):
+        found.append(("INFO", f"{now.driven_by} drives by hand"))
+    if now.HasField("wrong_ms"):
+        said = f"the {now.wrong_ms / 1000:.1f} s before were wrong, says"
+        found.append(("WARN", f"{said} {now.wrong_says or 'somebody'}"))
     known = {fault.kind for fault in before.faults} if before is not None else set[str]()
     new = [fault for fault in now.faults if fault.kind not in known]
     found.extend(("ERROR", f"{fault.kind}: {fault.detail}") for fault in new)

@@ -64,6 +64,10 @@ class RecordedDrive:
         """The beats in which the policy drove."""
         return [beat for beat in self.beats if beat.decided]
 
+    def at_wheels(self, beat: Beat) -> tuple[float, float]:
+        """What the wheels were told in a beat, left and right in [-1, 1], by whom ever."""
+        return beat.at_wheels(self.facts.wheels if self.facts is not None else None)
+
     def since_s(self, beat: Beat) -> float:
         """When a beat began, from the first one's begin."""
         first = self.beats[0].decision.started_monotonic_ns

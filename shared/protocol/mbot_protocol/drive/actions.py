@@ -83,6 +83,13 @@ class MotorMap(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tr
         level = round(self.dead_band + usable * abs(step) / STEP_LIMIT)
         return math.copysign(level / LEVELS, step)
 
+    def step(self, duty: float) -> int:
+        """The step in -250..250 that becomes this duty, or the one next to it."""
+        usable = LEVELS * self.trim - self.dead_band
+        share = (LEVELS * abs(duty) - self.dead_band) / usable
+        step = max(1, min(STEP_LIMIT, round(share * STEP_LIMIT))) if duty else 0
+        return step if duty > 0 else -step
+
 
 class WheelMaps(Struct, frozen=True, forbid_unknown_fields=True):
     """Both wheels of a robot. An mBot's left motor stands mirrored: it is reversed (measured)."""
@@ -99,6 +106,10 @@ class WheelMaps(Struct, frozen=True, forbid_unknown_fields=True):
     def duties(self, steps: Steps) -> Duties:
         """The wheels' duties for these steps."""
         return Duties(self.left.duty(steps.left), self.right.duty(steps.right))
+
+    def steps(self, duties: Duties) -> Steps:
+        """The steps of these duties: `duties` backwards."""
+        return Steps(self.left.step(duties.left), self.right.step(duties.right))
 
     def at_motors(self, duties: Duties) -> Duties:
         """The same as the motors have it: a reversed one runs backward when its wheel rolls

@@ -55,7 +55,7 @@ class Steps(_message.Message):
     def __init__(self, left: _Optional[int] = ..., right: _Optional[int] = ...) -> None: ...
 
 class Decision(_message.Message):
-    __slots__ = ("schema_version", "robot_id", "session_id", "sequence", "state", "faults", "unix_time_ns", "captured_monotonic_ns", "due_monotonic_ns", "started_monotonic_ns", "observed_monotonic_ns", "decided_monotonic_ns", "written_monotonic_ns", "acknowledged_monotonic_ns", "action", "steps", "board_m1", "board_m2", "model_sha256", "missed_ticks", "cpu_temperature_c", "load_1min", "resident_memory_bytes", "dropped_records", "notices", "stop_count", "hand_let_go", "duty", "senses", "under_voltage")
+    __slots__ = ("schema_version", "robot_id", "session_id", "sequence", "state", "faults", "unix_time_ns", "captured_monotonic_ns", "due_monotonic_ns", "started_monotonic_ns", "observed_monotonic_ns", "decided_monotonic_ns", "written_monotonic_ns", "acknowledged_monotonic_ns", "action", "steps", "board_m1", "board_m2", "model_sha256", "missed_ticks", "cpu_temperature_c", "load_1min", "resident_memory_bytes", "dropped_records", "notices", "stop_count", "hand_let_go", "duty", "senses", "under_voltage", "driven_by", "held_ms", "would_have_done", "wrong_ms", "wrong_says")
     SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
     ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
     SESSION_ID_FIELD_NUMBER: _ClassVar[int]
@@ -86,6 +86,11 @@ class Decision(_message.Message):
     DUTY_FIELD_NUMBER: _ClassVar[int]
     SENSES_FIELD_NUMBER: _ClassVar[int]
     UNDER_VOLTAGE_FIELD_NUMBER: _ClassVar[int]
+    DRIVEN_BY_FIELD_NUMBER: _ClassVar[int]
+    HELD_MS_FIELD_NUMBER: _ClassVar[int]
+    WOULD_HAVE_DONE_FIELD_NUMBER: _ClassVar[int]
+    WRONG_MS_FIELD_NUMBER: _ClassVar[int]
+    WRONG_SAYS_FIELD_NUMBER: _ClassVar[int]
     schema_version: int
     robot_id: str
     session_id: int
@@ -116,7 +121,12 @@ class Decision(_message.Message):
     duty: Wheels
     senses: Senses
     under_voltage: bool
-    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., sequence: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., faults: _Optional[_Iterable[_Union[Fault, _Mapping[str, object]]]] = ..., unix_time_ns: _Optional[int] = ..., captured_monotonic_ns: _Optional[int] = ..., due_monotonic_ns: _Optional[int] = ..., started_monotonic_ns: _Optional[int] = ..., observed_monotonic_ns: _Optional[int] = ..., decided_monotonic_ns: _Optional[int] = ..., written_monotonic_ns: _Optional[int] = ..., acknowledged_monotonic_ns: _Optional[int] = ..., action: _Optional[_Union[Wheels, _Mapping[str, object]]] = ..., steps: _Optional[_Union[Steps, _Mapping[str, object]]] = ..., board_m1: _Optional[int] = ..., board_m2: _Optional[int] = ..., model_sha256: _Optional[str] = ..., missed_ticks: _Optional[int] = ..., cpu_temperature_c: _Optional[float] = ..., load_1min: _Optional[float] = ..., resident_memory_bytes: _Optional[int] = ..., dropped_records: _Optional[int] = ..., notices: _Optional[_Iterable[_Union[Notice, _Mapping[str, object]]]] = ..., stop_count: _Optional[int] = ..., hand_let_go: bool = ..., duty: _Optional[_Union[Wheels, _Mapping[str, object]]] = ..., senses: _Optional[_Union[Senses, _Mapping[str, object]]] = ..., under_voltage: bool = ...) -> None: ...
+    driven_by: str
+    held_ms: int
+    would_have_done: Wheels
+    wrong_ms: int
+    wrong_says: str
+    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., sequence: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., faults: _Optional[_Iterable[_Union[Fault, _Mapping[str, object]]]] = ..., unix_time_ns: _Optional[int] = ..., captured_monotonic_ns: _Optional[int] = ..., due_monotonic_ns: _Optional[int] = ..., started_monotonic_ns: _Optional[int] = ..., observed_monotonic_ns: _Optional[int] = ..., decided_monotonic_ns: _Optional[int] = ..., written_monotonic_ns: _Optional[int] = ..., acknowledged_monotonic_ns: _Optional[int] = ..., action: _Optional[_Union[Wheels, _Mapping[str, object]]] = ..., steps: _Optional[_Union[Steps, _Mapping[str, object]]] = ..., board_m1: _Optional[int] = ..., board_m2: _Optional[int] = ..., model_sha256: _Optional[str] = ..., missed_ticks: _Optional[int] = ..., cpu_temperature_c: _Optional[float] = ..., load_1min: _Optional[float] = ..., resident_memory_bytes: _Optional[int] = ..., dropped_records: _Optional[int] = ..., notices: _Optional[_Iterable[_Union[Notice, _Mapping[str, object]]]] = ..., stop_count: _Optional[int] = ..., hand_let_go: bool = ..., duty: _Optional[_Union[Wheels, _Mapping[str, object]]] = ..., senses: _Optional[_Union[Senses, _Mapping[str, object]]] = ..., under_voltage: bool = ..., driven_by: _Optional[str] = ..., held_ms: _Optional[int] = ..., would_have_done: _Optional[_Union[Wheels, _Mapping[str, object]]] = ..., wrong_ms: _Optional[int] = ..., wrong_says: _Optional[str] = ...) -> None: ...
 
 class Status(_message.Message):
     __slots__ = ("schema_version", "robot_id", "session_id", "now_monotonic_ns", "state", "faults", "software_version", "board_version", "board_has_deadman", "decision_rate_hz", "active_model", "missed_ticks", "decisions", "camera", "notices", "trusted_keys", "accepts_unsigned_models", "left_motor", "right_motor", "last_stop", "release", "let_go_monotonic_ns", "senses")
@@ -207,7 +217,7 @@ class MotorMap(_message.Message):
     def __init__(self, reversed: bool = ..., trim: _Optional[float] = ..., dead_band: _Optional[int] = ...) -> None: ...
 
 class Command(_message.Message):
-    __slots__ = ("schema_version", "robot_id", "session_id", "expires_monotonic_ns", "stop_count", "sender", "sender_id", "number", "run", "stop", "drive")
+    __slots__ = ("schema_version", "robot_id", "session_id", "expires_monotonic_ns", "stop_count", "sender", "sender_id", "number", "run", "stop", "drive", "mark")
     SCHEMA_VERSION_FIELD_NUMBER: _ClassVar[int]
     ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
     SESSION_ID_FIELD_NUMBER: _ClassVar[int]
@@ -219,6 +229,7 @@ class Command(_message.Message):
     RUN_FIELD_NUMBER: _ClassVar[int]
     STOP_FIELD_NUMBER: _ClassVar[int]
     DRIVE_FIELD_NUMBER: _ClassVar[int]
+    MARK_FIELD_NUMBER: _ClassVar[int]
     schema_version: int
     robot_id: str
     session_id: int
@@ -230,7 +241,14 @@ class Command(_message.Message):
     run: Run
     stop: Stop
     drive: Drive
-    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., expires_monotonic_ns: _Optional[int] = ..., stop_count: _Optional[int] = ..., sender: _Optional[str] = ..., sender_id: _Optional[int] = ..., number: _Optional[int] = ..., run: _Optional[_Union[Run, _Mapping[str, object]]] = ..., stop: _Optional[_Union[Stop, _Mapping[str, object]]] = ..., drive: _Optional[_Union[Drive, _Mapping[str, object]]] = ...) -> None: ...
+    mark: Mark
+    def __init__(self, schema_version: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[int] = ..., expires_monotonic_ns: _Optional[int] = ..., stop_count: _Optional[int] = ..., sender: _Optional[str] = ..., sender_id: _Optional[int] = ..., number: _Optional[int] = ..., run: _Optional[_Union[Run, _Mapping[str, object]]] = ..., stop: _Optional[_Union[Stop, _Mapping[str, object]]] = ..., drive: _Optional[_Union[Drive, _Mapping[str, object]]] = ..., mark: _Optional[_Union[Mark, _Mapping[str, object]]] = ...) -> None: ...
+
+class Mark(_message.Message):
+    __slots__ = ("back_ms",)
+    BACK_MS_FIELD_NUMBER: _ClassVar[int]
+    back_ms: int
+    def __init__(self, back_ms: _Optional[int] = ...) -> None: ...
 
 class Run(_message.Message):
     __slots__ = ("when_ready",)

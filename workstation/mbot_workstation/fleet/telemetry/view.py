@@ -7,8 +7,8 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from mbot_protocol.beat.beat import Beat
 from mbot_protocol.beat.changes import decision_state
-from mbot_protocol.drive.actions import STEP_LIMIT
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision, State
 from mbot_workstation.fleet.telemetry.stream import LinkState
@@ -107,13 +107,14 @@ def _facts(decision: Decision, window: TelemetryWindow) -> Table:
     table = Table.grid(padding=(0, 2))
     word = decision_state(decision)
     table.add_row("state", Text(word, style=_STATE_STYLES.get(decision.state, "bold")))
+    told = Beat(decision).at_wheels()
     wheels = (
-        ("left", decision.action.left, decision.steps.left, decision.board_m1),
-        ("right", decision.action.right, decision.steps.right, decision.board_m2),
+        ("left", decision.action.left, told[0], decision.steps.left, decision.board_m1),
+        ("right", decision.action.right, told[1], decision.steps.right, decision.board_m2),
     )
     asked = decision.HasField("action")
-    for name, action, step, level in wheels:
-        drawn = bar(action if asked else step / STEP_LIMIT)
+    for name, action, turns, step, level in wheels:
+        drawn = bar(action if asked else turns)
         number = f"{action:+.3f}" if asked else "     -"
         table.add_row(name, f"{drawn} {number}  step {step:+4d}  motor {level:+4d}")
     rate_hz = window.decisions_per_s

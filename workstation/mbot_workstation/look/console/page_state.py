@@ -1,7 +1,7 @@
 """What the page shows of a robot: its own words for everything, so that the page only draws."""
 
+from mbot_protocol.beat.beat import Beat
 from mbot_protocol.beat.fields import state_word
-from mbot_protocol.drive.actions import STEP_LIMIT
 from mbot_protocol.v1.messages_pb2 import Decision, State, Status
 from mbot_workstation.fleet.telemetry.window import TelemetryWindow
 from mbot_workstation.wording import (
@@ -51,7 +51,7 @@ def page_state(
     model = status.active_model
     return shown | {
         "state": "unknown" if lost else state_word(status.state),
-        "headline": "Not known: what follows is old" if lost else _headline(status),
+        "headline": "Not known: what follows is old" if lost else _headline(status, window.newest),
         "faults": fault_lines(status.faults),
         "notices": fault_lines(status.notices),
         "stop_count": status.last_stop.count,
@@ -73,7 +73,9 @@ def _lost(status: Status | None, silence_s: float, problem: str) -> str:
     return ""
 
 
-def _headline(status: Status) -> str:
+def _headline(status: Status, newest: Decision | None) -> str:
+    if status.state == State.STATE_MANUAL and newest is not None and newest.driven_by:
+        return f"Driven by hand by {one_line(newest.driven_by)}"
     if status.state == State.STATE_STOPPED:
         return f"Standing, {standing_words(status)}"
     return _HEADLINES.get(status.state, state_word(status.state))
@@ -90,10 +92,8 @@ def _wheels(decision: Decision | None) -> dict[str, float] | None:
     """What the wheels were told last, in [-1, 1], whoever told them."""
     if decision is None:
         return None
-    if decision.HasField("duty"):
-        return {"left": decision.duty.left, "right": decision.duty.right}
-    steps = decision.steps
-    return {"left": steps.left / STEP_LIMIT, "right": steps.right / STEP_LIMIT}
+    left, right = Beat(decision).at_wheels()
+    return {"left": left, "right": right}
 
 
 def _facts(status: Status, window: TelemetryWindow) -> list[list[str]]:

@@ -40,7 +40,7 @@ def contact_sheet(seen: Sequence[Beat], path: Picture | None, title: str) -> Pic
         since_ns = beat.decision.unix_time_ns - seen[0].decision.unix_time_ns
         picture, words = observation(beat), f"{since_ns / 1e9:.1f} s"
         shown = blank(64, 64) if picture is None else picture
-        tiles.append(Tile(shown, words, wheel_bars(beat.decision)))
+        tiles.append(Tile(shown, words, wheel_bars(beat.at_wheels())))
     strip = strip_of(tiles, COLUMNS, title)
     sheet = blank(TITLE_PX + path_side_px(), strip.shape[1])
     sheet[: strip.shape[0]] = strip

@@ -1,14 +1,14 @@
 """What happened in a recorded drive, in numbers and in a sentence."""
 
 import re
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
 from mbot_protocol.beat.beat import Beat
 from mbot_protocol.beat.recorded_drive import RecordedDrive
 from mbot_protocol.beat.stages import SPANS, percentile, span_ms
-from mbot_protocol.drive.actions import STEP_LIMIT
 from mbot_protocol.v1.messages_pb2 import State
 from mbot_workstation.wording import one_line, short_digest
 
@@ -46,6 +46,7 @@ class DriveFigures:
         models: digests of what drove, in order.
         missed_beats, lost_records: within this recording.
         driving_s: how long the policy drove.
+        hands: how long somebody drove by hand, in s, by their names.
         faults: since when in s, kind and detail, each time one appeared.
         latencies: of the stages that happened.
 
@@ -56,6 +57,7 @@ class DriveFigures:
     missed_beats: int
     lost_records: int
     driving_s: float
+    hands: Mapping[str, float]
     faults: tuple[tuple[float, str, str], ...]
     latencies: tuple[Latency, ...]
 
@@ -68,13 +70,15 @@ class DriveFigures:
     @property
     def sentence(self) -> str:
         """What happened, for somebody who was not there."""
-        count = len(self.drive.decided)
+        count, said = len(self.drive.decided), list[str]()
         by = " and then ".join(short_digest(model) for model in self.models)
-        if not count:
-            start = f"{self.drive.robot_id} was not driven by a policy"
-        else:
-            start = f"{self.drive.robot_id} was driven for {self.driving_s:.1f} s by {by}"
-            start += f", {count} decisions"
+        if count:
+            said.append(f"driven for {self.driving_s:.1f} s by {by}, {count} decisions")
+        said += [
+            f"driven by hand by {one_line(name) or 'somebody'} for {time_s:.1f} s"
+            for name, time_s in self.hands.items()
+        ]
+        start = f"{self.drive.robot_id} was {', '.join(said) or 'not driven by a policy'}"
         missed = f"{self.missed_beats} beats missed" if self.missed_beats else "no beat missed"
         kinds = list(dict.fromkeys(kind for _, kind, _ in self.faults))
         faults = f"; in the way: {', '.join(kinds)}" if kinds else ""
@@ -95,12 +99,7 @@ class DriveFigures:
     def wheels(self) -> list[tuple[float, float, float]]:
         """Seconds, left and right wheel as a share of full speed, of every beat."""
         return [
-            (
-                self.drive.since_s(beat),
-                beat.decision.steps.left / STEP_LIMIT,
-                beat.decision.steps.right / STEP_LIMIT,
-            )
-            for beat in self.drive.beats
+            (self.drive.since_s(beat), *self.drive.at_wheels(beat)) for beat in self.drive.beats
         ]
 
     def chosen(self, most: int) -> list[Beat]:
@@ -127,9 +126,15 @@ def figures(drive: RecordedDrive) -> DriveFigures:
         max(0, last.missed_ticks - first.missed_ticks),
         _lost(drive.beats),
         len(drive.decided) * period_s,
+        {name: beats * period_s for name, beats in _hands(drive).items()},
         _faults(drive),
         tuple(latency for latency in latencies if latency.values_ms),
     )
+
+
+def _hands(drive: RecordedDrive) -> Counter[str]:
+    """Beats that somebody drove by hand, by their names; empty: by a release that did not tell."""
+    return Counter(beat.decision.driven_by for beat in drive.beats if beat.by_hand)
 
 
 def _lost(beats: Sequence[Beat]) -> int:

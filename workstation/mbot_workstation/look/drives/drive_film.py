@@ -97,7 +97,7 @@ def _frame(drive: RecordedDrive, beat: Beat) -> Picture:
     decision = beat.decision
     seen = observation(beat)
     small = blank(128 + caption_px(2), 128)
-    draw_tile(small, blank(64, 64) if seen is None else seen, "", wheel_bars(decision))
+    draw_tile(small, blank(64, 64) if seen is None else seen, "", wheel_bars(drive.at_wheels(beat)))
     height, width = SCALE * small.shape[0], SCALE * small.shape[1]
     nearest = cv2.INTER_NEAREST
     large = cast(Picture, cv2.resize(small, (width, height), interpolation=nearest))

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import jinja2
 
-from mbot_protocol.drive.actions import STEP_LIMIT
 from mbot_protocol.drive.picture import Picture
 from mbot_workstation.look.drives.attention import Looks
 from mbot_workstation.look.drives.drive_figures import DriveFigures, Latency
@@ -91,7 +90,7 @@ def _strip(one: DriveFigures, looks: Looks) -> list[PageTile]:
     """Pictures over the whole drive, as the policy saw them: the page enlarges them."""
     found: list[PageTile] = []
     for beat in one.chosen(STRIP_TILES):
-        picture, steps = observation(beat), beat.decision.steps
+        picture = observation(beat)
         if picture is not None:
             looked = looks.get(beat.key)
             found.append(
@@ -99,8 +98,7 @@ def _strip(one: DriveFigures, looks: Looks) -> list[PageTile]:
                     _uri(picture),
                     "" if looked is None else _uri(looked.picture),
                     one.drive.since_s(beat),
-                    steps.left / STEP_LIMIT,
-                    steps.right / STEP_LIMIT,
+                    *one.drive.at_wheels(beat),
                 )
             )
     return found

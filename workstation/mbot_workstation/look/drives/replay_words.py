@@ -61,6 +61,8 @@ def summary(found: Replay) -> Iterator[str]:
         yield f"  {failed} end in a failure of the model"
     for views in found.other_views:
         yield from _view_words(*views)
+    if by_hand := sum(beat.by_hand for beat in found.drive.beats):
+        yield f"  {by_hand} beats were driven by hand: no decision of a policy"
     if found.left_out:
         yield f"  {found.left_out} are left out: their picture is not in the recording"
 

@@ -145,10 +145,7 @@ def replay(
     facts, decided = drive.facts, drive.decided
     usable = [beat for beat in decided if beat.is_replayable]
     if facts is None or not usable:
-        raise ConfigurationError(
-            f"{drive.name} cannot be replayed: {_why_not(drive)}; fetch the robot's own recording "
-            "(`workstation recordings fetch`)"
-        )
+        raise ConfigurationError(f"{drive.name} cannot be replayed: {_why_not(drive)}")
     digests = list(dict.fromkeys(beat.decision.model_sha256 for beat in usable))
     paths = {digest: other or find_model(digest, models) for digest in digests}
     loaded = {path: Policy.load(path) for path in dict.fromkeys(paths.values())}
@@ -291,6 +288,11 @@ def find_model(digest: str, models: Sequence[Path]) -> Path:
 
 
 def _why_not(drive: RecordedDrive) -> str:
+    if not drive.decided and any(beat.by_hand for beat in drive.beats):
+        return "a person drove it, and no policy (`workstation drives review` compares the two)"
     if not drive.decided:
         return "no policy drove in it"
-    return "it is of telemetry, whose pictures are not exactly what the policy saw"
+    return (
+        "it is of telemetry, whose pictures are not exactly what the policy saw; fetch the robot's "
+        "own recording (`workstation recordings fetch`)"
+    )

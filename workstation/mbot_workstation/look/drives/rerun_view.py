@@ -17,10 +17,10 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from mbot_protocol.beat.beat import Beat
 from mbot_protocol.beat.changes import changes
 from mbot_protocol.beat.recorded_drive import RecordedDrive
 from mbot_protocol.beat.stages import span_ms
-from mbot_protocol.drive.actions import STEP_LIMIT
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.v1.messages_pb2 import Decision
 from mbot_workstation.look.drives.attention import Look, Looks
@@ -173,9 +173,8 @@ class RerunView:
         robot, log, rerun = decision.robot_id, self._stream.log, self._rerun
         self._at(decision.unix_time_ns)
         self._stream.set_time("beat", sequence=decision.sequence)
-        for side in ("left", "right"):
-            steps = getattr(decision.steps, side)
-            log(f"{robot}/wheels/{side}", rerun.Scalars(steps / STEP_LIMIT))
+        for side, told in zip(("left", "right"), Beat(decision).at_wheels(), strict=True):
+            log(f"{robot}/wheels/{side}", rerun.Scalars(told))
             if decision.HasField("action"):
                 log(f"{robot}/action/{side}", rerun.Scalars(getattr(decision.action, side)))
         spans = span_ms(decision)
