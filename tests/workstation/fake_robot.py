@@ -177,6 +177,7 @@ class FakeRobot:
             "run": State.STATE_RUNNING,
             "drive": State.STATE_MANUAL,
             "stop": State.STATE_STOPPED,
+            "mark": State.STATE_RUNNING,
         }
         kind = command.WhichOneof("action")
         reason = ""

@@ -39,6 +39,7 @@ from mbot_workstation.fleet.by_hand.terminal_keys import (
     TerminalKeys,
     split_keys,
 )
+from mbot_workstation.fleet.link.remote_control import RemoteControl
 from mbot_workstation.fleet.link.robot_link import RobotLink
 
 from ..until import until
@@ -258,6 +259,33 @@ def test_stop_and_the_way_back_to_the_policy(robot: FakeRobot, pad: PipedPad) ->
     assert bench.ended()
 
 
+def test_a_mark_is_made_beside_the_hand_that_drives(
+    robot: FakeRobot, pad: PipedPad, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = Bench(robot, Gamepad(pad, RANGES))
+    pad.press(pads.HOLD)
+    assert until(lambda: driving(robot))
+    mark, asked = RemoteControl.mark, threading.Event()
+
+    def slow(control: RemoteControl) -> None:
+        asked.set()
+        time.sleep(0.6)
+        mark(control)
+
+    monkeypatch.setattr(RemoteControl, "mark", slow)
+    pad.press(pads.MARK)
+    assert asked.wait(5)
+    told = len(robot.commands())
+    assert until(lambda: "mark" in kinds(robot))
+    marked = kinds(robot).index("mark")
+    assert kinds(robot)[told:marked].count("drive") > 3, "the hand was not held up"
+    assert not any(command.drive.let_go for command in robot.commands())
+    assert robot.commands()[marked].mark.back_ms == 3000
+    assert until(lambda: any("3 s until now were wrong" in words for words in bench.said))
+    pad.unplug()
+    assert bench.ended()
+
+
 @pytest.fixture
 def terminal() -> Iterator[tuple[int, int]]:
     ours, theirs = pty.openpty()
@@ -275,6 +303,8 @@ def test_keys_of_a_terminal_drive_while_they_repeat(
             os.write(ours, b"w")
             time.sleep(0.03)
         assert until(lambda: last(robot).drive.hold_ms == 1)
+        os.write(ours, b"m")
+        assert until(lambda: "mark" in kinds(robot))
         os.write(ours, b" ")
         assert until(lambda: kinds(robot)[-1] == "stop")
         os.write(ours, b"q")

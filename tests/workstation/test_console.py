@@ -158,6 +158,13 @@ def test_run_names_the_stop_that_the_page_shows(served: Served, robot: FakeRobot
         assert hear(socket, "answer", done=True)["words"] == "run: running"
 
 
+def test_the_page_marks_what_was_wrong(served: Served, robot: FakeRobot) -> None:
+    with served.live() as socket:
+        say(socket, do="mark")
+        assert "3 s until now were wrong" in hear(socket, "answer", done=True)["words"]
+    assert robot.commands()[-1].mark.back_ms == 3000
+
+
 def test_a_hand_drives_while_it_repeats_and_a_closed_page_lets_go(
     served: Served, robot: FakeRobot, monkeypatch: pytest.MonkeyPatch
 ) -> None:

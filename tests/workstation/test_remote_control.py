@@ -3,11 +3,13 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 from mbot_protocol.errors import ConfigurationError, RefusedError, UnreachableError
 from mbot_protocol.v1.messages_pb2 import CommandReply, State
 from mbot_protocol.wire.keys import COMMAND, STATUS, STOP
 from mbot_protocol.wire.schema import SCHEMA_VERSION
+from mbot_workstation.cli.subcommands import app
 from mbot_workstation.fleet.by_hand.timed_drive import HOLD_MS, drive_for
 from mbot_workstation.fleet.link import remote_control
 from mbot_workstation.fleet.link.remote_control import (
@@ -55,6 +57,14 @@ def test_run_and_drive_carry_session_and_expiry(robot: FakeRobot, control: Remot
     assert (drive.drive.wheels.left, drive.drive.wheels.right) == (0.5, -0.25)
     assert drive.drive.hold_ms == 300
     assert robot.names() == ["status", "command", "command"]
+
+
+def test_a_mark_is_sent_by_command(robot: FakeRobot) -> None:
+    result = CliRunner().invoke(app, ["mark", "--back", "2", "--robot", robot.address])
+    assert result.output == "mbot-1: marked: the 2 s until now were wrong\n", result.exception
+    (command,) = robot.commands()
+    assert command.mark.back_ms == 2000
+    assert command.expires_monotonic_ns, "late it would mark other seconds"
 
 
 def test_no_two_senders_are_taken_for_one(robot: FakeRobot) -> None:

@@ -166,6 +166,28 @@ def stop(options: LinkOptions) -> None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MarkOptions(LinkOptions):
+    """What `mark` takes."""
+
+    back_s: float = option(
+        3.0, "From so long ago until now.", "--back", metavar="SECONDS", min=0.1, max=10
+    )
+
+
+@with_options
+def mark(options: MarkOptions) -> None:
+    """Note in the robot's recording that what it has just done was wrong. It drives on.
+
+    Example: `workstation mark --robot mbot-1.local`
+    """
+    from mbot_workstation.fleet.link.remote_control import RemoteControl
+
+    with options.link() as link:
+        RemoteControl(link).mark(options.back_s)
+        print(f"{link.robot_id}: marked: the {options.back_s:g} s until now were wrong")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ConsoleOptions(LinkOptions):
     """What `console` takes."""
 
@@ -280,13 +302,15 @@ class DriveOptions(LinkOptions):
     )
     keyboard: bool = option(
         False,
-        "W A S D or arrows: held keys drive. Space: STOP, R: the policy runs, Q: end.",
+        "W A S D or arrows: held keys drive. Space: STOP, R: the policy runs, M: this was wrong, "
+        "Q: end.",
         "--keyboard",
         panel=_HAND,
     )
     gamepad: bool = option(
         False,
-        "Right shoulder button held: left stick drives. B (east): STOP, start: the policy runs.",
+        "Right shoulder button held: left stick drives. B (east): STOP, start: the policy runs, X "
+        "(west): this was wrong.",
         "--gamepad",
         panel=_HAND,
     )
@@ -330,9 +354,11 @@ def _by_hand(options: DriveOptions) -> None:
         if options.gamepad:
             device, name = open_gamepad(options.device)
             how = f"{name}: hold the right shoulder button; B stops, start lets the policy run"
+            how += ", X says that the last 3 s were wrong"
         else:
             device = stack.enter_context(TerminalKeys(options.speed))
-            how = "hold W A S D or arrows; space stops, R lets the policy run, Q ends"
+            how = "hold W A S D or arrows; space stops, R lets the policy run"
+            how += ", M says that the last 3 s were wrong, Q ends"
         link = stack.enter_context(options.link())
         session = HandSession(link, lambda words: print(f"{link.robot_id}: {words}", flush=True))
         with session:

@@ -10,7 +10,7 @@ from mbot_workstation.cli.calibrate import app as calibrate
 from mbot_workstation.cli.calibrate import panorama
 from mbot_workstation.cli.demo import demo, make_servo_policy
 from mbot_workstation.cli.drives import film, replay, report, view
-from mbot_workstation.cli.driving import console, drive, robots, run, stop, telemetry
+from mbot_workstation.cli.driving import console, drive, mark, robots, run, stop, telemetry
 from mbot_workstation.cli.enroll import enroll
 from mbot_workstation.cli.evaluate import evaluate, explain, study
 from mbot_workstation.cli.identify import gap_report, identify
@@ -54,6 +54,7 @@ PANELS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "console": console,
         "telemetry": telemetry,
         "drive": drive,
+        "mark": mark,
     },
     "Look at drives": {
         "recordings": recordings,

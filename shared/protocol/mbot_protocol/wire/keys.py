@@ -32,7 +32,7 @@ class Right(Enum):
     them from going."""
 
     DRIVE = "drive"
-    """Let it run, drive it by hand."""
+    """Let it run, drive it by hand, mark what was wrong: what is learned from drives it."""
 
 
 class Flow(Enum):

@@ -15,9 +15,9 @@ from mbot_workstation.fleet.by_hand.hand import Wish, mixed
 EV_SYN, EV_KEY, EV_ABS = 0, 1, 3
 SYN_DROPPED = 3
 ABS_X, ABS_Y = 0, 1
-BTN_SOUTH, BTN_EAST, BTN_TR, BTN_START = 0x130, 0x131, 0x137, 0x13B
+BTN_SOUTH, BTN_EAST, BTN_WEST, BTN_TR, BTN_START = 0x130, 0x131, 0x134, 0x137, 0x13B
 
-HOLD, STOP, RUN = BTN_TR, BTN_EAST, BTN_START
+HOLD, STOP, RUN, MARK = BTN_TR, BTN_EAST, BTN_START, BTN_WEST
 DEAD_ZONE = 0.12
 """Of the stick's way: sticks of worn gamepads rest that far from the middle."""
 
@@ -64,7 +64,7 @@ class GamepadState:
         self._ranges = ranges
         self._stick = {ABS_X: 0.0, ABS_Y: 0.0}
         self._holds = False
-        self._let_go = self._stop = self._run = False
+        self._let_go = self._stop = self._run = self._mark = False
 
     def take(self, event: InputEvent) -> None:
         """One event."""
@@ -79,16 +79,17 @@ class GamepadState:
                 self._holds = pressed or (self._holds and event.value == 2)
             self._stop |= pressed and event.code == STOP
             self._run |= pressed and event.code == RUN
+            self._mark |= pressed and event.code == MARK
 
     def wish(self) -> Wish:
-        """What is wanted now; STOP and run once."""
-        let_go, stop, run = self._let_go, self._stop, self._run
-        self._let_go = self._stop = self._run = False
+        """What is wanted now; STOP, run and a mark once."""
+        let_go, stop, run, mark = self._let_go, self._stop, self._run, self._mark
+        self._let_go = self._stop = self._run = self._mark = False
         # Up is negative. Who holds and drives has not meant the policy to take over.
         wheels = mixed(-self._stick[ABS_Y], TURN_SHARE * self._stick[ABS_X])
         # Let go and pressed again since the last look: that it was let go is heard, too.
         holds = self._holds and not let_go
-        return Wish(wheels if holds else None, stop, run and not self._holds)
+        return Wish(wheels if holds else None, stop, run and not self._holds, mark=mark)
 
 
 class Gamepad:

@@ -18,6 +18,7 @@ class Wish:
         wheels: left and right in [-1, 1] while the hand holds; None while it does not.
         stop: STOP was asked for since the last wish.
         run: the policy was asked to drive since the last wish.
+        mark: what the robot has just done was wrong, it was said since the last wish.
         end: nothing more will come: asked to end, or the device is gone.
 
     """
@@ -26,6 +27,7 @@ class Wish:
     stop: bool = False
     run: bool = False
     end: bool = False
+    mark: bool = False
 
 
 class HandInput(Protocol):

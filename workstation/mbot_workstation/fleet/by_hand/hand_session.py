@@ -1,16 +1,18 @@
 """A person drives a robot with a gamepad or a keyboard until they end it."""
 
+import threading
 import time
 from collections.abc import Callable
 
 from mbot_protocol.errors import MbotError
 from mbot_workstation.fleet.by_hand.hand import HandInput, HandRepeat, Wish
 from mbot_workstation.fleet.by_hand.hand_drive import HandDrive
-from mbot_workstation.fleet.link.remote_control import RemoteControl
+from mbot_workstation.fleet.link.remote_control import MARKED_S, RemoteControl
 from mbot_workstation.fleet.link.robot_link import RobotLink
 
 REPEAT_S = 0.1
 _OWNER = 1
+MARKED = f"marked: the {MARKED_S:g} s until now were wrong"
 
 
 class HandSession:
@@ -44,12 +46,20 @@ class HandSession:
         due_s = time.monotonic()
         while not (wish := device.read(max(0.0, due_s - time.monotonic()))).end:
             is_due = time.monotonic() >= due_s
-            if is_due or (wish.wheels is None) is self._holding or wish.stop or wish.run:
+            if (
+                is_due
+                or (wish.wheels is None) is self._holding
+                or wish.stop
+                or wish.run
+                or wish.mark
+            ):
                 due_s = time.monotonic() + REPEAT_S
                 self.grant(wish)
 
     def grant(self, wish: Wish) -> None:
         """Do what is wanted now."""
+        if wish.mark:  # beside the hand, whose repeats must not wait for the answer
+            threading.Thread(target=self._mark, name="mark", daemon=True).start()
         if wish.stop:
             self._drive.let_all_go()
             self._do(lambda: RemoteControl(self._link).stop())
@@ -67,6 +77,13 @@ class HandSession:
         left, right = wish.wheels
         said = HandRepeat(self._press, left, right, self._seen_stops, time.monotonic())
         self._drive.repeat(_OWNER, said)
+
+    def _mark(self) -> None:
+        try:
+            RemoteControl(self._link).mark()
+            self._say(MARKED)
+        except MbotError as error:
+            self._say(str(error))
 
     def _run(self) -> str:
         control = RemoteControl(self._link)

@@ -37,7 +37,7 @@ WAYS = {
     "\x1b[D": (-0.6, 0.6),
     "\x1b[C": (0.6, -0.6),
 }
-STOP, RUN, END = " ", "r", "q"
+STOP, RUN, MARK, END = " ", "r", "m", "q"
 
 
 class KeyRepeats:
@@ -121,4 +121,4 @@ class TerminalKeys:
         for key in keys:
             self._repeats.take(key, now_s)
         over = END in keys or (bool(ready) and not data)
-        return Wish(self._repeats.wheels(now_s), STOP in keys, RUN in keys, over)
+        return Wish(self._repeats.wheels(now_s), STOP in keys, RUN in keys, over, MARK in keys)

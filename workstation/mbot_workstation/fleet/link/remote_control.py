@@ -18,6 +18,7 @@ from mbot_protocol.v1.messages_pb2 import (
     Command,
     CommandReply,
     Drive,
+    Mark,
     Run,
     State,
     Status,
@@ -31,6 +32,9 @@ from mbot_workstation.wording import one_line, stop_words
 
 TIME_TO_LIVE_S = 1.0
 """A command that takes longer than this to arrive is not obeyed any more."""
+
+MARKED_S = 3.0
+"""So far back a mark counts: what it takes to see a mistake and to find the button."""
 
 STOP_ATTEMPTS = 3
 STOP_TIMEOUT_S = 1.0
@@ -181,6 +185,15 @@ class RemoteControl:
         """
         # A robot of before there were presses sees wheels at zero, over at once.
         self._send(Command(drive=Drive(wheels=Wheels(), hold_ms=1, press=press, let_go=True)))
+
+    def mark(self, back_s: float = MARKED_S) -> None:
+        """Note in the robot's recording that what it has just done was wrong; it drives on.
+
+        Raises:
+            RefusedError, UnreachableError, ...: as `run`.
+
+        """
+        self._send(Command(mark=Mark(back_ms=round(back_s * 1000))))
 
     def stop(self) -> str:
         """Stop the motors. Needs no status before, never expires, and does not give up at once.

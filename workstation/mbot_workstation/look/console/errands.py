@@ -7,6 +7,7 @@ from msgspec import structs
 
 from mbot_protocol.errors import ConfigurationError, MbotError
 from mbot_protocol.v1.messages_pb2 import Model
+from mbot_workstation.fleet.by_hand.hand_session import MARKED
 from mbot_workstation.fleet.link.recording_fetch import list_recordings
 from mbot_workstation.fleet.link.remote_control import RemoteControl
 from mbot_workstation.fleet.link.robot_link import RobotLink
@@ -17,13 +18,14 @@ from mbot_workstation.look.console.page_messages import (
     GoBack,
     ListModels,
     ListRecordings,
+    MarkWrong,
     RunRequest,
 )
 from mbot_workstation.wording import one_line, short_digest, size_words
 
 PASSPHRASE_VARIABLE = "MBOT_SIGNING_PASSPHRASE"
 
-Errand = RunRequest | ListModels | GoBack | ListRecordings
+Errand = RunRequest | MarkWrong | ListModels | GoBack | ListRecordings
 
 
 class Errands:
@@ -37,6 +39,9 @@ class Errands:
         try:
             if isinstance(errand, RunRequest):
                 return {"kind": "answer", "words": self._run(errand.seen_stops), "done": True}
+            if isinstance(errand, MarkWrong):
+                RemoteControl(self._link).mark()
+                return {"kind": "answer", "words": MARKED, "done": True}
             if isinstance(errand, ListModels):
                 return stored_models(list_models(self._link))
             if isinstance(errand, GoBack):

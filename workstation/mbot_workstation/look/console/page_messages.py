@@ -20,6 +20,10 @@ class RunRequest(msgspec.Struct, frozen=True, tag_field="do", tag="run"):
     seen_stops: int
 
 
+class MarkWrong(msgspec.Struct, frozen=True, tag_field="do", tag="mark"):
+    """What the robot has just done was wrong."""
+
+
 class ListModels(msgspec.Struct, frozen=True, tag_field="do", tag="models"):
     """Which models the robot keeps."""
 
@@ -34,7 +38,7 @@ class ListRecordings(msgspec.Struct, frozen=True, tag_field="do", tag="recording
     """Which drives the robot has recorded."""
 
 
-PageMessage = HandRepeat | LetGo | RunRequest | ListModels | GoBack | ListRecordings
+PageMessage = HandRepeat | LetGo | RunRequest | MarkWrong | ListModels | GoBack | ListRecordings
 
 _DECODER = msgspec.json.Decoder(PageMessage)
 

@@ -209,6 +209,10 @@ addEventListener("keydown", (event) => {
     if (!event.repeat) stop();
     return;
   }
+  if (event.code === "KeyM" && !event.repeat && !event.ctrlKey && !event.altKey && !event.metaKey) {
+    send({ do: "mark" });
+    return;
+  }
   const way = KEYS[event.code];
   if (!way || event.ctrlKey || event.altKey || event.metaKey || event.target.id === "speed") return;
   event.preventDefault();
@@ -231,6 +235,7 @@ at("speed").addEventListener("input", () => {
 at("run").addEventListener("click", () => {
   if (!runRefused) send({ do: "run", seen_stops: seenStops });
 });
+at("mark").addEventListener("click", () => send({ do: "mark" }));
 at("list-models").addEventListener("click", () => send({ do: "models" }));
 at("push-model").addEventListener("click", () => chosen((file) => {
   askHere(`Send ${file.name} to ${at("robot").textContent} and make it active?`,
