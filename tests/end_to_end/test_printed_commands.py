@@ -45,16 +45,21 @@ def test_every_block_that_is_not_run_says_why() -> None:
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("page", [page for page in PAGES if RUN[page]], ids=label)
 def test_the_blocks_of_a_page_run_as_printed(page: Path, tmp_path: Path) -> None:
-    (tmp_path / "models").symlink_to(CHECKOUT / "models")
+    prepare(tmp_path)
     room = cv2.cvtColor(generate_room(3, 512), cv2.COLOR_RGB2BGR)
     cv2.imwrite(str(tmp_path / "my-room.jpg"), np.ascontiguousarray(room))
-    programs = tmp_path / ".venv" / "bin"
-    programs.mkdir(parents=True)
-    (programs / "workstation").write_text(PROGRAM.format(python=sys.executable))
-    (programs / "workstation").chmod(0o755)
     with FakeRobot() as robot:
         for block in RUN[page]:
             run(block, tmp_path, robot.address)
+
+
+def prepare(folder: Path) -> None:
+    """A folder with the shipped models, and the program."""
+    (folder / "models").symlink_to(CHECKOUT / "models")
+    programs = folder / ".venv" / "bin"
+    programs.mkdir(parents=True)
+    (programs / "workstation").write_text(PROGRAM.format(python=sys.executable))
+    (programs / "workstation").chmod(0o755)
 
 
 def run(block: Block, folder: Path, robot: str) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from mbot_workstation.cli.calibrate import RoomAnswer
+from mbot_workstation.cli.collect import CollectedDrive
 from mbot_workstation.cli.drives import Report, ReportedDrive
 from mbot_workstation.cli.driving import FaultFound, RunOutcome
 from mbot_workstation.cli.evaluate import Explanation
@@ -47,6 +48,7 @@ KEYS: dict[type, str] = {
     CameraResult: "camera standard_deviations reprojection_error_px limit_px pictures "
     "without_board empty_areas poses tilt_deg objections notes path",
     CardPhotograph: "name rgb turned delta_e_before delta_e_after",
+    CollectedDrive: "path sentence verdict part labels marks by_hand_s",
     ComparedQuantity: "what truth nominal found relative nominal_error found_error",
     DemoResult: "touches driven_s distance_driven_m score decisions missed_ticks decision_p50_ms "
     "decision_p99_ms frame_p50_ms frame_p99_ms agent_cpu_share agent_memory_mb push_s "

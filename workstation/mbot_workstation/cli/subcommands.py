@@ -8,6 +8,7 @@ from typer.core import TyperGroup
 
 from mbot_workstation.cli.calibrate import app as calibrate
 from mbot_workstation.cli.calibrate import panorama
+from mbot_workstation.cli.collect import app as collected
 from mbot_workstation.cli.demo import demo, make_servo_policy
 from mbot_workstation.cli.drives import film, replay, report, view
 from mbot_workstation.cli.driving import console, drive, mark, robots, run, stop, telemetry
@@ -58,6 +59,7 @@ PANELS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
     },
     "Look at drives": {
         "recordings": recordings,
+        "drives": collected,
         "view": view,
         "report": report,
         "film": film,

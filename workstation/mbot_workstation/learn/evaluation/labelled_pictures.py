@@ -4,7 +4,8 @@ A folder with pictures and `truth.csv`, whose columns `file`, `in_view` (0 or 1)
 `bearing_left_deg` (left positive; empty where the object is not in view) count. Three more may be
 there and are counted by: `distance_m` of the object; `distractor`, what has the object's colour and
 is none, names joined by +, `furniture` being the room's own, with `plain`, what has another colour.
-Single pictures tell nothing about driving, but they may be real photographs.
+Single pictures tell nothing about driving, but they may be real photographs. `view_horizontal_deg`
+and `view_vertical_deg`: it is no camera's picture but what a policy saw, and shows so much.
 """
 
 import csv
@@ -21,11 +22,12 @@ from mbot_protocol.drive.camera_model import CameraModel, nominal_pi_camera
 from mbot_protocol.drive.picture import Observer, Picture
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.files.text_file import read_text
-from mbot_protocol.policy.policy_contract import FieldOfView
+from mbot_protocol.policy.policy_contract import OBSERVATION_SIDE_PX, FieldOfView
 from mbot_workstation.pictures.picture_file import read_picture
 
 TRUTH_FILE = "truth.csv"
 COLUMNS = ("file", "in_view", "bearing_left_deg")
+VIEW_COLUMNS = ("view_horizontal_deg", "view_vertical_deg")
 
 OFF_AXIS_DEG = 6.0
 """From here on an object is to one side; an observation's pixel is 0.9 degrees wide."""
@@ -66,6 +68,7 @@ class LabelledPicture:
         picture: shape (h, w, 3), RGB.
         bearing_left_deg: of the object, left positive; None where there is none in view.
         kinds: of `KINDS`, which mistakes it can show.
+        seen: what it shows, if it is what a policy saw; None: it is a camera's picture.
 
     """
 
@@ -73,6 +76,7 @@ class LabelledPicture:
     picture: Picture
     bearing_left_deg: float | None
     kinds: tuple[str, ...]
+    seen: FieldOfView | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,15 +159,22 @@ def observations(
         view: the policy's field of view.
 
     """
-    observers: dict[tuple[int, int], Observer] = {}
+    observers: dict[tuple[int, int, FieldOfView | None], Observer] = {}
     made: list[Picture] = []
     for labelled in pictures:
         height_px, width_px, _ = labelled.picture.shape
-        size = (width_px, height_px)
-        if size not in observers:
-            model = nominal_pi_camera(*size) if camera is None else camera.scaled_to(*size)
-            observers[size] = Observer(model, view)
-        made.append(observers[size].observe(labelled.picture))
+        size, seen = (width_px, height_px), labelled.seen
+        if seen == view and size == (OBSERVATION_SIDE_PX, OBSERVATION_SIDE_PX):
+            made.append(labelled.picture)
+            continue
+        if (*size, seen) not in observers:
+            if seen is not None:
+                degrees = seen.horizontal_deg, seen.vertical_deg
+                model = CameraModel.from_field_of_view(*size, *degrees)
+            else:
+                model = nominal_pi_camera(*size) if camera is None else camera.scaled_to(*size)
+            observers[*size, seen] = Observer(model, view)
+        made.append(observers[*size, seen].observe(labelled.picture))
     return np.stack(made)
 
 
@@ -179,13 +190,16 @@ def _labelled(folder: Path, row: dict[str, str], path: Path, line: int) -> Label
         distance_m = float(row.get("distance_m") or "inf")
         if not distance_m > 0:
             raise ValueError
+        shown = [float(row[name]) for name in VIEW_COLUMNS if row.get(name)]
+        seen = FieldOfView(*shown) if len(shown) == len(VIEW_COLUMNS) else None
     except ValueError:
         raise ConfigurationError(
             f"{path}, line {line}: in_view is {row['in_view']!r}, bearing_left_deg "
             f"{row['bearing_left_deg']!r}, distance_m {row.get('distance_m', '')!r}; expected 0 or "
-            "1, degrees, metres or nothing"
+            "1, degrees, metres or nothing, and a field of view of 1 to 170 degrees or none"
         ) from None
-    return LabelledPicture(row["file"], picture, bearing, tuple(_kinds(row, bearing, distance_m)))
+    kinds = tuple(_kinds(row, bearing, distance_m))
+    return LabelledPicture(row["file"], picture, bearing, kinds, seen)
 
 
 def _kinds(row: dict[str, str], bearing_deg: float | None, distance_m: float) -> Iterator[str]:

@@ -56,8 +56,8 @@ def drive_page(
     return environment.get_template("drive_page.html").render(
         drives=drives,
         strips=[_strip(one, look) for one, look in zip(drives, looks or none, strict=True)],
-        lines=[_lines(one) for one in drives],
-        maps=[_map(one, places) for one in drives],
+        lines=[wheel_lines(one) for one in drives],
+        maps=[driven_map(one, places) for one in drives],
         histograms=[
             [
                 (latency, _bars(latency, longest_ms[latency.name]), longest_ms[latency.name])
@@ -95,8 +95,8 @@ def _strip(one: DriveFigures, looks: Looks) -> list[PageTile]:
             looked = looks.get(beat.key)
             found.append(
                 PageTile(
-                    _uri(picture),
-                    "" if looked is None else _uri(looked.picture),
+                    picture_uri(picture),
+                    "" if looked is None else picture_uri(looked.picture),
                     one.drive.since_s(beat),
                     *one.drive.at_wheels(beat),
                 )
@@ -104,7 +104,8 @@ def _strip(one: DriveFigures, looks: Looks) -> list[PageTile]:
     return found
 
 
-def _uri(picture: Picture) -> str:
+def picture_uri(picture: Picture) -> str:
+    """The picture itself, as an address inside a page."""
     encoded = base64.b64encode(encode_picture(picture, ".jpg", JPEG_QUALITY)).decode()
     return f"data:image/jpeg;base64,{encoded}"
 
@@ -131,7 +132,7 @@ class PageMap:
     targets: tuple[Point, ...]
 
 
-def _map(one: DriveFigures, places: Sequence[PathPoint]) -> PageMap | None:
+def driven_map(one: DriveFigures, places: Sequence[PathPoint]) -> PageMap | None:
     """A drive's own part of a path; None where nothing is known of it."""
     first, last = (one.drive.beats[index].decision.unix_time_ns for index in (0, -1))
     driven, targets = DrivenPath(longest=None), dict[Point, None]()
@@ -158,7 +159,7 @@ def _map(one: DriveFigures, places: Sequence[PathPoint]) -> PageMap | None:
     )
 
 
-def _lines(one: DriveFigures) -> dict[str, str]:
+def wheel_lines(one: DriveFigures) -> dict[str, str]:
     """Both wheels over time as points of a polyline."""
     wheels = one.wheels
     wheels = wheels[:: math.ceil(len(wheels) / MOST_POINTS)]

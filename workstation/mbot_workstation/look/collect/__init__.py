@@ -1,0 +1,1 @@
+"""Fetched drives looked through by a person: kept or dropped, labelled, split, exported."""
