@@ -9,8 +9,9 @@ from typer.testing import CliRunner
 
 from mbot_workstation.cli.subcommands import app
 
+from ..workstation.fake_robot import FakeRobot
 from ..workstation.hand_driven import hand_driven
-from .browser import CHROMIUM, browser
+from .browser import CHROMIUM, browser, console
 
 pytestmark = [
     pytest.mark.skipif(not CHROMIUM, reason="no Chromium on this machine"),
@@ -33,6 +34,31 @@ def page_file(tmp_path: Path) -> Path:
 
 def said(page: Page) -> list[str]:
     return page.input_value("#commands").splitlines()
+
+
+def test_on_the_console_a_click_is_written_at_once(
+    page_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(page_file.parent)  # where the console looks for drives
+    log = page_file.parent / "console.log"
+    with FakeRobot() as robot, console(robot.address, log) as (_, address), browser() as chromium:
+        page = chromium.new_page(viewport={"width": 390, "height": 844})
+        problems: list[str] = []
+        page.on("pageerror", lambda error: problems.append(str(error)))
+        page.on("console", lambda message: problems.append(message.text))
+        page.goto(address + "drives")
+        drive = page.locator("section").nth(1)
+        drive.locator(".verdict[data-word=drop]").click()
+        page.get_by_text("drive-0001: drop").wait_for()
+        drive.locator('.strip:not(.six) [data-beat="204"] .eye').click()
+        page.get_by_text("beat 204 labelled").wait_for()
+        assert (
+            drive.locator('.strip:not(.six) [data-beat="204"] circle').get_attribute("cx") != "-9"
+        )
+        assert not problems, "its own script and style may run, and nothing was refused"
+    review = json.loads((page_file.parent / "drives/mbot-1/drive-0001.review.json").read_text())
+    assert review["verdict"] == "drop"
+    assert review["labels"]["204"]["x"] == pytest.approx(0.5, abs=0.05)
 
 
 @pytest.mark.parametrize("size", SIZES)

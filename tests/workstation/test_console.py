@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -47,6 +48,7 @@ from mbot_workstation.look.console.robot_watch import RobotWatch
 from ..robot.tiny_models import constant_model
 from ..until import until
 from .fake_robot import FakeRobot
+from .hand_driven import hand_driven
 
 TOKEN = "a-token-for-tests"
 
@@ -123,6 +125,27 @@ def test_the_page_is_for_who_has_the_address(served: Served) -> None:
         assert served.ask("GET", f"/{TOKEN}/{name}", Host="evil.example")[0] == 403
     assert served.ask("GET", f"/{TOKEN}/../door.py")[0] == 404
     assert served.ask("GET", "/")[0] == 403
+
+
+def test_fetched_drives_are_looked_through_on_a_page_of_their_own(
+    served: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, text = served.ask("GET", f"/{TOKEN}/drives")
+    assert (code, "recordings fetch" in text) == (404, True)
+    hand_driven(tmp_path / "drives" / "mbot-1" / "drive-0001")
+    code, text = served.ask("GET", f"/{TOKEN}/drives")
+    assert (code, "1 drives" in text) == (200, True)
+    said = b'{"drive": "mbot-1/drive-0001", "verdict": "drop"}'
+    assert served.ask("POST", f"/{TOKEN}/review", said, Origin="http://evil.example")[0] == 403
+    assert served.ask("GET", "/wrong/drives")[0] == 403
+    assert not list(tmp_path.rglob("*.review.json"))
+    for body, done in ((b"{}", False), (said, True)):
+        code, text = served.ask("POST", f"/{TOKEN}/review", body, Origin=f"http://{served.host}")
+        assert (code, json.loads(text)["done"]) == (200, done)
+    assert len(list(tmp_path.rglob("*.review.json"))) == 1
+    too_much = served.ask("POST", f"/{TOKEN}/review", b"x" * 5000, Origin=f"http://{served.host}")
+    assert too_much[0] == 413
 
 
 @pytest.mark.parametrize("token", ["wrong", "", TOKEN + "x"])

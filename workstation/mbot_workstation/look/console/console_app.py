@@ -28,11 +28,12 @@ from mbot_workstation.fleet.by_hand.hand import HandRepeat
 from mbot_workstation.fleet.by_hand.hand_drive import HandDrive
 from mbot_workstation.fleet.link.remote_control import RemoteControl
 from mbot_workstation.fleet.link.robot_link import RobotLink
+from mbot_workstation.look.collect.review_desk import ReviewDesk
 from mbot_workstation.look.console.answer_lines import Line, Tell, in_lines
 from mbot_workstation.look.console.door import Door
 from mbot_workstation.look.console.errands import Errands
 from mbot_workstation.look.console.long_errands import LongErrands
-from mbot_workstation.look.console.page_messages import LetGo, read_message
+from mbot_workstation.look.console.page_messages import LONGEST_BYTES, LetGo, read_message
 from mbot_workstation.look.console.robot_watch import RobotWatch
 
 PAGE_FILES = {
@@ -49,6 +50,10 @@ HEADERS = {
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
 }
+REVIEW_POLICY = (
+    "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'nonce-{nonce}'; img-src data:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
 POLICY_PICTURE, CAMERA_PICTURE = b"p", b"c"
 """First byte of a binary message: whose eyes; a JPEG follows."""
 
@@ -67,7 +72,9 @@ class Console:
         self._watch = RobotWatch(link)
         self._hand = HandDrive(RemoteControl(link), self._tell)
         self._errands = Errands(link)
+        self._desk = ReviewDesk(drives)
         self._long = LongErrands(link, Path(), drives)
+        self._saying = asyncio.Lock()
         self._stops = ThreadPoolExecutor(4, "stop")
         self._takes_long = ThreadPoolExecutor(2, "long errand")
         self._others = ThreadPoolExecutor(4, "errand")
@@ -77,6 +84,8 @@ class Console:
             Route("/{token}/push", self._push, methods=["POST"]),
             Route("/{token}/fetch", self._fetch, methods=["POST"]),
             Route("/{token}/replay", self._replay, methods=["POST"]),
+            Route("/{token}/drives", self._drives),
+            Route("/{token}/review", self._review, methods=["POST"]),
             WebSocketRoute("/{token}/live", self._live),
             Route("/{token}/{name:path}", _page_file),
         ]
@@ -125,6 +134,27 @@ class Console:
         drive = request.query_params.get("drive", "")
         other = await _body(request, LARGEST_MODEL_BYTES)
         return self._lines(lambda tell: self._long.replay(drive, other, tell))
+
+    async def _drives(self, _: Request) -> Response:
+        """What has been fetched, as a page to look through."""
+        loop = asyncio.get_running_loop()
+        try:
+            page, nonce = await loop.run_in_executor(self._takes_long, self._desk.page)
+        except MbotError as error:
+            return Response(f"{error}\n", 404, HEADERS, "text/plain")
+        own = {"Content-Security-Policy": REVIEW_POLICY.format(nonce=nonce)}
+        return Response(page, headers=HEADERS | own, media_type="text/html; charset=utf-8")
+
+    async def _review(self, request: Request) -> Response:
+        """What somebody says of a drive; one after another, so that nothing said is lost."""
+        said = await _body(request, LONGEST_BYTES)
+        async with self._saying:
+            loop = asyncio.get_running_loop()
+            try:
+                words = await loop.run_in_executor(self._others, self._desk.change, said)
+            except MbotError as error:
+                return JSONResponse({"done": False, "words": str(error)}, headers=HEADERS)
+        return JSONResponse({"done": True, "words": words}, headers=HEADERS)
 
     def _lines(self, work: Callable[[Tell], Line]) -> Response:
         return in_lines(self._takes_long, work, HEADERS)
