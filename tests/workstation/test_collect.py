@@ -1,11 +1,17 @@
 """Fetched drives looked through: judged, labelled, split by drive, exported; strangers' too."""
 
 import csv
+import importlib
 import json
 import math
+import os
 import re
+import subprocess
+import sys
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import msgspec
@@ -25,6 +31,7 @@ from mbot_protocol.v1.messages_pb2 import Decision, State
 from mbot_workstation.cli.subcommands import app
 from mbot_workstation.learn.evaluation.labelled_pictures import observations, read_labelled
 from mbot_workstation.look.collect import exports
+from mbot_workstation.look.collect.lerobot_set import episodes
 from mbot_workstation.look.collect.moments import (
     SHAPE,
     differences,
@@ -43,7 +50,7 @@ from mbot_workstation.look.collect.reviews import (
     split,
     write_review,
 )
-from mbot_workstation.pictures.picture_file import observation, read_picture
+from mbot_workstation.pictures.picture_file import decode_picture, observation, read_picture
 
 from .hand_driven import FACTS, hand_driven
 
@@ -255,6 +262,71 @@ def test_tables_and_frames_are_of_all_kept_drives(drives: Path, tmp_path: Path) 
     assert rows[10]["wrong_ms"] == "3000"
     frame = read_picture(tmp_path / "frames/training/mbot-1-drive-0000/00000104.png")
     assert np.array_equal(frame, shown_at(read_drive(one(drives)).beats[4]))
+
+
+def test_a_lerobot_set_holds_every_beat_that_somebody_drove(drives: Path, tmp_path: Path) -> None:
+    said("keep", one(drives, 0), one(drives, 1), "--for", "training")
+    words = said("export", drives, "--lerobot", tmp_path / "set")
+    assert words == f"{tmp_path}/set: 2 episodes for training, 0 episodes for judging\n"
+    there = tmp_path / "set" / "training"
+    info = json.loads((there / "meta" / "info.json").read_text())
+    file = {"chunk_index": 0, "file_index": 0}
+    read: Any = importlib.import_module("pyarrow.parquet").read_table
+    table = read(there / info["data_path"].format(**file))
+    assert (info["codebase_version"], info["fps"], info["total_frames"]) == ("v3.0", 2.5, 20)
+    assert set(table.column_names) == set(info["features"])
+    rows = table.to_pylist()
+    assert [row["by_hand"] for row in rows] == ([False] * 4 + [True] * 6) * 2
+    assert [row["index"] for row in rows] == list(range(20))
+    assert [row["episode_index"] for row in rows] == [0] * 10 + [1] * 10
+    assert rows[5]["action"] == rows[6]["observation.state"] == pytest.approx([0.4, -0.2])
+    assert rows[5]["policy_action"] == pytest.approx([0.5, 0.5])
+    assert rows[10]["observation.state"] == [0, 0]
+    assert rows[3]["timestamp"] == pytest.approx(3 / 2.5)
+    seen = decode_picture(rows[4]["observation.image"]["bytes"])
+    assert np.array_equal(seen, shown_at(read_drive(one(drives)).beats[4])), "lossless"  # type: ignore[arg-type]
+    told = read(there / "meta" / "episodes" / "chunk-000" / "file-000.parquet").to_pylist()
+    spans = [(row["dataset_from_index"], row["dataset_to_index"]) for row in told]
+    assert spans == [(0, 10), (10, 20)]
+
+
+@pytest.mark.skipif("MBOT_LEROBOT_PYTHON" not in os.environ, reason="no Python that has lerobot")
+def test_lerobots_own_loader_reads_it(drives: Path, tmp_path: Path) -> None:
+    """Its requirements clash with ours, so it is asked in an environment of its own."""
+    said("keep", one(drives, 0), one(drives, 1), "--for", "training")
+    said("export", drives, "--lerobot", tmp_path / "set")
+    script = """
+import sys
+from lerobot.datasets.lerobot_dataset import LeRobotDataset
+found = LeRobotDataset("mbot/drives", root=sys.argv[1], delta_timestamps={"action": [0, 0.4]})
+one = found[5]
+print(len(found), found.num_episodes, tuple(one["observation.image"].shape), one["by_hand"].item(),
+      one["task"], one["action"].tolist())
+"""
+    command = [os.environ["MBOT_LEROBOT_PYTHON"], "-c", script, str(tmp_path / "set" / "training")]
+    environment = os.environ | {"HF_HUB_OFFLINE": "1", "HOME": str(tmp_path)}
+    done = subprocess.run(
+        command, env=environment, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.stdout.startswith("20 2 (3, 64, 64) True as the robot was driven [[0.4"), (
+        done.stderr
+    )
+
+
+def test_a_missing_beat_ends_an_episode(drives: Path) -> None:
+    drive = read_drive(one(drives))
+    gap = replace(drive, beats=drive.beats[:3] + drive.beats[4:])
+    assert [len(one) for one in episodes(gap)] == [3, 6]
+    assert [len(one) for one in episodes(drive)] == [10]
+
+
+def test_without_pyarrow_it_is_one_line(
+    drives: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said("keep", one(drives), "--for", "training")
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(ConfigurationError, match=r"needs pyarrow: .*\[lerobot\]"):
+        said("export", drives, "--lerobot", tmp_path / "set")
 
 
 def test_the_page_says_what_there_is_and_needs_nothing_else(drives: Path, tmp_path: Path) -> None:

@@ -279,6 +279,12 @@ class ExportDrivesOptions:
     frames: Path | None = option(
         None, "A folder of pictures a drive, by beats.", "--frames", metavar="DIR"
     )
+    lerobot: Path | None = option(
+        None,
+        "A LeRobot dataset (v3.0) a part; needs the extra `[lerobot]`.",
+        "--lerobot",
+        metavar="DIR",
+    )
 
 
 @app.command("export")
@@ -291,9 +297,10 @@ def export_command(options: ExportDrivesOptions) -> Answer:
     from mbot_workstation.look.collect import exports
     from mbot_workstation.look.collect.reviews import drives_in, kept_for, read_review
 
-    wanted = [path for path in (options.pictures, options.tables, options.frames) if path]
+    given = (options.pictures, options.tables, options.frames, options.lerobot)
+    wanted = [path for path in given if path is not None]
     if not wanted:
-        raise ConfigurationError("expected at least one of: --pictures, --csv, --frames")
+        raise ConfigurationError("expected at least one of: --pictures, --csv, --frames, --lerobot")
     reviews = {path: read_review(path) for path in drives_in(options.folder)}
     kept = kept_for(reviews, ("training", "judging"))
     for folder in wanted:
@@ -313,4 +320,10 @@ def export_command(options: ExportDrivesOptions) -> Answer:
         said.append(f"{options.tables}: {exports.write_tables(options.tables, kept)} tables")
     if options.frames is not None:
         said.append(f"{options.frames}: frames of {exports.write_frames(options.frames, kept)}")
+    if options.lerobot is not None:
+        from mbot_workstation.look.collect.lerobot_set import write_lerobot
+
+        found = write_lerobot(options.lerobot, kept)
+        told = ", ".join(f"{count} episodes for {part}" for part, count in found.items())
+        said.append(f"{options.lerobot}: {told}")
     return Answer(wanted, said, notes)

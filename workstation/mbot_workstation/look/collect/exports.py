@@ -75,13 +75,13 @@ def write_pictures(folder: Path, kept: Kept) -> tuple[dict[str, int], list[str]]
                     notes.append(f"{drive.name}: beat {number} lacks its picture, or what it shows")
                     continue
                 name = f"{file_name(drive)}-{number}.png"
-                _save(folder / part / name, encode_picture(seen, ".png"))
+                save_in_folder(folder / part / name, encode_picture(seen, ".png"))
                 bearing = "" if place is None else f"{bearing_left_deg(place, view):.2f}"
                 in_view = int(place is not None)
                 rows.append([name, in_view, bearing, view.horizontal_deg, view.vertical_deg])
             notes += [f"{drive.name}: there is no beat {number} to label" for number in labels]
         if rows:
-            _save(folder / part / TRUTH_FILE, _table([[*COLUMNS, *VIEW_COLUMNS], *rows]))
+            save_in_folder(folder / part / TRUTH_FILE, _table([[*COLUMNS, *VIEW_COLUMNS], *rows]))
         counts[part] = len(rows)
     return counts, notes
 
@@ -98,7 +98,7 @@ def write_tables(folder: Path, kept: Kept) -> int:
             found["driven_by"] = one_line(beat.decision.driven_by)
             found["wrong_says"] = one_line(beat.decision.wrong_says)
             rows.append([f"{drive.since_s(beat):.3f}", *(found.get(name, "") for name in names)])
-        _save(path.with_name(f"{path.name}.csv"), _table(rows))
+        save_in_folder(path.with_name(f"{path.name}.csv"), _table(rows))
 
     return _each(folder, kept, table)
 
@@ -110,7 +110,7 @@ def write_frames(folder: Path, kept: Kept) -> int:
         for beat in drive.beats:
             if (seen := seen_by_policy(beat)) is not None:
                 name = f"{beat.decision.sequence:08d}.png"
-                _save(path / name, encode_picture(seen, ".png"))
+                save_in_folder(path / name, encode_picture(seen, ".png"))
 
     return _each(folder, kept, frames)
 
@@ -150,7 +150,8 @@ def _table(rows: Sequence[Sequence[Any]]) -> bytes:
     return text.getvalue().encode()
 
 
-def _save(path: Path, data: bytes) -> None:
+def save_in_folder(path: Path, data: bytes) -> None:
+    """Write a file whole, its folder made if need be; raises ConfigurationError."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
