@@ -12,7 +12,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_workstation.cli.common_options import json_option
 from mbot_workstation.cli.options import argument, check_new_file, option, with_options
 from mbot_workstation.cli.presenter import Answer, table
-from mbot_workstation.wording import one_line, typed
+from mbot_workstation.wording import typed
 
 if TYPE_CHECKING:
     from mbot_protocol.beat.recorded_drive import RecordedDrive
@@ -69,9 +69,9 @@ def list_command(options: ListCollectedOptions) -> Answer:
         by_hand_s = round(sum(known.hands.values()), 3)
         parts = review.verdict, review.part, len(review.labels), len(marks(drive)), by_hand_s
         found.append(CollectedDrive(path, known.sentence, *parts))
-    headings = ("drive", "verdict", "for", "labels", "marks", "what happened")
+    headings = ("drive", "verdict", "for", "labels", "marks", "by hand")
     rows = (
-        (str(d.path), d.verdict, d.part or "", str(d.labels), str(d.marks), one_line(d.sentence))
+        (str(d.path), d.verdict, d.part or "", str(d.labels), str(d.marks), f"{d.by_hand_s:g} s")
         for d in found
     )
     return Answer(found, [table(headings, rows)], notes)
