@@ -13,11 +13,11 @@ WORKSTATION = "workstation/mbot_workstation"
 PROTOCOL = "shared/protocol/mbot_protocol"
 
 BUDGETS = {
-    f"{WORKSTATION}/cli": 6280,
+    f"{WORKSTATION}/cli": 6305,
     f"{WORKSTATION}/look": 4200,
     f"{WORKSTATION}/measure": 15260,
     f"{WORKSTATION}/learn": 9590,
-    f"{WORKSTATION}/virtual": 2860,
+    f"{WORKSTATION}/virtual": 2960,
     f"{WORKSTATION}/fleet": 6750,
     f"{WORKSTATION}/tasks": 3520,
     f"{WORKSTATION}/sim": 6600,
@@ -27,7 +27,7 @@ BUDGETS = {
     PROTOCOL: 5750,
     "robot/mbot_agent": 10170,
     "robot/mbot_update": 1380,
-    "tests": 61750,
+    "tests": 61880,
     "benchmarks": 4780,
 }
 """Lines by folder; what lies in a folder with a budget of its own counts there. They are what

@@ -28,15 +28,22 @@ FULL_SPEED_MPS = ROBOT.free_speed_rad_s * ROBOT.wheel_radius_m
 
 
 @contextmanager
-def driving(folder: Path, firmware: Path) -> Iterator[tuple[VirtualRobot, EmulatedBoard, Process]]:
+def driving(
+    folder: Path,
+    firmware: Path,
+    senses: str = "",
+    table_m: tuple[float, float] | None = None,
+) -> Iterator[tuple[VirtualRobot, EmulatedBoard, Process]]:
     """A robot on its way, its board and the daemon that drives it."""
     daemon = Daemon(folder, str(folder / "board"))
+    daemon.config.write_text(daemon.config.read_text() + senses)
     settings = VirtualRobotSettings(
         room_picture=generate_room(0, 64),
         camera=CameraSettings(width_px=160, height_px=120, quality=TRAINING),
         camera_port=daemon.camera_port,
         board_link=folder / "board",
         firmware=firmware,
+        table_m=table_m,
     )
     with VirtualRobot(settings) as robot, daemon.start() as process:
         assert isinstance(robot.board, EmulatedBoard)
@@ -85,3 +92,26 @@ def test_without_a_dead_mans_switch_it_drives_on(tmp_path: Path, drives_on: Path
         before = robot.world.status().robot
         assert until(lambda: distance_m(before, robot.world.status().robot) > 0.3)
         assert board.state.motors != STOP
+
+
+def test_it_stops_at_the_edge_of_a_table_and_says_why(
+    tmp_path: Path, firmware_folder: Path
+) -> None:
+    firmware = firmware_folder / "mbot-deadman.hex"
+    senses = '\n[senses]\nedge = "stop"\n'
+    with driving(tmp_path, firmware, senses, (2.4, 1.6)) as (robot, board, _):
+        assert until(lambda: board.state.motors == STOP)
+        assert until(lambda: speed_mps(robot) < 0.001)
+        log = tmp_path / "daemon.log"
+        assert until(lambda: "there was no floor in front of it" in log.read_text())
+        assert not robot.surroundings.has_fallen
+        stood = robot.world.status()
+        assert 1.0 < stood.robot.x_m < 1.2
+        assert until(lambda: robot.world.status().time_s > stood.time_s + 1.0)
+        assert distance_m(stood.robot, robot.world.status().robot) < 0.001
+
+
+def test_without_being_told_it_drives_off_the_table(tmp_path: Path, firmware_folder: Path) -> None:
+    firmware = firmware_folder / "mbot-deadman.hex"
+    with driving(tmp_path, firmware, "", (2.4, 1.6)) as (robot, _, _):
+        assert until(lambda: robot.surroundings.has_fallen)

@@ -3,6 +3,7 @@ import itertools
 import json
 import math
 import pickle
+import shutil
 import signal
 import subprocess
 import threading
@@ -43,6 +44,7 @@ from mbot_workstation.learn.learning.training_run import TrainingResult, begin_r
 from mbot_workstation.learn.worlds.task_vec_env import TaskVecEnv
 from mbot_workstation.sim.scene.room_generator import generate_room
 from mbot_workstation.tasks.fetch.task import TASK
+from mbot_workstation.tasks.find import find_task
 
 from ..ran import WORKSTATION, ran
 from ..until import until
@@ -487,6 +489,39 @@ def test_for_another_colour_the_parents_first_layer_is_turned(
         assert same != name.endswith("features_extractor.first.weight"), name
     same_object = configured(parent=finished.path, memory=0)
     assert same_object.hue_turn_deg == 0
+
+
+def test_another_tasks_policy_goes_on_with_the_eye_and_a_critic_of_its_own(
+    finished: RunDirectory,
+) -> None:
+    parent = finished.last_checkpoint()
+    other = find_task("bring")
+    settings: dict[str, Any] = {"task": "bring", "lesson": other.lessons[0]}
+    with TaskVecEnv(robots=2, workers=1, preset="ideal", **settings) as environment:
+        learner = make_learner(environment, TINY.learner, seed=5, critic=other.critic)
+        fresh = {name: value.clone() for name, value in learner.policy.state_dict().items()}
+        restore_learner(parent, learner, with_optimizer=False)
+        known = read_weights(parent)
+        for name, value in learner.policy.state_dict().items():
+            expected = fresh if name.startswith("value_net.") else known
+            assert torch.equal(value, expected[name]), name
+        with pytest.raises(ConfigurationError, match="weights of another network"):
+            restore_learner(parent, learner, with_optimizer=True)
+
+
+@pytest.mark.parametrize(("residual", "guide"), [(True, 90_000), (True, 0), (False, 90_000)])
+def test_an_eye_that_sees_learns_what_else_there_is(
+    finished: RunDirectory, tmp_path: Path, residual: bool, guide: int
+) -> None:
+    parent = shutil.copytree(finished.path, tmp_path / "parent")
+    config = RunDirectory(parent).config_file
+    told = json.loads(config.read_text())
+    told["training"]["learner"]["residual"] = residual
+    config.write_text(json.dumps(told))
+    pictures = configured(parent=parent, guide=guide).learner.eye_pictures
+    assert pictures == (run_plan.MORE_PICTURES if residual and guide else 0)
+    few = configured(parent=parent, guide=guide, steps=500).learner.eye_pictures
+    assert few == (1000 if residual and guide else 0)
 
 
 @pytest.mark.slow

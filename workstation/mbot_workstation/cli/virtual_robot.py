@@ -148,6 +148,13 @@ class VirtualRobotOptions:
         panel=_ROBOT,
         metavar="deadman|FILE",
     )
+    table: str | None = option(
+        None,
+        "It stands on the middle of a table, as its infrared pairs feel; pictures show a floor all "
+        "the same. Needs --firmware.",
+        panel=_ROBOT,
+        metavar="1.2x0.8",
+    )
     boot_seconds: float = option(
         0.0,
         "A real board resets when its port is opened and is deaf for about 3 s; so does "
@@ -261,6 +268,7 @@ def virtual_robot(options: VirtualRobotOptions) -> None:
     - `workstation virtual-robot --arena home --seed 3` with things that are not the cube
     - `workstation virtual-robot --right-gain 0.5 --record handicap.mp4 --seconds 60`
     - `workstation virtual-robot --firmware stock.hex` has a board with the real firmware
+    - `workstation virtual-robot --firmware deadman --table 1.2x0.8` may fall off
     - `workstation virtual-robot --replay drives/mbot-1/drive-0012-20261122-171501`
     """
     from mbot_workstation.cli.stop_signals import stop_signals
@@ -352,7 +360,25 @@ def robot_settings(
         latency_s=files.motion.latency_ms / 1000 if files.motion else 0.0,
         seed=options.seed,
         free_floor=options.free_floor,
+        table_m=_table(options.table, options.firmware),
     )
+
+
+def _table(asked: str | None, firmware: str | None) -> tuple[float, float] | None:
+    """A table's width and depth in metres."""
+    if asked is None:
+        return None
+    if firmware is None:
+        raise ConfigurationError("--table: a modelled board feels nothing; add --firmware deadman")
+    try:
+        width_m, depth_m = map(float, asked.lower().split("x"))
+    except ValueError:
+        width_m = depth_m = 0.0
+    if not (0.3 <= width_m <= 20 and 0.3 <= depth_m <= 20):
+        raise ConfigurationError(
+            f"--table is {asked!r}, expected width x depth in metres, 0.3 to 20, such as 1.2x0.8"
+        )
+    return width_m, depth_m
 
 
 def _look(options: VirtualRobotOptions, scene: "SceneParameters") -> "SceneLook | None":

@@ -6,7 +6,7 @@ import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -167,6 +167,7 @@ class LiveWorld:
         latency_s: float = 0.0,
         *,
         free_floor: bool = False,
+        feel: Callable[[Pose, Sequence[tuple[int, Pose]]], None] = lambda *_: None,
     ) -> None:
         """Put the robot at the start.
 
@@ -176,8 +177,10 @@ class LiveWorld:
             seed: of the objects' places.
             latency_s: from the board's motors to the wheels' voltage, rounded to slices.
             free_floor: nothing is counted; a robot that stands is carried back to the middle.
+            feel: hears with each slice where the robot is and where which objects stand.
 
         """
+        self._feel = feel
         self._simulation = simulation
         self._board = board
         self.task = task
@@ -240,6 +243,7 @@ class LiveWorld:
         self._underway.append(motors)
         simulation.set_duty(*pwm_duties(self._underway.popleft().duties))
         simulation.step(SLICE_S)
+        self._feel(simulation.pose, tuple(self._episode.places().items()))
         self._driven = self._driven or not motors.is_stop
         if self._driven:
             self._odometer.advance(simulation.pose, SLICE_S)

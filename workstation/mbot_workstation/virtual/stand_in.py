@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Self
 
@@ -25,6 +26,7 @@ from mbot_workstation.virtual.emulated.emulated_board import EmulatedBoard
 from mbot_workstation.virtual.live_world import LiveWorld, setting_of
 from mbot_workstation.virtual.mcore_board import McoreBoard
 from mbot_workstation.virtual.mjpeg_server import MjpegServer
+from mbot_workstation.virtual.surroundings import Surroundings
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +47,8 @@ class VirtualRobotSettings:
         latency_s: from a command's arrival at the board until the wheels' voltage changes.
         seed: of the objects' places.
         free_floor: no task, nothing in the way; a robot that stands is carried back to the middle.
+        table_m: width and depth of a table that it stands on the middle of, as its sensors feel;
+            pictures show a floor. None: no table.
 
     """
 
@@ -62,6 +66,7 @@ class VirtualRobotSettings:
     latency_s: float = 0.0
     seed: int = 0
     free_floor: bool = False
+    table_m: tuple[float, float] | None = None
 
 
 class VirtualRobot:
@@ -70,6 +75,7 @@ class VirtualRobot:
     Attributes:
         simulation: read-only for others while it runs; use `world.status()`.
         board, world, camera, server: its parts.
+        surroundings: what its sensors feel.
         stopped: set when it has ended by itself or failed.
 
     """
@@ -81,7 +87,13 @@ class VirtualRobot:
         self.simulation = Simulation(settings.robot, scene, settings.room_picture, floors)
         look = settings.look or nominal_look(scene)
         self.server = MjpegServer(settings.camera_port)
-        self.board = _board(settings)
+        board = self.board = _board(settings)
+        self.surroundings = Surroundings(
+            scene.arena.wall_m,
+            tuple(thing.footprint.reach_m for thing in scene.objects),
+            settings.table_m,
+            track_m=settings.robot.track_m,
+        )
         self.world = LiveWorld(
             self.simulation,
             self.board,
@@ -91,6 +103,9 @@ class VirtualRobot:
             settings.seed,
             settings.latency_s,
             free_floor=settings.free_floor,
+            feel=partial(self.surroundings.tell, board)
+            if isinstance(board, EmulatedBoard)
+            else lambda *_: None,
         )
         dresser = SceneDresser(self.simulation.model, 1 + len(floors), scene.objects)
         dresser.wear(look.furnished(self.world.pieces()))

@@ -1,5 +1,6 @@
 """The emulator as a child process in real time: its lines in a thread, its end with ours."""
 
+import contextlib
 import subprocess
 import threading
 from collections.abc import Callable
@@ -83,6 +84,13 @@ class BoardProcess:
         self._end()
         self._reader.join()
 
+    def tell(self, *lines: str) -> None:
+        """Say something to the emulator, as `board_simulator.c` has it; nothing if it has ended."""
+        assert self._child.stdin is not None
+        with contextlib.suppress(BrokenPipeError, ValueError):  # `ended` tells why
+            self._child.stdin.write("".join(f"0 {line}\n" for line in lines))
+            self._child.stdin.flush()
+
     def _read(self) -> None:
         assert self._child.stdout is not None
         reason: MbotError | None = None
@@ -98,7 +106,8 @@ class BoardProcess:
         """End the process, if it has not ended; what it said last."""
         assert self._child.stdin is not None
         assert self._child.stderr is not None
-        self._child.stdin.close()
+        with contextlib.suppress(BrokenPipeError):
+            self._child.stdin.close()
         try:
             self._child.wait(END_TIMEOUT_S)
         except subprocess.TimeoutExpired:

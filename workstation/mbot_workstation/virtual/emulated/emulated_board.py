@@ -10,7 +10,7 @@ from typing import Self
 from mbot_protocol.drive.mcore import STOP, Acknowledgement, ReplyParser
 from mbot_protocol.errors import MbotError
 from mbot_workstation.virtual.emulated.board_process import BoardProcess
-from mbot_workstation.virtual.emulated.motor_pins import MotorPins
+from mbot_workstation.virtual.emulated.motor_pins import PAIR_PINS, MotorPins
 from mbot_workstation.virtual.mcore_board import TRACE_STATES, BoardState
 from mbot_workstation.virtual.port_link import PortLink
 
@@ -50,6 +50,7 @@ class EmulatedBoard:
         self._commands = 0
         self._state = BoardState(STOP, time.monotonic(), 0)
         self._failure: MbotError | None = None
+        self._felt: list[str] = []
         self.trace = deque([self._state], maxlen=TRACE_STATES)
         self.heard_us = 0
         self.changed_us = 0
@@ -70,6 +71,18 @@ class EmulatedBoard:
         if self._failure is not None:
             raise self._failure
         return self._state
+
+    def feel(self, floor: tuple[bool, bool], echo_m: float) -> None:
+        """What the line follower at port 2 sees from now on, and how far away the thing is that
+        answers the ultrasonic sensor; 0: none.
+        """
+        echo_mm = round(echo_m * 1000)
+        pins = zip(PAIR_PINS, floor, strict=True)
+        told = [f"{'high' if seen else 'low'} {pin}" for pin, seen in pins] + [f"echo {echo_mm}"]
+        new = [line for line in told if line not in self._felt]
+        if new:
+            self._felt = told
+            self._process.tell(*new)
 
     def __enter__(self) -> Self:
         with ExitStack() as resources:

@@ -8,10 +8,7 @@ from typing import Self
 from mbot_protocol.drive.mcore import STOP, Joystick, Reply, ReplyParser
 from mbot_protocol.errors import MbotError
 from mbot_workstation.virtual.emulated.board_simulator import simulator_program
-from mbot_workstation.virtual.emulated.motor_pins import MotorPins
-
-PAIR_PINS = ("B1", "B2")
-"""Of RJ25 port 2."""
+from mbot_workstation.virtual.emulated.motor_pins import PAIR_PINS, MotorPins
 
 
 class LockstepBoard:

@@ -1,4 +1,4 @@
-"""What the motors do, from the registers of the microcontroller that decide it."""
+"""Pins of the mCore: what the motors do, from the registers that decide it, and sensors."""
 
 from dataclasses import dataclass
 
@@ -8,6 +8,9 @@ from mbot_protocol.errors import MbotError
 _M1_DIR, _M1_PWM, _M2_DIR, _M2_PWM = 1 << 7, 1 << 6, 1 << 4, 1 << 5  # all on port D
 _COMPARE_A, _COMPARE_B = 6, 4
 """Where in TCCR0A the two bits are that connect a pin to the timer (data sheet, TCCR0A)."""
+
+PAIR_PINS = ("B1", "B2")
+"""Of the infrared pairs at RJ25 port 2, where the kit has them."""
 
 _DISCONNECTED, _NON_INVERTING = 0, 2
 _FAST_PWM = 3
