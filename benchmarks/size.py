@@ -23,12 +23,12 @@ BUDGETS = {
     f"{WORKSTATION}/sim": 6600,
     f"{WORKSTATION}/pictures": 420,
     WORKSTATION: 330,
-    "workstation/mbot": 850,
+    "workstation/mbot": 860,
     PROTOCOL: 5750,
     "robot/mbot_agent": 10170,
     "robot/mbot_update": 1380,
     "tests": 61880,
-    "benchmarks": 4780,
+    "benchmarks": 4820,
 }
 """Lines by folder; what lies in a folder with a budget of its own counts there. They are what
 stands today; the aim is 50,000 of source in all, 10,000 of them measuring, and 38,000 of tests.

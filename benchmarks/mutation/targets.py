@@ -6,8 +6,8 @@ ROOT = Path(__file__).parents[2]
 
 _ROBOT, _PROTOCOL, _WORKSTATION = "robot", "shared/protocol", "workstation"
 _FILES = (
-    (_ROBOT, "mbot_agent", "arming helm control_loop intake metronome"),
-    (_ROBOT, "mbot_agent/board", "motors motor_stop serial_line"),
+    (_ROBOT, "mbot_agent", "arming faults helm control_loop intake metronome"),
+    (_ROBOT, "mbot_agent/board", "motors motor_stop serial_line told_senses"),
     (_ROBOT, "mbot_agent/board/gpio", "gpio_session"),
     (_ROBOT, "mbot_agent/board/lines", "line_protocol line_session"),
     (_ROBOT, "mbot_agent/board/mcore", "mcore_session"),

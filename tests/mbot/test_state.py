@@ -7,7 +7,7 @@ import pytest
 from mbot import RobotState
 from mbot.state import look_again
 from mbot_protocol.errors import RefusedError
-from mbot_protocol.v1.messages_pb2 import Fault, LastStop, Model, Notice, State, Status
+from mbot_protocol.v1.messages_pb2 import Fault, LastStop, Model, Notice, Senses, State, Status
 from mbot_workstation.fleet.link.remote_control import RemoteControl
 from mbot_workstation.fleet.link.robot_link import RobotLink
 
@@ -39,6 +39,13 @@ def test_a_hand_that_let_go_is_told_apart_from_a_stop() -> None:
     status = Status(now_monotonic_ns=3_000_000_000, let_go_monotonic_ns=2_000_000_000)
     assert RobotState.of(status).last_stop == "the hand let go 1.0 s ago"
     assert RobotState.of(Status()).may_run
+
+
+def test_what_a_board_feels_is_told_and_what_it_does_not_feel_is_not() -> None:
+    felt = RobotState.of(Status(senses=Senses(distance_m=0.25, floor_1=True)))
+    assert (felt.distance_m, felt.floor) == (0.25, (True, False))
+    unfelt = RobotState.of(Status())
+    assert (unfelt.distance_m, unfelt.floor) == (None, None)
 
 
 def test_a_look_is_good_until_the_next_stop(fake: FakeRobot) -> None:

@@ -28,6 +28,8 @@ class RobotState:
         board: what the motor board's firmware calls itself; empty while it isn't connected.
         camera: where its pictures come from.
         release: of the robot's software.
+        distance_m: of the nearest echo ahead; 4.0 is none. None where its board tells nothing.
+        floor: whether either of its infrared pairs sees a floor, likewise.
 
     """
 
@@ -43,10 +45,13 @@ class RobotState:
     board: str
     camera: str
     release: str
+    distance_m: float | None = None
+    floor: tuple[bool, bool] | None = None
 
     @classmethod
     def of(cls, status: Status) -> Self:
         """From the robot's own message."""
+        felt = status.senses if status.HasField("senses") else None
         return cls(
             robot=status.robot_id,
             state=state_word(status.state),
@@ -60,6 +65,8 @@ class RobotState:
             board=one_line(status.board_version),
             camera=one_line(status.camera),
             release=one_line(status.release or status.software_version),
+            distance_m=round(felt.distance_m, 3) if felt is not None else None,
+            floor=(felt.floor_1, felt.floor_2) if felt is not None else None,
         )
 
 
