@@ -16,7 +16,7 @@ BUDGETS = {
     f"{WORKSTATION}/cli": 6305,
     f"{WORKSTATION}/look": 4200,
     f"{WORKSTATION}/measure": 15260,
-    f"{WORKSTATION}/learn": 9590,
+    f"{WORKSTATION}/learn": 9600,
     f"{WORKSTATION}/virtual": 2960,
     f"{WORKSTATION}/fleet": 6750,
     f"{WORKSTATION}/tasks": 3520,
@@ -27,7 +27,7 @@ BUDGETS = {
     PROTOCOL: 5750,
     "robot/mbot_agent": 10170,
     "robot/mbot_update": 1380,
-    "tests": 61880,
+    "tests": 61900,
     "benchmarks": 4820,
 }
 """Lines by folder; what lies in a folder with a budget of its own counts there. They are what

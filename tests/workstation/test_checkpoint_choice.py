@@ -122,6 +122,15 @@ def test_what_was_trained_since_is_not_left_behind(
     assert find_source(run.path).checkpoint.name == "000000072"
 
 
+def test_of_a_run_that_was_kept_for_its_policy_the_average_is_left() -> None:
+    kept = Path(__file__).parents[2] / "models" / "red-cube-homes-run"
+    assert find_source(kept).checkpoint.name == "average"
+    weights = read_weights(kept / "checkpoints" / "average")
+    once = {one.data_ptr(): one.nbytes for one in weights.values()}
+    size = (kept / "checkpoints" / "average" / "model.zip").stat().st_size
+    assert size < 1.02 * sum(once.values()), "layers of several names are written once"
+
+
 def test_where_there_is_nothing_to_choose_from_nothing_is_undecided(tmp_path: Path) -> None:
     made = begin_run(tmp_path / "run", SHORT)
     made.add_checkpoint(64, lambda _folder: None, kept_from=first_candidate(64))

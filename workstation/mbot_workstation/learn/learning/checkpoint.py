@@ -120,7 +120,13 @@ def write_average(folder: Path, checkpoints: Sequence[Path]) -> None:
 
     """
     weights = [read_weights(checkpoint) for checkpoint in checkpoints]
-    mean = {name: torch.stack([one[name] for one in weights]).mean(0) for name in weights[-1]}
+    made: dict[object, torch.Tensor] = {}  # layers of several names are kept once
+    mean = {
+        name: made.setdefault(
+            (value.data_ptr(), value.shape), torch.stack([one[name] for one in weights]).mean(0)
+        )
+        for name, value in weights[-1].items()
+    }
     data = io.BytesIO()
     torch.save(mean, data)
     with zipfile.ZipFile(folder / MODEL_FILE, "w") as archive:

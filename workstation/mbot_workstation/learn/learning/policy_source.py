@@ -57,10 +57,14 @@ def find_source(path: Path) -> Source:
 def chosen_checkpoint(run: RunDirectory) -> Path:
     """A run's policy: the chosen checkpoint, the last one if none was chosen since.
 
+    Of a run that was kept for its policy the average may be all that is left.
+
     Raises:
         ConfigurationError: there is no checkpoint.
 
     """
+    if not run.checkpoints() and (run.average / STATE_FILE).is_file():
+        return run.average
     last = run.last_checkpoint()
     choice = noted_choice(run)
     if choice is None or last.name not in choice.tried:
