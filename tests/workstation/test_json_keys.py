@@ -53,7 +53,7 @@ KEYS: dict[type, str] = {
     DemoResult: "touches driven_s distance_driven_m score decisions missed_ticks decision_p50_ms "
     "decision_p99_ms frame_p50_ms frame_p99_ms agent_cpu_share agent_memory_mb push_s "
     "board_version board_has_deadman success",
-    DifferentDecision: "sequence since_s then now difference failure",
+    DifferentDecision: "sequence since_s then now difference failure by_hand",
     DriveThere: "name started_unix_time_ns ended_unix_time_ns size_bytes files kept open",
     EndErrors: "at_s position_m yaw_deg",
     EnrolledRobot: "hosts port expires people router keys",
@@ -85,7 +85,7 @@ KEYS: dict[type, str] = {
     ObjectsDrawn: "path objects",
     ObjectThere: "name shape width_m height_m",
     ReplayAnswer: "recording model_sha256 same_model same_processor decisions exact "
-    "same_motor_bytes largest_difference left_out other_views as_expected differing",
+    "same_motor_bytes largest_difference mean_difference left_out other_views as_expected differing",
     Report: "path drives",
     ReportedDrive: "recording sentence models decisions missed_beats lost_records faults",
     RobotReport: "address robot_id state hand_let_go faults notices accepts_unsigned_models "

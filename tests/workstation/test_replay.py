@@ -30,7 +30,7 @@ from mbot_workstation.pictures.film_tile import TILE_PX, Bar, blank, caption_px,
 from mbot_workstation.pictures.picture_file import observation
 
 from ..robot.tiny_models import constant_model, counting_model
-from .hand_driven import BY_POLICY, hand_driven
+from .hand_driven import BY_HAND, BY_POLICY, hand_driven
 from .samples import decision, picture
 
 RECORDED = Path(__file__).parents[1] / "data" / "recorded-drive"
@@ -175,11 +175,39 @@ def test_of_a_hands_drive_replay_says_that_it_was_one(tmp_path: Path) -> None:
     drive = read_drive(hand_driven(tmp_path / "drive"))
     with pytest.raises(ConfigurationError, match="a person drove it") as refused:
         replay(replace(drive, beats=drive.beats[BY_POLICY:]), [MODEL])
+    assert "fetch" not in str(refused.value), "there is nothing more to be fetched"
+
+
+def test_another_model_is_asked_beside_a_hand_too(tmp_path: Path) -> None:
+    drive = read_drive(hand_driven(tmp_path / "drive"))
     other = tmp_path / "other.onnx"
     other.write_bytes(constant_model(0.9, -0.9))
-    found = list(replay_words.summary(replay(drive, [], other)))
-    assert "  6 beats were driven by hand: no decision of a policy" in found
-    assert "fetch" not in str(refused.value), "there is nothing more to be fetched"
+    found = replay(drive, [], other)
+    by_hand = [one for one in found.decisions if one.beat.by_hand]
+    assert len(by_hand) == len(found.decisions) - BY_POLICY == BY_HAND
+    assert {one.action_then for one in by_hand} == {(0.4, -0.2)}
+    said = list(replay_words.summary(found))
+    assert "      4 beats by policy: mean difference of a wheel 0.900" in said
+    assert "      6 beats by hand: mean difference of a wheel 0.600" in said
+    assert not any("no decision" in line for line in said)
+    answer = replay_words.replay_answer(found)
+    assert answer.mean_difference == pytest.approx({"policy": 0.9, "hand": 0.6})
+    assert [one.by_hand for one in answer.differing].count(True) == BY_HAND
+
+
+def test_beside_a_hand_another_model_goes_on_with_what_the_hand_did(tmp_path: Path) -> None:
+    """Left: an eighth of the decisions remembered; right: what the left wheel was told."""
+    drive = read_drive(hand_driven(tmp_path / "drive"))
+    for beat in drive.beats:
+        beat.decision.ClearField("would_have_done")  # who drove was not asked beside the hand
+    other = tmp_path / "other.onnx"
+    other.write_bytes(counting_model())
+    answers = [one.action for one in replay(drive, [], other).decisions]
+    assert [left for left, _ in answers] == [number / 8 for number in range(10)]
+    assert [right for _, right in answers[5:]] == pytest.approx([0.4] * 5)
+    alone = replace(drive, beats=(*drive.beats[:2], *drive.beats[5:]))
+    lefts = [one.action[0] for one in replay(alone, [], other).decisions]
+    assert lefts == [0, 1 / 8, 0, 1 / 8, 2 / 8, 3 / 8, 4 / 8], "after a gap it starts over"
 
 
 def test_what_is_wrong_with_a_model_reaches_the_person(

@@ -398,7 +398,7 @@ def replay(options: ReplayOptions) -> Answer:
 
     The model that drove must decide the same again: to the last bit on the same kind of processor,
     to 1e-5 on another; if it does not, the exit code is 1. With --model OTHER: where would it have
-    done otherwise?
+    done otherwise, than the policy that drove and than a hand?
 
     Examples:
     `workstation replay drives/mbot-1/drive-0012-20261122-171501`,

@@ -57,14 +57,25 @@ def summary(found: Replay) -> Iterator[str]:
         finite = [one.difference for one in found.decisions if not one.failure]
         if finite:
             yield f"  half of all by less than {np.median(finite):.2g}"
+        for who, ones in _drivers(found):
+            mean = np.mean([one.apart for one in ones])
+            yield f"  {len(ones):5d} beats by {who}: mean difference of a wheel {mean:.3f}"
     if failed := sum(bool(one.failure) for one in found.decisions):
         yield f"  {failed} end in a failure of the model"
     for views in found.other_views:
         yield from _view_words(*views)
-    if by_hand := sum(beat.by_hand for beat in found.drive.beats):
+    by_hand = sum(beat.by_hand for beat in found.drive.beats)
+    if by_hand and not any(one.beat.by_hand for one in found.decisions):
         yield f"  {by_hand} beats were driven by hand: no decision of a policy"
     if found.left_out:
         yield f"  {found.left_out} are left out: their picture is not in the recording"
+
+
+def _drivers(found: Replay) -> Iterator[tuple[str, list[Redecided]]]:
+    """Who drove, and when: a policy answers for a hand's beats too, if it is another one."""
+    for who, by_hand in (("policy", False), ("hand", True)):
+        if ones := [one for one in found.decisions if one.beat.by_hand == by_hand]:
+            yield who, ones
 
 
 def _view_words(shown: FieldOfView | None, wanted: FieldOfView) -> Iterator[str]:
@@ -87,14 +98,14 @@ def _row(one: Redecided) -> str:
 
 
 def cells(one: Redecided) -> tuple[str, str, str, str, str]:
-    """One decision in words: time, beat, action then and now (or why none), difference."""
+    """One decision in words: time, beat, wheels then and now (or why none), difference."""
     failed = bool(one.failure)
     return (
         f"{one.since_s:.1f} s",
         str(one.beat.decision.sequence),
         _wheels(one.action_then),
         one_line(one.failure) if failed else _wheels(one.action),
-        "" if failed else f"{one.difference:.2g}",
+        "" if failed else f"{one.difference:.2g}{' by hand' if one.beat.by_hand else ''}",
     )
 
 
@@ -124,6 +135,7 @@ class DifferentDecision(Struct, frozen=True):
     now: tuple[float, float]
     difference: float | None
     failure: str | None
+    by_hand: bool
 
 
 class ReplayAnswer(Struct, frozen=True):
@@ -137,6 +149,7 @@ class ReplayAnswer(Struct, frozen=True):
     exact: int
     same_motor_bytes: int
     largest_difference: float | None
+    mean_difference: dict[str, float]
     left_out: int
     other_views: list[OtherView]
     as_expected: bool
@@ -154,6 +167,9 @@ def replay_answer(found: Replay) -> ReplayAnswer:
         exact=found.exact,
         same_motor_bytes=found.same_motor_bytes,
         largest_difference=_finite(found.largest_difference),
+        mean_difference={
+            who: float(np.mean([one.apart for one in ones])) for who, ones in _drivers(found)
+        },
         left_out=found.left_out,
         other_views=[OtherView(_pair(one), _pair(other)) for one, other in found.other_views],
         as_expected=found.is_as_expected,
@@ -163,8 +179,10 @@ def replay_answer(found: Replay) -> ReplayAnswer:
 
 def _different(one: Redecided) -> DifferentDecision:
     number, since_s = one.beat.decision.sequence, round(one.since_s, 3)
-    difference, failure = _finite(one.difference), one.failure or None
-    return DifferentDecision(number, since_s, one.action_then, one.action, difference, failure)
+    difference, failure, hand = _finite(one.difference), one.failure or None, one.beat.by_hand
+    return DifferentDecision(
+        number, since_s, one.action_then, one.action, difference, failure, hand
+    )
 
 
 def _pair(view: FieldOfView | None) -> list[float] | None:

@@ -33,7 +33,8 @@ class Redecided:
     Attributes:
         beat: as recorded.
         since_s: from the recording's begin.
-        action: what comes out now; before, it was `beat.decision.action`.
+        action: what comes out now.
+        action_then: what the policy answered on the robot; what a hand did, where one drove.
         levels: what the motors would be told now, in 255ths.
         levels_then: what they were told.
         same_memory: whether the policy went on with the very memory it had then.
@@ -44,15 +45,11 @@ class Redecided:
     beat: Beat
     since_s: float
     action: Wheels
+    action_then: Wheels
     levels: tuple[int, int]
     levels_then: tuple[int, int]
     same_memory: bool
     failure: str = ""
-
-    @property
-    def action_then(self) -> Wheels:
-        """What the policy answered on the robot."""
-        return self.beat.decision.action.left, self.beat.decision.action.right
 
     @property
     def difference(self) -> float:
@@ -60,6 +57,14 @@ class Redecided:
         if self.failure:
             return float("inf")
         return max(abs(a - b) for a, b in zip(self.action, self.action_then, strict=True))
+
+    @property
+    def apart(self) -> float:
+        """The mean of both wheels' differences, as they would have turned; 1 without an action."""
+        if self.failure:
+            return 1.0
+        both = zip(self.action, self.action_then, strict=True)
+        return sum(abs(max(-1.0, min(1.0, now)) - then) for now, then in both) / 2
 
     @property
     def is_exact(self) -> bool:
@@ -134,7 +139,7 @@ def replay(
     Args:
         drive: from the robot's own card: telemetry's pictures are not what the policy saw.
         models: files among which the models that drove are looked for, by their digests.
-        other: a model that did not drive, asked in their place.
+        other: a model that did not drive, asked in their place, and beside a hand as well.
         on_progress: hears how many decisions of how many are done.
 
     Raises:
@@ -142,7 +147,8 @@ def replay(
         ContractError, NewerSchemaError: a model cannot be loaded.
 
     """
-    facts, decided = drive.facts, drive.decided
+    facts = drive.facts
+    decided = [one for one in drive.beats if one.decided or (other is not None and one.by_hand)]
     usable = [beat for beat in decided if beat.is_replayable]
     if facts is None or not usable:
         raise ConfigurationError(f"{drive.name} cannot be replayed: {_why_not(drive)}")
@@ -187,26 +193,27 @@ def _decided_again(
     """Ask for each decision the policy that stands for the one that drove, by its digest."""
     found: list[Redecided] = []
     deciders = {policy.sha256: _Decider(policy) for policy in policies.values()}
-    before = -1
+    before, told = -1, (0.0, 0.0)
     for beat in beats:
         known, digest = beat.policy_input, beat.decision.model_sha256
         assert known is not None
         policy = policies[digest]
         decider, drove = deciders[policy.sha256], policy.sha256 == digest
-        decider.recall(beat, follows=beat.decision.sequence == before + 1, drove=drove)
-        before = beat.decision.sequence
+        decider.recall(beat, told, follows=beat.decision.sequence == before + 1, drove=drove)
+        before, told = beat.decision.sequence, drive.at_wheels(beat)
         memory = decider.memory.state.tobytes() if decider.memory is not None else b""
         action, failure = (0.0, 0.0), ""
         try:
             action = decider.decide(beat)
         except PolicyError as error:
             failure = str(error)
-        steps = to_steps(*action)
+        steps, then = to_steps(*action), beat.decision.action
         found.append(
             Redecided(
                 beat,
                 drive.since_s(beat),
                 action,
+                told if beat.by_hand else (then.left, then.right),
                 facts.wheels.levels(facts.wheels.duties(steps)),
                 _levels_then(beat, facts),
                 not drove or memory == known.memory,
@@ -230,20 +237,25 @@ class _Decider:
         self._answer: Answer | None = None
         self.memory: Memory | None = None
 
-    def recall(self, beat: Beat, *, follows: bool, drove: bool) -> None:
+    def recall(self, beat: Beat, wheels: Wheels, *, follows: bool, drove: bool) -> None:
         """Remember what the policy did before this beat.
 
         Args:
             beat: to be decided next.
-            follows: it comes right after the one decided last; else the recorded memory counts.
+            wheels: what they were told in the beat decided last.
+            follows: it comes right after that one; else the recorded memory counts.
             drove: this policy drove; the state of one model says nothing to another.
 
         """
-        known, told = beat.policy_input, beat.told or (0.0, 0.0)
+        known = beat.policy_input
         assert known is not None
+        # Of a policy that was not asked beside the hand nothing is recorded.
+        asked = beat.decided or beat.decision.HasField("would_have_done")
+        told = (beat.told or wheels) if asked else wheels
+        begins_anew = known.began_anew or not (asked or follows)
         recorded = b"" if follows else known.memory or b""
         blank = self._policy.blank.state
-        if known.began_anew or (recorded and not (drove and len(recorded) == blank.nbytes)):
+        if begins_anew or (recorded and not (drove and len(recorded) == blank.nbytes)):
             self.memory = self._answer = None
         elif recorded:
             state = np.frombuffer(recorded, "<f4").astype(np.float32).reshape(blank.shape)
