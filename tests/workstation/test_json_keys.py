@@ -26,6 +26,7 @@ from mbot_workstation.fleet.models.written_policy import WrittenPolicy
 from mbot_workstation.learn.evaluation.episodes import EpisodeResult, score
 from mbot_workstation.learn.evaluation.evaluation_report import Line
 from mbot_workstation.learn.evaluation.evaluation_report import fields as line_fields
+from mbot_workstation.learn.evaluation.promotion import Compared, Promotion
 from mbot_workstation.learn.evaluation.trim_trial import TrimTrial
 from mbot_workstation.learn.learning.training_run import TrainingResult
 from mbot_workstation.look.demo.demo_result import DemoResult
@@ -49,6 +50,7 @@ KEYS: dict[type, str] = {
     "without_board empty_areas poses tilt_deg objections notes path",
     CardPhotograph: "name rgb turned delta_e_before delta_e_after",
     CollectedDrive: "path sentence verdict part labels marks by_hand_s",
+    Compared: "by name count before after gain",
     ComparedQuantity: "what truth nominal found relative nominal_error found_error",
     DemoResult: "touches driven_s distance_driven_m score decisions missed_ticks decision_p50_ms "
     "decision_p99_ms frame_p50_ms frame_p99_ms agent_cpu_share agent_memory_mb push_s "
@@ -84,8 +86,10 @@ KEYS: dict[type, str] = {
     Motor: "reversed trim dead_band",
     ObjectsDrawn: "path objects",
     ObjectThere: "name shape width_m height_m",
+    Promotion: "model against passed objections compared",
     ReplayAnswer: "recording model_sha256 same_model same_processor decisions exact "
-    "same_motor_bytes largest_difference mean_difference left_out other_views as_expected differing",
+    "same_motor_bytes largest_difference mean_difference left_out other_views as_expected "
+    "differing",
     Report: "path drives",
     ReportedDrive: "recording sentence models decisions missed_beats lost_records faults",
     RobotReport: "address robot_id state hand_let_go faults notices accepts_unsigned_models "

@@ -20,6 +20,7 @@ from mbot_workstation.cli.maneuvers import app as maneuvers
 from mbot_workstation.cli.models import check_model_file, models, push_model, rollback
 from mbot_workstation.cli.objects import look_at_object
 from mbot_workstation.cli.print_targets import app as print_targets
+from mbot_workstation.cli.promote import promote
 from mbot_workstation.cli.recordings import app as recordings
 from mbot_workstation.cli.robot import app as robot
 from mbot_workstation.cli.set_up import flash, setup_card, update
@@ -83,6 +84,7 @@ PANELS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "export": export,
         "explain": explain,
         "study": study,
+        "promote": promote,
     },
 }
 """In the order in which a user meets them."""

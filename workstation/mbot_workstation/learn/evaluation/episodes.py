@@ -186,20 +186,20 @@ def score(results: Sequence[EpisodeResult]) -> Score:
     ones = np.ones(len(results))
     return Score(
         episodes=len(results),
-        reward=_ratio(reward, ones),
-        count=_ratio(counts, ones),
-        success=_ratio(completed, ones),
-        length=_ratio(decisions, ones),
-        decisions_per_count=_ratio(decisions, counts) if counts.any() else None,
+        reward=ratio(reward, ones),
+        count=ratio(counts, ones),
+        success=ratio(completed, ones),
+        length=ratio(decisions, ones),
+        decisions_per_count=ratio(decisions, counts) if counts.any() else None,
         mistakes={
-            name: _ratio(np.array([one.mistakes[name] for one in results], np.float64), ones)
+            name: ratio(np.array([one.mistakes[name] for one in results], np.float64), ones)
             for name in results[0].mistakes
         },
     )
 
 
-def _ratio(above: NDArray[np.float64], below: NDArray[np.float64]) -> Estimate:
-    """The ratio of two sums over episodes, with its bootstrap interval."""
+def ratio(above: NDArray[np.float64], below: NDArray[np.float64]) -> Estimate:
+    """The ratio of two sums over n episodes (or drives), with its bootstrap interval."""
     rng = np.random.default_rng(0)
     drawn = rng.integers(len(above), size=(RESAMPLES, len(above)))
     sums = below[drawn].sum(axis=1)

@@ -63,7 +63,7 @@ def summary(found: Replay) -> Iterator[str]:
     if failed := sum(bool(one.failure) for one in found.decisions):
         yield f"  {failed} end in a failure of the model"
     for views in found.other_views:
-        yield from _view_words(*views)
+        yield from view_words(*views)
     by_hand = sum(beat.by_hand for beat in found.drive.beats)
     if by_hand and not any(one.beat.by_hand for one in found.decisions):
         yield f"  {by_hand} beats were driven by hand: no decision of a policy"
@@ -78,7 +78,8 @@ def _drivers(found: Replay) -> Iterator[tuple[str, list[Redecided]]]:
             yield who, ones
 
 
-def _view_words(shown: FieldOfView | None, wanted: FieldOfView) -> Iterator[str]:
+def view_words(shown: FieldOfView | None, wanted: FieldOfView) -> Iterator[str]:
+    """What a model wants to see, and what it was shown."""
     wants = f"  it wants to see {_degrees(wanted)}"
     if shown is None:
         yield f"{wants};"
