@@ -101,6 +101,15 @@ class TrainOptions:
         metavar="N",
         min=0,
     )
+    drives: Path | None = option(
+        None,
+        "With --from: learn from the hands on the drives kept for training in this folder, too.",
+        panel=_WHAT,
+        metavar="FOLDER",
+    )
+    real_share: float = option(
+        0.25, "Of the sequences that are rehearsed.", panel=_WHAT, min=0.01, max=1
+    )
     panorama: list[Path] | None = option(
         None,
         "360-degree photo of a room to train in, in place of the four that come along; may be "
@@ -154,6 +163,7 @@ def train(options: TrainOptions) -> Answer:
     - `workstation train --calibration calibration/mbot-1`
     - `workstation train --object models/objects/green-ball.toml --from models/red-cube-run`
     - `workstation train --task my_task.py`
+    - `workstation train --from models/red-cube-run --drives drives`
     - `workstation train --resume runs/first --steps 2000000`
     - `workstation train --name paper --guide 0 --memory 0`
     - `workstation train --lesson blur --from runs/first --steps 300000`
@@ -205,11 +215,11 @@ def _resumed(options: TrainOptions) -> tuple["RunDirectory", "TrainingConfig"]:
     from mbot_workstation.learn.learning.run_directory import RunDirectory
     from mbot_workstation.learn.learning.run_plan import resumed
 
-    given = (options.name, options.lesson, options.parent, options.panorama)
+    given = (options.name, options.lesson, options.parent, options.panorama, options.drives)
     if any(given) or options.calibration or options.object:
         raise ConfigurationError(
-            "--resume goes on with a run as it was configured; leave out --name, --lesson, "
-            "--from, --panorama, --calibration and --object, or start a new run with --from"
+            "--resume goes on with a run as it was configured; leave out --name, --lesson, --from, "
+            "--drives, --panorama, --calibration and --object, or start a new run with --from"
         )
     assert options.resume is not None
     run = RunDirectory.open(options.resume)
@@ -255,6 +265,8 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
         made_up_rooms=options.made_up_rooms,
         object_file=options.object,
         task=full_reference(options.task),
+        drives=_kept(options.drives) if options.drives else (),
+        real_share=options.real_share,
     ).config(
         robots=options.robots,
         workers=options.workers,
@@ -264,6 +276,18 @@ def _configured(options: TrainOptions) -> "TrainingConfig":
         target_reward=options.target_reward,
         device=device_named(options.device),
     )
+
+
+def _kept(folder: Path) -> tuple[Path, ...]:
+    """The drives that are kept for training."""
+    from mbot_workstation.look.collect.reviews import drives_in, kept_for, read_review
+
+    reviews = {path: read_review(path) for path in drives_in(folder)}
+    if not (kept := kept_for(reviews, ("training",))["training"]):
+        raise ConfigurationError(
+            f"no drive in {folder} is kept for training: `workstation drives split {folder}`"
+        )
+    return tuple(kept)
 
 
 def _train_until_stopped(run: "RunDirectory", config: "TrainingConfig") -> "TrainingResult":

@@ -14,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
+import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.buffers import RolloutBuffer
@@ -25,6 +26,7 @@ from torch.nn import functional
 from mbot_workstation.learn.learning.advice_memory import AdviceMemory
 from mbot_workstation.learn.learning.collection import Collection
 from mbot_workstation.learn.learning.guidance import advice_loss, guide_weight
+from mbot_workstation.learn.learning.hands_advice import as_seen
 from mbot_workstation.learn.learning.memory_policy import MemoryPolicy
 from mbot_workstation.learn.learning.network import DENSE_UNITS
 from mbot_workstation.learn.learning.processor import has_short_floats
@@ -78,6 +80,9 @@ class PicturePPO(PPO):
         rehearsal_batch: decisions of each.
         stills: single pictures from anywhere, for an eye that learns no more; who has them
             rehearses them in place of single ones of what was driven.
+        real: what hands did on recorded drives, as this policy sees it; rehearsed beside simulated
+            sequences.
+        real_share: of the sequences of a batch.
 
     """
 
@@ -90,6 +95,8 @@ class PicturePPO(PPO):
     rehearsals = 0
     rehearsal_batch = 256
     stills: Stills | None = None
+    real: Sequences | None = None
+    real_share = 0.0
 
     policy: MemoryPolicy  # pyright: ignore[reportIncompatibleVariableOverride]
     rollout_buffer: SequenceBuffer  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -117,9 +124,22 @@ class PicturePPO(PPO):
         self.rollout_buffer.reset()
         self.stills = stills
 
+    def rehearse_beside(self, real: Sequences | None, share: float) -> None:
+        """Rehearse what hands did, if any did; once it is settled whether the eye learns."""
+        if real is not None and self.policy.has_learned_to_see:
+            real = as_seen(real, self.policy.features_extractor)
+        self.real, self.real_share = real, share
+
     def _excluded_save_params(self) -> list[str]:
         # The memory is gigabytes, and soon made anew; the schedule is the configuration's.
-        return [*super()._excluded_save_params(), "_memory", "noise_at", "collection", "stills"]
+        return [
+            *super()._excluded_save_params(),
+            "_memory",
+            "noise_at",
+            "collection",
+            "stills",
+            "real",
+        ]
 
     def train(self) -> None:
         """Learn from the rollout, as PPO.train; the losses go to the logger."""
@@ -191,9 +211,20 @@ class PicturePPO(PPO):
         assert self._memory is not None
         every = ALONE_EVERY if self.stills is None else STILLS_EVERY
         if self.policy.units == 0 or number % every:
-            return self._memory.draw(self.rehearsal_batch)
+            return self._sequences()
         alone = self._memory.draw_alone if self.stills is None else self.stills.draw
         return alone(self.rehearsal_batch)
+
+    def _sequences(self) -> Sequences:
+        """A batch with memory: of the simulation, and of drives if there are any."""
+        assert self._memory is not None
+        if self.real is None:
+            return self._memory.draw(self.rehearsal_batch)
+        length, there = self.real.forgot.shape
+        real = max(1, round(self.real_share * self.rehearsal_batch / length))
+        drawn = self.real.chosen(np.random.randint(there, size=real))
+        simulated = self.rehearsal_batch - real * length
+        return self._memory.draw(simulated).beside(drawn) if simulated > 0 else drawn
 
     def _together(
         self,

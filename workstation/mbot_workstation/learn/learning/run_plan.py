@@ -13,7 +13,11 @@ from mbot_workstation.learn.learning.curriculum import GUIDED_MARK
 from mbot_workstation.learn.learning.learner import FINE_TUNING, GUIDED
 from mbot_workstation.learn.learning.policy_source import find_source
 from mbot_workstation.learn.learning.run_directory import RunDirectory
-from mbot_workstation.learn.learning.training_config import TrainingConfig, read_config
+from mbot_workstation.learn.learning.training_config import (
+    REAL_SHARE,
+    TrainingConfig,
+    read_config,
+)
 from mbot_workstation.sim.body.robot_parameters import RobotParameters
 from mbot_workstation.sim.effects.presets import NOMINAL
 from mbot_workstation.tasks.find import DEFAULT_TASK, find_task, is_file
@@ -30,6 +34,10 @@ but robots with late pictures and a weak motor are learned last (docs/notebook/t
 
 NEW_OBJECT_GUIDED, NEW_OBJECT_STEPS = 240_000, 300_000
 """One training for the blue bottle was at 19.86 after this; no other split was tried."""
+
+DRIVES_GUIDED, DRIVES_STEPS = 240_000, 120_000
+"""With drives: some minutes, in which the guide's weight falls to a half. What hands did is
+rehearsed to the end, since PPO alone, in simulation, would make the policy forget it."""
 
 MORE_PICTURES = 200_000
 """By which an eye that has learned to see learns what else a task or an object looks like."""
@@ -52,6 +60,8 @@ class RunPlan:
         made_up_rooms: generated ones besides.
         object_file: what there is to find.
         task: by its name or file.
+        drives: recordings of robots, from whose hands it learns besides.
+        real_share: of the sequences that are rehearsed.
 
     """
 
@@ -64,6 +74,8 @@ class RunPlan:
     made_up_rooms: int | None = None
     object_file: Path | None = None
     task: str = DEFAULT_TASK
+    drives: tuple[Path, ...] = ()
+    real_share: float = REAL_SHARE
 
     def config(self, **settings: Any) -> TrainingConfig:
         """The configuration of a new run.
@@ -79,7 +91,7 @@ class RunPlan:
         further = self.parent is not None
         new_object = further and self.object_file is not None
         task = find_task(self.task)
-        guided = _guided(task, self.guide, new_object=new_object, further=further)
+        guided = self._guided(task)
         learner, steps = default.learner, default.steps
         if further:
             learner, steps = FINE_TUNING, STEPS
@@ -90,8 +102,8 @@ class RunPlan:
             learner = replace(
                 learner, first_filter_px=paper.first_filter_px, residual=False, eye_pictures=0
             )
-        if new_object:
-            steps = NEW_OBJECT_STEPS
+        if new_object or self.drives:
+            steps = DRIVES_STEPS if self.drives else NEW_OBJECT_STEPS
         made_up = 0 if self.panoramas else MADE_UP_ROOMS
         config = TrainingConfig(
             steps=self.steps or steps,
@@ -103,6 +115,8 @@ class RunPlan:
             pass_mark=GUIDED_MARK if guided else default.pass_mark,
             panoramas=tuple(str(path.resolve()) for path in self.panoramas),
             shipped_photographs=not self.panoramas,
+            drives=tuple(str(path.resolve()) for path in self.drives),
+            real_share=self.real_share,
             made_up_rooms=made_up if self.made_up_rooms is None else self.made_up_rooms,
             learner=replace(
                 learner,
@@ -121,6 +135,24 @@ class RunPlan:
             )
         return config
 
+    def _guided(self, task: Task) -> int:
+        """For how many decisions the task's guide is learned from."""
+        has_guide = task.guide(1, NOMINAL, RobotParameters(), 0) is not None
+        if self.guide and not has_guide:
+            raise ConfigurationError(f"--guide: the task {task.name} has none; leave it out")
+        usual = GUIDED_DECISIONS if self.parent is None else 0
+        if self.parent is not None and self.object_file is not None:
+            usual = NEW_OBJECT_GUIDED
+        if self.drives:
+            usual = DRIVES_GUIDED
+        guided = usual if self.guide is None and has_guide else self.guide or 0
+        if self.drives and not (guided and self.parent):
+            raise ConfigurationError(
+                "--drives trains a trained policy on, beside its task's guide: add --from RUN, and "
+                "leave out --guide 0"
+            )
+        return guided
+
 
 def _from_parent(config: TrainingConfig, parent: Path, task: str) -> TrainingConfig:
     """With the weights of another run, so with the pictures' filters that it has."""
@@ -138,16 +170,6 @@ def _from_parent(config: TrainingConfig, parent: Path, task: str) -> TrainingCon
             eye_pictures=min(config.learner.eye_pictures, MORE_PICTURES) if sees_on else 0,
         ),
     )
-
-
-def _guided(task: Task, asked: int | None, *, new_object: bool, further: bool) -> int:
-    """For how many decisions the task's guide is learned from."""
-    has_guide = task.guide(1, NOMINAL, RobotParameters(), 0) is not None
-    if asked and not has_guide:
-        raise ConfigurationError(f"--guide: the task {task.name} has none; leave it out")
-    if asked is not None or not has_guide:
-        return asked or 0
-    return NEW_OBJECT_GUIDED if new_object else 0 if further else GUIDED_DECISIONS
 
 
 def _names(task: Task, selection: tuple[str, ...]) -> tuple[str, ...]:

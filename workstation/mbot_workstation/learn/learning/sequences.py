@@ -48,6 +48,27 @@ class Sequences:
             }
         )
 
+    def chosen(self, columns: NDArray[np.int64]) -> "Sequences":
+        """These of them, as often as they are named."""
+        made = {
+            field.name: np.take(
+                getattr(self, field.name), columns, axis=0 if field.name == "state" else 1
+            )
+            for field in fields(Sequences)
+        }
+        return Sequences(**made)
+
+    def beside(self, others: "Sequences") -> "Sequences":
+        """These and others of the same length."""
+        made = {
+            field.name: np.concatenate(
+                [getattr(one, field.name) for one in (self, others)],
+                axis=0 if field.name == "state" else 1,
+            )
+            for field in fields(Sequences)
+        }
+        return Sequences(**made)
+
     @property
     def decisions(self) -> int:
         """How many there are."""

@@ -109,6 +109,7 @@ def provenance(source: Source, config: TrainingConfig, state: CheckpointState) -
         "mean_reward": state.mean_reward,
         "panoramas": [photograph.name for photograph in config.photographs],
         "made_up_rooms": config.made_up_rooms,
+        **({"drives": [Path(drive).name for drive in config.drives]} if config.drives else {}),
         "git_commit": commit,
         "git_changed_files": changed,
         # Models of before there were tasks say nothing: it was this one.

@@ -21,6 +21,9 @@ from mbot_workstation.sim.scene.scene_parameters import SceneParameters
 from mbot_workstation.tasks.find import DEFAULT_TASK, find_task, full_reference, is_file
 from mbot_workstation.tasks.lesson import Lesson, lesson_named
 
+REAL_SHARE = 0.25
+"""Not measured on a robot: there was none."""
+
 
 @dataclass(frozen=True, slots=True)
 class TrainingConfig:
@@ -45,6 +48,8 @@ class TrainingConfig:
         parent: checkpoint whose weights the run starts from; empty is from nothing.
         hue_turn_deg: how far the object's hue is from that of the parent's object, which the
             parent's weights are turned by.
+        drives: recordings of robots, from whose hands it learns besides.
+        real_share: of the sequences that are rehearsed.
         device: torch's name of where the network learns.
         learner: PPO's numbers.
         checkpoint_every: decisions that a crash may cost.
@@ -72,6 +77,8 @@ class TrainingConfig:
     target_reward: float | None = None
     parent: str = ""
     hue_turn_deg: float = 0.0
+    drives: tuple[str, ...] = ()
+    real_share: float = REAL_SHARE
     device: str = "cpu"
     learner: LearnerSettings = field(default_factory=LearnerSettings)
     checkpoint_every: int = ROW_EVERY

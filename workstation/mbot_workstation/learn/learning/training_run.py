@@ -1,6 +1,7 @@
 """A training run, from nothing or from its last checkpoint, to its end."""
 
 import json
+import math
 import threading
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -14,11 +15,13 @@ from mbot_workstation.learn.learning.collection import Collection
 from mbot_workstation.learn.learning.eye import take_stills, teach_eye
 from mbot_workstation.learn.learning.git_state import git_state
 from mbot_workstation.learn.learning.guidance import GUIDE_REMEMBERS
+from mbot_workstation.learn.learning.hands_advice import hands_advice
 from mbot_workstation.learn.learning.learner import make_learner
 from mbot_workstation.learn.learning.picture_ppo import PicturePPO
 from mbot_workstation.learn.learning.processor import keep_freed_memory, prepare_gpu
 from mbot_workstation.learn.learning.progress_display import RunDisplay
 from mbot_workstation.learn.learning.run_directory import RunDirectory, write_json
+from mbot_workstation.learn.learning.sequences import LENGTH, Sequences
 from mbot_workstation.learn.learning.training_callback import TrainingCallback
 from mbot_workstation.learn.learning.training_config import TrainingConfig
 from mbot_workstation.learn.worlds.rooms import training_rooms
@@ -86,9 +89,9 @@ def train(
     keep_freed_memory()
     prepare_gpu()
     torch.set_num_threads(1)  # PicturePPO has threads of its own, the robots have processes
-    checkpoints = run.checkpoints()
-    start = read_state(checkpoints[-1]) if checkpoints else None
+    start = read_state(run.last_checkpoint()) if run.checkpoints() else None
     step = start.step if start else 0
+    real = _real(config)  # before minutes have passed: something may be wrong with it
     _note_code(run, step)
     environment = environment_of(config, start.curriculum.index if start else 0, step)
     writer = TensorBoardOutputFormat(str(run.tensorboard))
@@ -99,7 +102,7 @@ def train(
         guide_for = guides_of(config)
         learner.collection = Collection(environment, guide_for, config.seed + step)
         if start:
-            restore_learner(checkpoints[-1], learner, with_optimizer=True)
+            restore_learner(run.last_checkpoint(), learner, with_optimizer=True)
             start.random.restore()
             learner.num_timesteps = step
         elif config.parent:
@@ -107,6 +110,7 @@ def train(
                 Path(config.parent), learner, with_optimizer=False, turn_deg=config.hue_turn_deg
             )
         blind = _open_eye(learner, environment, config, stop, display, learned=start is not None)
+        learner.rehearse_beside(real, config.real_share)
         learner.set_logger(Logger(str(run.tensorboard), [writer]))
         callback = TrainingCallback(run, config, environment, display, stop, start)
         if blind:
@@ -125,6 +129,14 @@ def train(
     finally:
         writer.close()
         environment.close()
+
+
+def _real(config: TrainingConfig) -> Sequences | None:
+    """What the run learns from hands, cut as its rollouts are; raises ConfigurationError."""
+    if not config.drives:
+        return None
+    length = math.gcd(config.learner.steps_per_robot, LENGTH)
+    return hands_advice(config.drives, length, config.learner.memory_units)
 
 
 def _open_eye(
@@ -147,7 +159,8 @@ def _open_eye(
         return False
     network, first = learner.policy.features_extractor, environment.lesson
     environment.set_lesson(config.stages()[-1])  # it sees robots of every kind, or never will
-    if not learned:
+    # Who learns from drives has learned to see, and its wheels heed what its memory makes of that.
+    if not learned and not config.drives:
         advice = teach_eye(network, environment, guide_for, pictures, stop, display.say)
         if advice is not None and guide_for is not None:
             learner.policy.begin_with(advice)
