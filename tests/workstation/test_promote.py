@@ -12,6 +12,7 @@ from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.policy.policy_contract import FieldOfView, PolicyMetadata
 from mbot_workstation.cli.promote import REFUSED
 from mbot_workstation.cli.subcommands import app
+from mbot_workstation.fleet.models.model_findings import PROVENANCE
 from mbot_workstation.learn.evaluation.promotion import Compared, compare, objections
 from mbot_workstation.look.collect.reviews import Place, Review, write_review
 
@@ -70,9 +71,16 @@ def test_a_drive_counts_by_its_beats() -> None:
     assert (found.before.mean, found.after.mean, found.gain.mean) == (0.11, 0.01, 0.1)
 
 
-def model(folder: Path, name: str, wheels: tuple[float, float], view: float = 55.3) -> Path:
+def model(
+    folder: Path,
+    name: str,
+    wheels: tuple[float, float],
+    view: float = 55.3,
+    learned: tuple[str, ...] = (),
+) -> Path:
     path = folder / f"{name}.onnx"
     properties = PolicyMetadata(name, FieldOfView(view, 42.9)).to_properties()
+    properties[PROVENANCE] = json.dumps({"drives": learned})
     path.write_bytes(constant_model(*wheels, metadata=properties))
     return path
 
@@ -116,6 +124,9 @@ def test_what_cannot_be_judged_is_one_line(tmp_path: Path) -> None:
     narrow = model(tmp_path, "narrow", HAND, view=30)
     with pytest.raises(ConfigurationError, match=r"it wants to see 30 x 42\.9"):
         promoted(narrow, "--against", old, "--drives", drives)
+    parrot = model(tmp_path, "parrot", HAND, learned=("drive-0",))
+    with pytest.raises(ConfigurationError, match="has learned from drive-0"):
+        promoted(parrot, "--against", old, "--drives", drives)
     with pytest.raises(ConfigurationError, match="is not a training run"):
         promoted(tmp_path, "--against", old, "--drives", drives)
     write_review(drives / "mbot-1" / "drive-0", Review("keep", "training"))

@@ -67,6 +67,7 @@ def promote(options: PromoteOptions) -> Answer:
 
     from mbot_protocol.beat.recorded_drive import read_drives
     from mbot_protocol.policy.policy import Policy
+    from mbot_workstation.fleet.models.trained_task import trained_task
     from mbot_workstation.learn.evaluation.promotion import Promotion, objections
     from mbot_workstation.look.collect.reviews import drives_in, kept_for, read_review
     from mbot_workstation.look.drives.replayed_drive import find_model, models_near
@@ -81,6 +82,11 @@ def promote(options: PromoteOptions) -> Answer:
         )
     with TemporaryDirectory() as folder:
         model = _model(options, Path(folder))
+        if learned := [path.name for path in kept if path.name in trained_task(model).drives]:
+            raise ConfigurationError(
+                f"{options.policy} has learned from {learned[0]}, so it can't be judged by it: "
+                f"`workstation drives keep {learned[0]} --for training`"
+            )
         drove = drives[-1].beats[-1].decision.model_sha256
         against = options.against or find_model(drove, models_near(Path()))
         pair = (against, model)

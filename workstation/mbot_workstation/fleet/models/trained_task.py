@@ -1,4 +1,4 @@
-"""Which task a policy learned, in its file."""
+"""Which task a policy learned, and by which drives, in its file."""
 
 from pathlib import Path
 
@@ -14,10 +14,14 @@ FETCH = "fetch"
 
 
 class TrainedTask(msgspec.Struct, frozen=True):
-    """A task, by its name and the SHA-256 of its sources; empty where a file does not say."""
+    """A task, by its name and the SHA-256 of its sources; empty where a file does not say.
+
+    `drives` are the names of recordings from whose hands it learned.
+    """
 
     task: str = FETCH
     task_sha256: str = ""
+    drives: tuple[str, ...] = ()
 
     @property
     def words(self) -> str:
