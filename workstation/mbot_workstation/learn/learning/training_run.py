@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
 import torch
 from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 
@@ -91,7 +92,7 @@ def train(
     torch.set_num_threads(1)  # PicturePPO has threads of its own, the robots have processes
     start = read_state(run.last_checkpoint()) if run.checkpoints() else None
     step = start.step if start else 0
-    real = _real(config)  # before minutes have passed: something may be wrong with it
+    real = _real(config, display)  # before minutes have passed: something may be wrong with it
     _note_code(run, step)
     environment = environment_of(config, start.curriculum.index if start else 0, step)
     writer = TensorBoardOutputFormat(str(run.tensorboard))
@@ -131,12 +132,15 @@ def train(
         environment.close()
 
 
-def _real(config: TrainingConfig) -> Sequences | None:
+def _real(config: TrainingConfig, display: RunDisplay) -> Sequences | None:
     """What the run learns from hands, cut as its rollouts are; raises ConfigurationError."""
     if not config.drives:
         return None
     length = math.gcd(config.learner.steps_per_robot, LENGTH)
-    return hands_advice(config.drives, length, config.learner.memory_units)
+    real = hands_advice(config.drives, length, config.learner.memory_units)
+    beats = np.isfinite(real.advice[..., 0]).sum()
+    display.say(f"{beats} beats by hand of {len(config.drives)} drives are advice")
+    return real
 
 
 def _open_eye(
