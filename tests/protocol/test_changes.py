@@ -41,7 +41,7 @@ def test_a_fault_is_said_once_however_its_words_change() -> None:
 def test_a_stop_is_told_as_far_as_it_is_known() -> None:
     before = decision()
     now = after(before, stop_count=1)
-    assert changes(before, now) == [("WARN", "stop 1")]
+    assert changes(before, now) == [("WARN", "stopped")]
     assert changes(before, now, LastStop(by="anna")) == [("WARN", "stopped by anna")]
     assert changes(before, now, LastStop(why="stuck")) == [("WARN", "stopped: stuck")]
 

@@ -198,10 +198,24 @@ def test_a_hand_drives_while_it_repeats_and_a_closed_page_lets_go(
             say(socket, do="hand", press=1, **message)
             time.sleep(0.1)
     assert until(lambda: robot.commands()[-1].drive.hold_ms == 1)
-    drives = [command.drive for command in robot.commands()]
-    assert len(drives) == 6
-    assert drives[0].wheels.left == pytest.approx(0.4)
-    assert (drives[-1].wheels.left, drives[-1].hold_ms) == (0, 1)
+
+
+def test_who_drives_by_this_page_is_told_so_and_another_page_is_told_the_name(
+    served: Served, robot: FakeRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def driven() -> Status:
+        status = robot.status()
+        status.state = State.STATE_MANUAL
+        return status
+
+    monkeypatch.setattr(hand, "FRESH_S", 60.0)
+    robot.replies["status"] = lambda _data: driven()
+    with served.live() as socket, served.live() as other:
+        say(socket, do="hand", press=1, left=0.4, right=0.4, seen_stops=robot.stops, sent_s=0.0)
+        assert hear(socket, "state", headline="You drive by hand")
+        assert hear(other, "state", state="manual")["headline"].startswith("Driven by hand")
+        say(socket, do="let-go", press=1)
+        assert hear(socket, "state", headline="Driven by hand")
 
 
 def test_a_stop_by_somebody_else_ends_the_hands_drive(served: Served, robot: FakeRobot) -> None:

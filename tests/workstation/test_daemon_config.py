@@ -21,7 +21,7 @@ def test_the_daemon_reads_what_was_written(tmp_path: Path, has_deadman: bool) ->
     assert found.robot_id == "virtual"
     assert found.camera.source == CAMERA
     assert (found.board.port, found.board.accept_no_deadman) == (BOARD, not has_deadman)
-    assert Path(found.models.directory) == folder / "virtual-models"
+    assert Path(found.models.directory) == folder / "robot-data" / "models"
 
 
 def test_a_file_that_fits_keeps_what_was_added_to_it(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from mbot_agent.configuration import Configuration, decode
 from mbot_agent.configuration_files import ENROLMENT_FILE, enrolled, trusting
 from mbot_protocol.errors import ConfigurationError, RefusedError
+from mbot_protocol.v1.messages_pb2 import Status
 from mbot_protocol.wire.access_rules import Kind
 from mbot_protocol.wire.keys import Right
 from mbot_workstation.fleet.enrolment import membership as enroll
@@ -31,6 +32,8 @@ from mbot_workstation.fleet.enrolment.hand_over_words import instructions
 from mbot_workstation.fleet.enrolment.membership import Enrolment, HandOver
 from mbot_workstation.fleet.enrolment.roll import ROLL_FILE, decode_roll, encode_roll
 from mbot_workstation.fleet.link.security import owner_name
+from mbot_workstation.fleet.models.key_choice import chooser
+from mbot_workstation.fleet.models.key_folder import KeyFolder
 from mbot_workstation.fleet.models.signing_key import SigningKey
 
 NOW = datetime(2030, 5, 17, 12, tzinfo=UTC)
@@ -143,6 +146,55 @@ def test_keys_go_along_until_others_do(enrolment: Enrolment, tmp_path: Path) -> 
     assert sent(lab) == (lab,)
     assert enrolment.keys_of("mbot-1") == (lab,)
     assert enrolment.keys_of("mbot-2") == ()
+
+
+def test_who_may_push_gets_a_key_that_the_robot_takes(enrolment: Enrolment, tmp_path: Path) -> None:
+    def trusted(robot_id: str) -> list[str]:
+        path = enrolment.folder.bundle_path(Kind.ROBOT, robot_id)
+        folder = unpack(path, tmp_path / robot_id) / "etc" / "mbot-agent"
+        found = trusting(Configuration(robot_id=robot_id), folder / "config.toml").trust.keys
+        return [line.partition(" ")[2] for line in found]
+
+    def join(person: str) -> KeyFolder:
+        keys = KeyFolder(tmp_path / person / "keys")
+        theirs = Enrolment(FleetFolder(tmp_path / person / "fleet"), own_keys=keys)
+        theirs.join(enrolment.folder.bundle_path(Kind.PERSON, person))
+        return keys
+
+    enrolment.robot("mbot-1", people={"max": [Right.PUSH], "eva": [Right.DRIVE, Right.VIEW]})
+    enrolment.robot("mbot-2", people={"max": [Right.DRIVE]})
+    assert trusted("mbot-1") == ["max"]
+    assert trusted("mbot-2") == []
+    assert join("eva").public_keys() == [], "who may not push signs nothing"
+    keys = join("max")
+    [line] = enrolment.keys_of("mbot-1")
+    assert keys.load("max", lambda _: "").public.line == line
+    status = Status(robot_id="mbot-1", trusted_keys=[line])
+    assert chooser(keys, "", lambda _: "")(status) is not None
+    assert stat.S_IMODE((keys.path / "max.pem").stat().st_mode) == 0o600
+    assert [key.line for key in join("max").public_keys()] == [line], (
+        "joining again changes nothing"
+    )
+    assert enrolment.renew() == []
+    # The same key at another robot, and none at the first once the right is gone there.
+    enrolment.robot("mbot-2", people={"max": [Right.PUSH]})
+    enrolment.robot("mbot-1", people={"max": [Right.VIEW]})
+    assert (trusted("mbot-1"), trusted("mbot-2")) == ([], ["max"])
+    assert names(enrolment.revoke("max")) == ["robot mbot-1", "robot mbot-2"]
+    assert trusted("mbot-2") == [], "the robot's file says so, or an older one would stay there"
+    assert not list(enrolment.folder.path.rglob("max.*"))
+
+
+def test_a_key_that_came_along_never_takes_anothers_place(tmp_path: Path) -> None:
+    folder, made = KeyFolder(tmp_path / "own"), KeyFolder(tmp_path / "made")
+    own, given = folder.new("max"), made.new("max")
+    taken = folder.take("max", made.pem("max"))
+    assert (taken.name, taken.raw) == ("max@fleet", given.raw)
+    assert [key.raw for key in folder.public_keys()] == [own.raw, given.raw]
+    for bad in (b"", b"rubbish"):
+        assert "it is damaged" in refused(lambda bad=bad: folder.take("eva", bad))
+    made.new("other")
+    assert "other keys max and max@fleet" in refused(lambda: folder.take("max", made.pem("other")))
 
 
 def test_its_text_also_fits_into_a_configuration(enrolment: Enrolment, tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ def test_a_key_may_be_demanded(folder: KeyFolder) -> None:
     assert choose(folder, status(*lines), "bert") == "bert"
     with pytest.raises(ConfigurationError, match="no key 'carl'"):
         choose(folder, status(*lines), "carl")
-    with pytest.raises(RefusedError, match="does not trust your key 'bert': put the line"):
+    with pytest.raises(RefusedError, match="does not trust your key 'bert': where it was"):
         choose(folder, status(lines[0], unsigned=True), "bert")
 
 

@@ -44,7 +44,7 @@ def test_what_changed_is_told_once() -> None:
     assert changes(first, then) == [
         ("INFO", "now stopped"),
         ("ERROR", "stuck: the picture stands still"),
-        ("WARN", "stop 2"),
+        ("WARN", "stopped"),
     ]
 
 

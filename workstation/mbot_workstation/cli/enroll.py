@@ -66,7 +66,8 @@ def enroll(options: EnrollOptions) -> Answer:
     Whoever enrols a robot may push models to it and drive it. Others get the rights that you give:
     **view** shows status and telemetry and may stop the robot, **push** may also send models,
     **drive** may also let it run and drive it by hand. Afterwards every command finds the robot by
-    its name: `--robot mbot-1`. Nothing is sent anywhere by this command.
+    its name: `--robot mbot-1`. Whoever gets **push** finds a key in their file that signs models,
+    and the robot takes them. Nothing is sent anywhere by this command.
 
     Examples:
 
@@ -84,7 +85,9 @@ def enroll(options: EnrollOptions) -> Answer:
     enrolment = Enrolment()
     if options.listing or options.join is not None:
         roll = enrolment.join(options.join) if options.join else enrolment.folder.roll()
-        return Answer(roll, [_roll_table(roll)])
+        key = enrolment.key_taken
+        signs = [f"your models are signed by the key {key}, which came along"] if key else []
+        return Answer(roll, [_roll_table(roll), *signs])
     begins = not enrolment.folder.has_authority
     keys_before = enrolment.keys_of(options.name)
     hand_overs = _change(options, enrolment)

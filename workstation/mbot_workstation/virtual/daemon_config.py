@@ -43,7 +43,8 @@ def write_daemon_config(path: Path, camera: str, board: str, *, has_deadman: boo
         texts = {
             "camera": camera,
             "board": board,
-            "models": str(path.absolute().parent / "virtual-models"),
+            # Recordings are kept beside them: a folder for each configuration.
+            "models": str(path.absolute().parent / f"{path.stem}-data" / "models"),
         }
         # A JSON text is a TOML text, too.
         quoted = {name: json.dumps(text, ensure_ascii=False) for name, text in texts.items()}

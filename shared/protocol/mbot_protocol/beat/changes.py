@@ -44,13 +44,13 @@ def changes(
     new = [fault for fault in now.faults if fault.kind not in known]
     found.extend(("ERROR", f"{fault.kind}: {fault.detail}") for fault in new)
     if before is not None and before.stop_count != now.stop_count:
-        found.append(("WARN", _stop_words(now, last_stop)))
+        found.append(("WARN", _stop_words(last_stop)))
     if before is not None and before.missed_ticks != now.missed_ticks:
         found.append(("WARN", f"{now.missed_ticks - before.missed_ticks} beats missed"))
     return found
 
 
-def _stop_words(now: Decision, stop: LastStop | None) -> str:
+def _stop_words(stop: LastStop | None) -> str:
     if stop is None:
-        return f"stop {now.stop_count}"
+        return "stopped"
     return f"stopped: {stop.why}" if stop.why else f"stopped by {stop.by}"

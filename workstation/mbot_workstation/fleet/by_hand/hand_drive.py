@@ -73,6 +73,11 @@ class HandDrive:
         """As `Hand.let_go`."""
         self._change(lambda: self._hand.let_go(owner, press))
 
+    def holds(self, owner: int) -> bool:
+        """Whether it is this page's hand that drives."""
+        driving = self._driving
+        return driving is not None and driving.owner == owner
+
     def forget(self, owner: int) -> None:
         """As `Hand.forget`."""
         self._change(lambda: self._hand.forget(owner))

@@ -11,12 +11,19 @@ from dataclasses import dataclass
 
 import msgspec
 import tomli_w
+from msgspec import UNSET
 
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.wire.access_rules import LONGEST_BLOCK_US, Kind, request_limits, router_access
 from mbot_protocol.wire.keys import STOP
 from mbot_workstation.fleet.enrolment.certificates import Identity, check_issued
-from mbot_workstation.fleet.enrolment.roll import ROLL_FILE, Roll, decode_roll, encode_roll
+from mbot_workstation.fleet.enrolment.roll import (
+    ROLL_FILE,
+    EnrolledPerson,
+    Roll,
+    decode_roll,
+    encode_roll,
+)
 
 ROBOT_FOLDER = "etc/mbot-agent"
 ROUTER_FOLDER = "etc/zenohd"
@@ -76,8 +83,13 @@ def robot_bundle(roll: Roll, robot_id: str, robot: Identity, authority_pem: byte
         _File(f"{tls}/robot.key", robot.key_pem, 0o640, "mbot-agent"),
         _File(f"{ROBOT_FOLDER}/enrolment.toml", enrolment_toml(roll, robot_id).encode()),
     ]
-    if keys := roll.robots[robot_id].keys:
-        files.append(_File(f"{ROBOT_FOLDER}/{TRUSTED_KEYS_FILE}", trusted_keys_toml(keys).encode()))
+    if roll.robots[robot_id].keys is not UNSET:
+        files.append(
+            _File(
+                f"{ROBOT_FOLDER}/{TRUSTED_KEYS_FILE}",
+                trusted_keys_toml(roll.keys_of(robot_id)).encode(),
+            )
+        )
     return _tar(files)
 
 
@@ -169,8 +181,12 @@ def zenohd_json5(roll: Roll, name: str, folder: str = f"/{ROUTER_FOLDER}") -> st
     return _ROUTER_HEAD + json.dumps(settings, indent=2) + "\n"
 
 
-def person_bundle(roll: Roll, name: str, person: Identity, authority_pem: bytes) -> bytes:
-    """The tar file for a person: a fleet's folder with no more in it than that person needs."""
+def person_bundle(
+    roll: Roll, name: str, person: Identity, authority_pem: bytes, signing_pem: bytes = b""
+) -> bytes:
+    """The tar file for a person: a fleet's folder with no more in it than that person needs, and
+    the private key that signs their models, if one was made for them.
+    """
     robots = {
         robot_id: msgspec.structs.replace(
             robot, people={name: robot.people[name]}, keys=msgspec.UNSET
@@ -179,7 +195,8 @@ def person_bundle(roll: Roll, name: str, person: Identity, authority_pem: bytes)
         if name in robot.people
     }
     routers = {r.router: roll.routers[r.router] for r in robots.values() if r.router}
-    theirs = Roll(me=name, robots=robots, people={name: roll.people[name]}, routers=routers)
+    me = EnrolledPerson(roll.people[name].expires)
+    theirs = Roll(me=name, robots=robots, people={name: me}, routers=routers)
     folder = f"{Kind.PERSON.value}s"
     return _tar(
         [
@@ -187,12 +204,14 @@ def person_bundle(roll: Roll, name: str, person: Identity, authority_pem: bytes)
             _File("authority.pem", authority_pem, 0o600),
             _File(f"{folder}/{name}.pem", person.certificate_pem, 0o600),
             _File(f"{folder}/{name}.key", person.key_pem, 0o600),
+            *([_File(f"{folder}/{name}.sign", signing_pem, 0o600)] if signing_pem else []),
         ]
     )
 
 
-def read_person_bundle(data: bytes, origin: str) -> tuple[Roll, Identity, bytes]:
-    """What a person's file holds: the roll, the person's identity, the authority's certificate.
+def read_person_bundle(data: bytes, origin: str) -> tuple[Roll, Identity, bytes, bytes]:
+    """What a person's file holds: the roll, the person's identity, the authority's certificate, and
+    the private key that signs models, empty if none was made.
 
     Raises:
         ConfigurationError: it is no such file, or has more in it than it should; `origin` names it.
@@ -209,10 +228,11 @@ def read_person_bundle(data: bytes, origin: str) -> tuple[Roll, Identity, bytes]
             f"{origin} has no {error.args[0]}: is it the file that `workstation enroll` made for "
             "a person?"
         ) from None
+    signing_pem = files.pop(f"{stem}.sign", b"")
     if files:
         raise ConfigurationError(f"{origin} has {min(files)!r} in it, which does not belong there")
     check_issued(identity, authority_pem, origin)
-    return roll, identity, authority_pem
+    return roll, identity, authority_pem, signing_pem
 
 
 def _tar(files: Iterable[_File]) -> bytes:

@@ -9,6 +9,7 @@ from mbot_protocol.wire.access_rules import Kind
 from mbot_workstation.fleet.enrolment.certificates import Identity
 from mbot_workstation.fleet.enrolment.roll import ROLL_FILE, Roll, encode_roll, read_roll
 from mbot_workstation.fleet.link.security import LinkSecurity
+from mbot_workstation.fleet.models.key_folder import KeyFolder
 
 AUTHORITY = "authority"
 
@@ -91,6 +92,11 @@ class FleetFolder:
         """Keep the authority."""
         self._save_identity(AUTHORITY, authority)
 
+    @property
+    def signing_keys(self) -> KeyFolder:
+        """The keys made for people to sign their models with."""
+        return KeyFolder(self.path / "signing")
+
     def bundle_path(self, kind: Kind, name: str) -> Path:
         """The file to hand to a robot, person or router."""
         return self.path / f"{kind.value}s" / f"{name}.tar"
@@ -107,6 +113,8 @@ class FleetFolder:
         """Remove everything of a name."""
         for ending in ("pem", "key", "tar"):
             (self.path / f"{kind.value}s" / f"{name}.{ending}").unlink(missing_ok=True)
+        for ending in ("pem", "pub") if kind is Kind.PERSON else ():
+            (self.signing_keys.path / f"{name}.{ending}").unlink(missing_ok=True)
 
     def security(self, me: str) -> LinkSecurity:
         """What this workstation shows to robots.

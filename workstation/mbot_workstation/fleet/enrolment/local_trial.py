@@ -3,6 +3,8 @@
 import tomllib
 from pathlib import Path
 
+from msgspec import UNSET
+
 from mbot_protocol.errors import ConfigurationError
 from mbot_protocol.files import atomic_file
 from mbot_protocol.files.text_file import read_text
@@ -52,8 +54,8 @@ def place_beside(
         atomic_file.replace(folder / "robot.pem", robot.certificate_pem)
         atomic_file.replace(folder / "robot.key", robot.key_pem, mode=0o600)
         atomic_file.replace(folder.with_name("enrolment.toml"), text.encode())
-        if keys := roll.robots[robot_id].keys:
-            text = trusted_keys_toml(keys)
+        if roll.robots[robot_id].keys is not UNSET:
+            text = trusted_keys_toml(roll.keys_of(robot_id))
             atomic_file.replace(folder.with_name(TRUSTED_KEYS_FILE), text.encode())
     except OSError as error:
         raise ConfigurationError(f"can't write beside {configuration}: {error.strerror}") from None

@@ -32,6 +32,7 @@ from mbot_workstation.fleet.enrolment.roll import (
     Roll,
     read_roll,
 )
+from mbot_workstation.fleet.models.key_folder import KeyFolder
 
 T = TypeVar("T")
 
@@ -56,14 +57,22 @@ class HandOver(Struct, frozen=True):
 
 
 class Enrolment:
-    """One fleet's folder, and the operations on it."""
+    """One fleet's folder, and the operations on it.
+
+    Attributes:
+        key_taken: the name of the key that came along by `join`; empty: none did.
+
+    """
 
     def __init__(
         self,
         folder: FleetFolder | None = None,
         now: Callable[[], datetime] = lambda: datetime.now(UTC),
+        own_keys: KeyFolder | None = None,
     ) -> None:
         self.folder = folder or FleetFolder()
+        self._own_keys = own_keys or KeyFolder()
+        self.key_taken = ""
         self._now = now
 
     def robot(
@@ -83,7 +92,8 @@ class Enrolment:
             port: where it listens; None: as before, or 7447.
             people: rights on this robot, by person; others keep theirs.
             router: the router it is behind; empty: none; None: as before.
-            keys: public lines of all keys whose models it shall take; none: as before.
+            keys: public lines of all keys whose models it shall take; none: as before. Those of
+                people who are given `push` here come on top: each gets one, in their file.
 
         Raises:
             ConfigurationError: a name or host is unusable.
@@ -111,14 +121,17 @@ class Enrolment:
             router=old.router if router is None else router,
             keys=tuple(keys) or old.keys,
         )
+        pushers = [name for name, own in given.items() if Right.PUSH in own and name != roll.me]
+        if pushers:  # from now on the robot's file says whose models, also when it is nobody's
+            robot = structs.replace(robot, keys=robot.keys or ())
         roll = structs.replace(roll, robots=roll.robots | {robot_id: robot})
-        return self._save(self._certified(roll, {robot_id, *robot.people}), {robot_id})
+        roll = self._certified(roll, {robot_id, *robot.people})
+        return self._save(self._with_keys(roll, pushers), {robot_id})
 
     def keys_of(self, robot_id: str) -> tuple[str, ...]:
         """The public lines of the keys that a robot was sent with its certificates."""
         roll = read_roll(self.folder.path)
-        robot = None if roll is None else roll.robots.get(robot_id)
-        return robot.keys or () if robot is not None else ()
+        return () if roll is None or robot_id not in roll.robots else roll.keys_of(robot_id)
 
     def place_beside(self, configuration: Path, robot_id: str) -> Path:
         """Put an enrolled robot's files beside a daemon's configuration, see `local_trial`."""
@@ -182,7 +195,7 @@ class Enrolment:
         return self._save(self._certified(roll, {*roll.robots, *roll.people, *roll.routers}))
 
     def join(self, path: Path) -> Roll:
-        """Become one of another workstation's fleet, or take its news.
+        """Become one of another workstation's fleet, or take its news, and the key to sign with.
 
         Raises:
             ConfigurationError: the file is not one for a person.
@@ -193,7 +206,7 @@ class Enrolment:
             data = path.read_bytes()
         except OSError as error:
             raise ConfigurationError(f"cannot read {path}: {error.strerror}") from None
-        roll, identity, authority_pem = read_person_bundle(data, str(path))
+        roll, identity, authority_pem, signing_pem = read_person_bundle(data, str(path))
         folder = self.folder
         if folder.has_authority:
             raise RefusedError(
@@ -204,6 +217,8 @@ class Enrolment:
             raise RefusedError(
                 f"this workstation is of another fleet already: move {folder.path} away first"
             )
+        if signing_pem:
+            self.key_taken = self._own_keys.take(roll.me, signing_pem).name
         folder.write("authority.pem", authority_pem)
         folder.save_identity(Kind.PERSON, roll.me, identity)
         folder.save_roll(roll)
@@ -231,8 +246,18 @@ class Enrolment:
                 expires = self._certificate(Kind.ROUTER, name, routers[name].hosts)
                 routers[name] = structs.replace(routers[name], expires=expires)
             else:
-                people[name] = EnrolledPerson(self._certificate(Kind.PERSON, name, ()))
+                expires = self._certificate(Kind.PERSON, name, ())
+                old = people.get(name, EnrolledPerson(expires))
+                people[name] = structs.replace(old, expires=expires)
         return structs.replace(roll, robots=robots, people=people, routers=routers)
+
+    def _with_keys(self, roll: Roll, names: Collection[str]) -> Roll:
+        """The roll with a key to sign models for each of the people, be it a new one."""
+        keys, people = self.folder.signing_keys, dict(roll.people)
+        for name in names:
+            if not people[name].key:
+                people[name] = structs.replace(people[name], key=keys.new(name).line)
+        return structs.replace(roll, people=people)
 
     def _certificate(self, kind: Kind, name: str, hosts: Collection[str]) -> datetime:
         """Issue a certificate unless a good one is there; when it expires."""
@@ -250,13 +275,19 @@ class Enrolment:
         folder, authority_pem = self.folder, self.folder.authority_pem
         folder.save_roll(roll)
         hand_overs: list[HandOver] = []
-        for kind, names, bundle in (
-            (Kind.ROUTER, roll.routers, router_bundle),
-            (Kind.ROBOT, roll.robots, robot_bundle),
-            (Kind.PERSON, _without(roll.people, roll.me), person_bundle),
+        for kind, names in (
+            (Kind.ROUTER, roll.routers),
+            (Kind.ROBOT, roll.robots),
+            (Kind.PERSON, _without(roll.people, roll.me)),
         ):
             for name in names:
-                data = bundle(roll, name, folder.identity(kind, name), authority_pem)
+                identity = folder.identity(kind, name)
+                if kind is Kind.PERSON:
+                    signing = folder.signing_keys.pem(name) if roll.people[name].key else b""
+                    data = person_bundle(roll, name, identity, authority_pem, signing)
+                else:
+                    bundle = router_bundle if kind is Kind.ROUTER else robot_bundle
+                    data = bundle(roll, name, identity, authority_pem)
                 if folder.save_bundle(kind, name, data) or name in asked_for:
                     host = "" if kind is Kind.PERSON else _host(roll, kind, name)
                     hand_overs.append(

@@ -20,9 +20,15 @@ SCHEMA = 1
 
 
 class EnrolledPerson(Struct, frozen=True, forbid_unknown_fields=True):
-    """A person's certificate."""
+    """A person's certificate.
+
+    Attributes:
+        key: the public line of the signing key made for them; unset: they have none of ours.
+
+    """
 
     expires: datetime
+    key: str | UnsetType = UNSET
 
 
 class EnrolledRouter(Struct, frozen=True, forbid_unknown_fields=True):
@@ -96,6 +102,14 @@ class Roll(Struct, frozen=True, forbid_unknown_fields=True):
         """Where a workstation connects to for a robot of the roll."""
         robot = self.robots[robot_id]
         return self.routers[robot.router].endpoint if robot.router else robot.endpoint
+
+    def keys_of(self, robot_id: str) -> tuple[str, ...]:
+        """The public lines sent to a robot: those it was enrolled with, and those made for people
+        who may push to it.
+        """
+        robot = self.robots[robot_id]
+        made = [self.people[name].key for name, own in robot.people.items() if Right.PUSH in own]
+        return tuple(dict.fromkeys([*(robot.keys or ()), *(line for line in made if line)]))
 
     def kind_of(self, name: str) -> Kind | None:
         """What is enrolled under a name; None if nothing is."""

@@ -63,6 +63,8 @@ def trusted_keys(status: Status) -> set[bytes]:
 def _untrusted(robot_id: str, keys: list[PublicKey]) -> str:
     names = " or ".join(repr(key.name) for key in keys)
     return (
-        f'robot {robot_id} does not trust your key {names}: put the line "{keys[0].line}" into '
-        f"[trust] keys of its configuration ({CONFIGURATION}) and restart mbot-agent there"
+        f"robot {robot_id} does not trust your key {names}: where it was enrolled, `workstation "
+        f"enroll {robot_id}` sends that workstation's keys along, and with `--person NAME --right "
+        f'push` one made for somebody else; or put the line "{keys[0].line}" into [trust] keys of '
+        f"its configuration ({CONFIGURATION}) and restart mbot-agent there"
     )

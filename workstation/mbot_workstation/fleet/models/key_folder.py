@@ -62,6 +62,33 @@ class KeyFolder:
             raise ConfigurationError(f"cannot write to {self.path}: {error.strerror}") from None
         return public
 
+    def take(self, name: str, pem: bytes) -> PublicKey:
+        """Keep a key that was made elsewhere; as NAME@fleet if there is another one of that name.
+
+        Raises:
+            ConfigurationError: it is none, both names are taken, or the folder can't be written.
+
+        """
+        for free in (check_key_name(name), f"{name}@fleet"):
+            path = self._file(free, "pem")
+            try:
+                if path.exists() and self._read_private(free) != pem:
+                    continue
+                public = _private_key(pem, free, None, str(path)).public
+                self.path.mkdir(parents=True, exist_ok=True, mode=0o700)
+                atomic_file.replace(path, pem, mode=0o600)
+                self._file(free, "pub").write_text(public.line + "\n")
+            except OSError as error:
+                raise ConfigurationError(f"cannot write to {self.path}: {error.strerror}") from None
+            return public
+        raise ConfigurationError(
+            f"{self.path} has other keys {name} and {name}@fleet already: move one of them away"
+        )
+
+    def pem(self, name: str) -> bytes:
+        """A private key as its file has it, to be handed over; raises ConfigurationError."""
+        return self._read_private(name)
+
     def public_keys(self) -> list[PublicKey]:
         """All keys here, by name.
 
@@ -110,21 +137,10 @@ class KeyFolder:
                 Ed25519 key, or the passphrase is wrong.
 
         """
-        from cryptography.exceptions import UnsupportedAlgorithm
-        from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
-        from cryptography.hazmat.primitives.serialization import load_pem_private_key
-
         data = self._read_private(name)
-        protected = _PROTECTED in data
-        passphrase = ask_passphrase(name).encode() if protected else None
-        try:
-            private = load_pem_private_key(data, passphrase)
-        except (ValueError, TypeError, UnsupportedAlgorithm):
-            wrong = "the passphrase is wrong, or the file damaged" if protected else "it is damaged"
-            raise ConfigurationError(f"cannot use {self._file(name, 'pem')}: {wrong}") from None
-        if not isinstance(private, Ed25519PrivateKey):
-            raise ConfigurationError(f"{self._file(name, 'pem')} is not an Ed25519 key")
-        return SigningKey(private, name, lambda: self._next_sequence(name))
+        passphrase = ask_passphrase(name).encode() if _PROTECTED in data else None
+        origin = str(self._file(name, "pem"))
+        return _private_key(data, name, passphrase, origin, lambda: self._next_sequence(name))
 
     def _read_private(self, name: str) -> bytes:
         path = self._file(check_key_name(name), "pem")
@@ -165,3 +181,26 @@ class KeyFolder:
 
     def _file(self, name: str, ending: str) -> Path:
         return self.path / f"{name}.{ending}"
+
+
+def _private_key(
+    pem: bytes,
+    name: str,
+    passphrase: bytes | None,
+    origin: str,
+    next_sequence: Callable[[], int] = time.time_ns,
+) -> SigningKey:
+    """Raises ConfigurationError, which names the origin."""
+    from cryptography.exceptions import UnsupportedAlgorithm
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+    from cryptography.hazmat.primitives.serialization import load_pem_private_key
+
+    try:
+        private = load_pem_private_key(pem, passphrase)
+    except (ValueError, TypeError, UnsupportedAlgorithm):
+        protected = passphrase is not None
+        wrong = "the passphrase is wrong, or the file damaged" if protected else "it is damaged"
+        raise ConfigurationError(f"cannot use {origin}: {wrong}") from None
+    if not isinstance(private, Ed25519PrivateKey):
+        raise ConfigurationError(f"{origin} is not an Ed25519 key")
+    return SigningKey(private, name, next_sequence)

@@ -65,19 +65,21 @@ class JsonLines(_Plain):
 
 
 class PlainLines(_Plain):
-    """A line every two seconds, for logs and pipes."""
+    """A line every now and then, for logs and pipes."""
 
     def __init__(
         self,
         robot_id: str,
         out: TextIO,
         monotonic_s: Callable[[], float] = time.monotonic,
+        every_s: float = LINE_EVERY_S,
     ) -> None:
         self._robot_id = robot_id
         self._out = out
         self._monotonic_s = monotonic_s
         self._window = TelemetryWindow()
-        self._due_s = monotonic_s() + LINE_EVERY_S
+        self._every_s = every_s
+        self._due_s = monotonic_s() + every_s
 
     def take(self, sample: Sample) -> None:
         """Count it in."""
@@ -87,7 +89,7 @@ class PlainLines(_Plain):
         """Print a line if one is due."""
         now_s = self._monotonic_s()
         if now_s >= self._due_s:
-            self._due_s = now_s + LINE_EVERY_S
+            self._due_s = now_s + self._every_s
             line = plain_line(self._robot_id, self._window, link, silence_s)
             print(line, file=self._out, flush=True)
 
@@ -126,11 +128,13 @@ class LiveView:
             self._live.update(view, refresh=True)
 
 
-def output_for(robot_id: str, *, as_json: bool) -> Output:
+def output_for(robot_id: str, *, as_json: bool, line_every_s: float = LINE_EVERY_S) -> Output:
     """What fits standard output: JSON lines if they are asked for, a live view in a terminal, or a
-    line every two seconds.
+    line every so often.
     """
     if as_json:
         return JsonLines(sys.stdout, sys.stderr)
     console = Console()
-    return LiveView(robot_id, console) if console.is_terminal else PlainLines(robot_id, sys.stdout)
+    if console.is_terminal:
+        return LiveView(robot_id, console)
+    return PlainLines(robot_id, sys.stdout, every_s=line_every_s)

@@ -57,6 +57,8 @@ REVIEW_POLICY = (
 POLICY_PICTURE, CAMERA_PICTURE = b"p", b"c"
 """First byte of a binary message: whose eyes; a JPEG follows."""
 
+BY_YOU = "You drive by hand"
+
 _LOOK_EVERY_S = 0.04
 _NO_ENTRY = 1008
 
@@ -165,7 +167,7 @@ class Console:
         owner = next(self._owners)
         outbox: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
         self._outboxes[owner] = (asyncio.get_running_loop(), outbox)
-        talking = asyncio.create_task(self._talk(socket, outbox))
+        talking = asyncio.create_task(self._talk(owner, socket, outbox))
         try:
             while True:
                 self._obey(owner, await socket.receive_text(), outbox)
@@ -197,7 +199,9 @@ class Console:
             errand = asyncio.get_running_loop().run_in_executor(self._others, carry_out)
             errand.add_done_callback(lambda done: _deliver(done, outbox))
 
-    async def _talk(self, socket: WebSocket, outbox: "asyncio.Queue[dict[str, Any]]") -> None:
+    async def _talk(
+        self, owner: int, socket: WebSocket, outbox: "asyncio.Queue[dict[str, Any]]"
+    ) -> None:
         """Send answers at once, and the robot's state and pictures when they have changed."""
         shown, policy, camera = -1, b"", b""
         while True:
@@ -210,7 +214,8 @@ class Console:
                 continue
             view = self._watch.view()
             shown = view.version
-            await socket.send_json(view.state)
+            mine = view.state.get("state") == "manual" and self._hand.holds(owner)
+            await socket.send_json(view.state | ({"headline": BY_YOU} if mine else {}))
             if view.policy_jpeg != policy:
                 policy = view.policy_jpeg
                 await socket.send_bytes(POLICY_PICTURE + policy)

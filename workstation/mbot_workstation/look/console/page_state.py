@@ -113,6 +113,8 @@ def _facts(status: Status, window: TelemetryWindow) -> list[list[str]]:
         rows.append(["senses", senses_words(status.senses)])
     board = one_line(status.board_version) or "not connected"
     guard = "" if status.board_has_deadman or not status.board_version else " (no dead-man)"
+    if status.last_stop.count:  # which begins at 1
+        rows.append(["stops", f"{status.last_stop.count - 1} since its start"])
     rows += [
         ["board", board + guard],
         ["camera", one_line(status.camera)],

@@ -48,8 +48,8 @@ function showState(now) {
   seenStops = now.stop_count ?? 0;
   list(at("faults"), now.faults ?? []);
   list(at("notices"), now.notices ?? []);
-  at("stops").textContent = now.stop_count
-    ? `Stop counter ${now.stop_count}: ${now.stop_words}.` : "";
+  const stops = now.stop_count ? `${now.stop_words}.` : "";
+  at("stops").textContent = stops.charAt(0).toUpperCase() + stops.slice(1);
   refuseRun(now.run_refused);
   at("model").textContent = now.model
     ? `Model ${now.model}${now.on_trial ? ", on trial" : ""}` : "No model; push one.";
