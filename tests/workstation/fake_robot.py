@@ -25,6 +25,7 @@ from mbot_protocol.v1.messages_pb2 import (
     State,
     Status,
 )
+from mbot_protocol.v1.recordings_pb2 import RecordingList
 from mbot_protocol.wire.keys import (
     ACTIVATE,
     ALIVE,
@@ -36,6 +37,7 @@ from mbot_protocol.wire.keys import (
     PUSH_CHUNK,
     PUSH_COMMIT,
     PUSH_NONCE,
+    RECORDINGS,
     STATUS,
     STOP,
     Topic,
@@ -82,6 +84,7 @@ class FakeRobot:
             COMMAND.name: self._command,
             STOP.name: self._command,
             MODELS.name: lambda _data: self._models(),
+            RECORDINGS.name: lambda _data: RecordingList(schema_version=1, accepted=True),
             ACTIVATE.name: lambda _data: self._models(),
             PUSH_NONCE.name: self._nonce,
             PUSH_BEGIN.name: self._begin,
