@@ -19,6 +19,8 @@ from mbot_workstation.cli.keys import app as keys
 from mbot_workstation.cli.maneuvers import app as maneuvers
 from mbot_workstation.cli.models import check_model_file, models, push_model, rollback
 from mbot_workstation.cli.objects import look_at_object
+from mbot_workstation.cli.policies import app as policies
+from mbot_workstation.cli.policies import publish
 from mbot_workstation.cli.print_targets import app as print_targets
 from mbot_workstation.cli.promote import promote
 from mbot_workstation.cli.recordings import app as recordings
@@ -87,6 +89,8 @@ PANELS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "explain": explain,
         "study": study,
         "promote": promote,
+        "publish": publish,
+        "policies": policies,
     },
 }
 """In the order in which a user meets them."""

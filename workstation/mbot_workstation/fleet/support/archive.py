@@ -33,7 +33,7 @@ FOLDER = "mbot-support"
 
 PACKAGES = (
     *("mbot-agent", "eclipse-zenoh", "numpy", "onnxruntime", "opencv-python-headless", "pyserial"),
-    *("protobuf", "msgspec", "mujoco", "onnx", "torch", "typer", "PyNaCl", "cryptography"),
+    *("protobuf", "msgspec", "mujoco-core", "onnx", "torch", "typer", "PyNaCl", "cryptography"),
 )
 CHECK_TIMEOUT_S = 60.0
 JOURNAL_LINES = 500

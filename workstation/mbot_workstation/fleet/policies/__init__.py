@@ -1,0 +1,1 @@
+"""Policies that are handed on: a signed card beside the model, in a folder for any server."""
