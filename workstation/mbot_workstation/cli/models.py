@@ -250,6 +250,44 @@ def rollback(options: RollbackOptions) -> Answer:
     return Answer(found, _kept(found))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UseOptions(LinkOptions):
+    """What `use` takes."""
+
+    name: str = argument("What the model is called; of several the newest.", metavar="NAME")
+    sign_with: str = sign_with_option()
+    as_json: bool = json_option()
+
+
+@with_options
+def use(options: UseOptions) -> Answer:
+    """Make a model active that the robot keeps, by its name; nothing is sent.
+
+    Signed like a push, by a key that the robot trusts. If it fails, the robot goes back by itself
+    to the last one that had proven itself. It never sets the robot in motion.
+
+    Example: `workstation use red-cube --robot mbot-1.local`
+    """
+    from mbot_workstation.fleet.models.key_choice import chooser
+    from mbot_workstation.fleet.models.key_folder import KeyFolder
+    from mbot_workstation.fleet.models.stored_models import (
+        StoredModel,
+        activate,
+        list_models,
+        newest_named,
+    )
+
+    if options.sign_with:
+        KeyFolder().public_key(options.sign_with)
+    with options.link() as link:
+        found = [StoredModel.of(model) for model in list_models(link)]
+        wanted = newest_named(found, options.name)
+        if not wanted.active:
+            choose_key = chooser(KeyFolder(), options.sign_with, ask_passphrase)
+            found = [StoredModel.of(one) for one in activate(link, choose_key, wanted.sha256)]
+    return Answer(found, _kept(found))
+
+
 def _kept(found: "Sequence[StoredModel]") -> "list[RenderableType]":
     from datetime import datetime
 

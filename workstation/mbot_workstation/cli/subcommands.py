@@ -17,7 +17,7 @@ from mbot_workstation.cli.evaluate import evaluate, explain, study
 from mbot_workstation.cli.identify import gap_report, identify
 from mbot_workstation.cli.keys import app as keys
 from mbot_workstation.cli.maneuvers import app as maneuvers
-from mbot_workstation.cli.models import check_model_file, models, push_model, rollback
+from mbot_workstation.cli.models import check_model_file, models, push_model, rollback, use
 from mbot_workstation.cli.objects import look_at_object
 from mbot_workstation.cli.policies import app as policies
 from mbot_workstation.cli.policies import publish
@@ -50,6 +50,7 @@ PANELS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "check-model": check_model_file,
         "push-model": push_model,
         "models": models,
+        "use": use,
         "rollback": rollback,
     },
     "Drive it": {

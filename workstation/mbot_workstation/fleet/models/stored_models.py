@@ -1,7 +1,10 @@
 """The models a robot keeps: list them, go back to an earlier one."""
 
+from collections.abc import Sequence
+
 import msgspec
 
+from mbot_protocol.did_you_mean import did_you_mean
 from mbot_protocol.errors import RefusedError
 from mbot_protocol.v1.messages_pb2 import Activate, Model, ModelList
 from mbot_protocol.wire.keys import ACTIVATE, MODELS
@@ -58,6 +61,23 @@ class StoredModel(msgspec.Struct, frozen=True):
 def list_models(link: RobotLink) -> list[Model]:
     """The models the robot keeps; raises as `RobotLink.query`, and RefusedError."""
     return _models(link, link.query(MODELS, None, ModelList))
+
+
+def newest_named(models: Sequence[StoredModel], name: str) -> StoredModel:
+    """Of those that a robot keeps the one that is called that; of several the newest.
+
+    Raises:
+        RefusedError: none is.
+
+    """
+    called = [model for model in models if model.name == name]
+    if not called:
+        names = sorted({one_line(model.name) for model in models if model.name})
+        raise RefusedError(
+            f"the robot keeps no model {name!r}, only {', '.join(names) or 'none'}"
+            f"{did_you_mean(name, names)}; `workstation push-model` sends one"
+        )
+    return max(called, key=lambda model: model.stored_unix_time_ns)
 
 
 def activate(link: RobotLink, choose_key: ChooseKey, sha256: str = "") -> list[Model]:
