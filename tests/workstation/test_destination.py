@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from mbot_protocol.errors import ConfigurationError
+from mbot_protocol.wire.access_rules import Kind
 from mbot_workstation.fleet.enrolment.enrolled_robots import find_destination, find_destinations
 from mbot_workstation.fleet.enrolment.fleet_folder import FleetFolder, fleet_directory
 from mbot_workstation.fleet.enrolment.membership import Enrolment
@@ -105,3 +106,13 @@ def test_a_name_that_nobody_has_names_those_that_are_enrolled(
         find_destination("mbot2")
     assert find_destination("localhost").endpoint.host == "localhost"
     assert find_destination("mbot-3.local").endpoint.host == "mbot-3.local"
+
+
+def test_who_has_only_joined_is_told_whom_to_ask(
+    enrolment: Enrolment, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    enrolment.robot("mbot-1", people={"max": []})
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "max"))
+    Enrolment().join(enrolment.folder.bundle_path(Kind.PERSON, "max"))
+    with pytest.raises(ConfigurationError, match="`workstation enroll nobody-here --person max`"):
+        find_destination("nobody-here")

@@ -78,9 +78,21 @@ def _refuse_unknown(text: str) -> None:
     except OSError:
         raise ConfigurationError(
             f"no robot {text!r} is enrolled here, only {', '.join(names)}, and no host has that "
-            f"name: `workstation enroll {typed(text)}` enrols it, or give its IP address"
-            f"{did_you_mean(text, names)}"
+            f"name: {_way_in(text)}, or give its IP address{did_you_mean(text, names)}"
         ) from None
+
+
+def _way_in(robot_id: str) -> str:
+    """Who has only joined a fleet can't enrol anything."""
+    from mbot_workstation.fleet.enrolment.fleet_folder import FleetFolder
+
+    folder = FleetFolder()
+    if folder.has_authority:
+        return f"`workstation enroll {typed(robot_id)}` enrols it"
+    return (
+        "ask whoever gave you your file for `workstation enroll "
+        f"{typed(robot_id)} --person {folder.roll().me}` and join by the new one"
+    )
 
 
 def _warn_of_expiry(expires: datetime) -> None:
