@@ -1,6 +1,7 @@
 """`workstation support`: what is in its file, and what never is."""
 
 import json
+import shutil
 import tarfile
 from pathlib import Path
 
@@ -50,6 +51,16 @@ def test_it_holds_what_helps(robot: FakeRobot, tmp_path: Path) -> None:
     assert path.stat().st_mode & 0o077 == 0
     with pytest.raises(ConfigurationError, match="exists already"):
         output_of(support, "--robot", robot.address, "-o", path)
+
+
+def test_faults_of_fetched_drives_are_in_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    recorded = Path(__file__).parents[1] / "data" / "recorded-drive"
+    shutil.copytree(recorded, tmp_path / "drives" / "mbot-1" / "drive-0001")
+    output_of(support, "--robot", "127.0.0.1:9", "-o", "s.tar.gz")
+    assert json.loads(unpacked(Path("s.tar.gz"))["faults.json"]) == []
 
 
 def test_without_a_robot_it_says_why_there_is_none(tmp_path: Path) -> None:

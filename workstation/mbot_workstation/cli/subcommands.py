@@ -26,7 +26,7 @@ from mbot_workstation.cli.promote import promote
 from mbot_workstation.cli.recordings import app as recordings
 from mbot_workstation.cli.robot import app as robot
 from mbot_workstation.cli.set_up import flash, setup_card, update
-from mbot_workstation.cli.support import support
+from mbot_workstation.cli.support import faults, support
 from mbot_workstation.cli.tasks import app as tasks
 from mbot_workstation.cli.track import track
 from mbot_workstation.cli.train import export, train, training_curve
@@ -69,6 +69,7 @@ PANELS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "view": view,
         "report": report,
         "film": film,
+        "faults": faults,
         "replay": replay,
     },
     "Measure it": {

@@ -51,7 +51,7 @@ def of_this_machine() -> Files:
         except PackageNotFoundError:
             packages[name] = "not installed"
     system = {"system": platform.platform(), "python": sys.version, "packages": packages}
-    files = {"versions.json": _json(system)}
+    files = {"versions.json": json_text(system)}
     if shutil.which("journalctl"):
         journal = ["journalctl", "-u", "mbot-agent", "-n", str(JOURNAL_LINES), "--no-pager"]
         files["journal.txt"] = redacted(_output(journal))
@@ -67,12 +67,12 @@ def of_robot(make_link: Callable[[], RobotLink]) -> Files:
                 "models.json": lambda: link.query(MODELS, None, ModelList),
                 "recordings.json": lambda: list_recordings(link),
             }
-            files = {"status.json": _json(_plain(status))}
+            files = {"status.json": json_text(_plain(status))}
             for name, ask in asked.items():
-                files[name] = _json(_or_error(lambda ask=ask: _plain(ask())))
+                files[name] = json_text(_or_error(lambda ask=ask: _plain(ask())))
             return files
     except MbotError as error:
-        return {"status.json": _json({"error": str(error)})}
+        return {"status.json": json_text({"error": str(error)})}
 
 
 def of_configuration(path: Path) -> Files:
@@ -138,5 +138,6 @@ def _plain(message: Message) -> dict[str, Any]:
     return MessageToDict(message, preserving_proto_field_name=True)
 
 
-def _json(value: Any) -> str:
+def json_text(value: Any) -> str:
+    """A document without what is secret in it."""
     return json.dumps(redacted_values(value), indent=2, ensure_ascii=False) + "\n"
