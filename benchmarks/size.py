@@ -13,12 +13,12 @@ WORKSTATION = "workstation/mbot_workstation"
 PROTOCOL = "shared/protocol/mbot_protocol"
 
 BUDGETS = {
-    f"{WORKSTATION}/cli": 6305,
-    f"{WORKSTATION}/look": 4200,
+    f"{WORKSTATION}/cli": 7000,
+    f"{WORKSTATION}/look": 4300,
     f"{WORKSTATION}/measure": 15260,
-    f"{WORKSTATION}/learn": 9600,
+    f"{WORKSTATION}/learn": 10010,
     f"{WORKSTATION}/virtual": 2960,
-    f"{WORKSTATION}/fleet": 6750,
+    f"{WORKSTATION}/fleet": 7540,
     f"{WORKSTATION}/tasks": 3520,
     f"{WORKSTATION}/sim": 6600,
     f"{WORKSTATION}/pictures": 420,
@@ -27,8 +27,8 @@ BUDGETS = {
     PROTOCOL: 5750,
     "robot/mbot_agent": 10170,
     "robot/mbot_update": 1380,
-    "tests": 61900,
-    "benchmarks": 4820,
+    "tests": 62880,
+    "benchmarks": 4970,
 }
 """Lines by folder; what lies in a folder with a budget of its own counts there. They are what
 stands today; the aim is 50,000 of source in all, 10,000 of them measuring, and 38,000 of tests.
