@@ -59,6 +59,13 @@ def call(command: Callable[..., None], *arguments: str) -> tuple[int, str]:
     return result.exit_code, result.output
 
 
+def test_a_policy_of_a_task_that_ships_is_tried_in_it() -> None:
+    model = Path(__file__).parents[2] / "models" / "tasks" / "obstacles.onnx"
+    code, said = call(check_model_file, str(model))
+    assert code == 0
+    assert " ".join(said.split()).endswith(f"workstation evaluate {model} --task obstacles")
+
+
 def test_a_dataclass_is_a_commands_options() -> None:
     taken: list[PaintOptions] = []
 

@@ -96,7 +96,8 @@ def task_option(panel: str = "") -> Any:
     """--task for commands that simulate a robot at work."""
     return option(
         "fetch",
-        "What robots are to do: fetch, or a task of your own, FILE.py, which is run.",
+        "What robots are to do: fetch, obstacles, hidden, bring, line, stay, or a task of your "
+        "own, FILE.py, which is run.",
         "--task",
         metavar="NAME|FILE.py",
         panel=panel,

@@ -48,6 +48,7 @@ class Examined:
         if self.accepted:
             from mbot_workstation.fleet.models.trained_object import trained_object
             from mbot_workstation.fleet.models.trained_task import FETCH, trained_task
+            from mbot_workstation.tasks.find import task_names
 
             thing, task = trained_object(self.model), trained_task(self.model)
             words, told = (
@@ -55,7 +56,7 @@ class Examined:
             )
             if task.task != FETCH:
                 words += f"; its task is {task.words}"
-                told += " --task FILE.py"
+                told += f" --task {task.task if task.task in task_names() else 'FILE.py'}"
             yield (
                 f"{self.model}: a robot takes it{words}; next: workstation evaluate "
                 f"{typed(self.model)}{told}"
