@@ -131,7 +131,7 @@ def _by_hand(drives: "Sequence[RecordedDrive]", pair: tuple[Path, Path]) -> "Ite
     both = [tuple(apart(drive, model) for model in pair) for drive in drives]
     before, after = ([sum(of[place]) for of in both] for place in range(2))
     beats = [len(now) for now, _ in both]
-    yield compare("hand", "mean distance of a wheel from the hand's", before, after, weights=beats)
+    yield compare("hand", "distance from hand", before, after, weights=beats)
 
 
 def _pictured(
@@ -192,13 +192,13 @@ def _simulated(options: PromoteOptions, pair: tuple[Path, Path]) -> "Iterator[Co
         for path in pair:
             with working(f"{path.stem}, {robots}", trial.episodes) as done:
                 rewards.append([one.reward for one in evaluate(str(path), trial, done)])
-        name = f"reward, {robots} robots, lesson {lesson.name}"
+        name = f"reward, {'rough' if guided else robots}"
         yield compare("simulation", name, *rewards, more_is_better=True)
 
 
 def _said(found: "Promotion", options: PromoteOptions) -> Iterator:
     def words(one: "Estimate") -> str:
-        return f"{one.mean:.3f} ({one.low:.3f} to {one.high:.3f})"
+        return f"{one.mean:.2f} ({one.low:.2f} to {one.high:.2f})"
 
     rows = (
         (
