@@ -56,7 +56,7 @@ class Examined:
             )
             if task.task != FETCH:
                 words += f"; its task is {task.words}"
-                told += f" --task {task.task if task.task in task_names() else 'FILE.py'}"
+                told += f" --task {typed(task.task if task.task in task_names() else 'FILE.py')}"
             yield (
                 f"{self.model}: a robot takes it{words}; next: workstation evaluate "
                 f"{typed(self.model)}{told}"

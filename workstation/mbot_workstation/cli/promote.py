@@ -85,7 +85,7 @@ def promote(options: PromoteOptions) -> Answer:
         if learned := [path.name for path in kept if path.name in trained_task(model).drives]:
             raise ConfigurationError(
                 f"{options.policy} has learned from {learned[0]}, so it can't be judged by it: "
-                f"`workstation drives keep {learned[0]} --for training`"
+                f"`workstation drives keep {typed(learned[0])} --for training`"
             )
         drove = drives[-1].beats[-1].decision.model_sha256
         against = options.against or find_model(drove, models_near(Path()))

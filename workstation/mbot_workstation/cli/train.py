@@ -285,7 +285,7 @@ def _kept(folder: Path) -> tuple[Path, ...]:
     reviews = {path: read_review(path) for path in drives_in(folder)}
     if not (kept := kept_for(reviews, ("training",))["training"]):
         raise ConfigurationError(
-            f"no drive in {folder} is kept for training: `workstation drives split {folder}`"
+            f"no drive in {folder} is kept for training: `workstation drives split {typed(folder)}`"
         )
     return tuple(kept)
 
