@@ -142,7 +142,7 @@ def test_another_file_of_a_drive_goes_on_with_what_was_said(tmp_path: Path) -> N
     file = BeatWriter(tmp_path / "001.mcap", "mbot-1", "a test", before=decision(0))
     file.write(Beat(stopped))
     file.close()
-    assert [words for _, words in read_drive(tmp_path / "001.mcap").log] == ["stop 1"]
+    assert [words for _, words in read_drive(tmp_path / "001.mcap").log] == ["stopped"]
 
 
 def test_a_file_that_cannot_be_begun_is_not_there(

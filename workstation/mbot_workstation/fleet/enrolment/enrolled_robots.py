@@ -91,7 +91,7 @@ def _way_in(robot_id: str) -> str:
         return f"`workstation enroll {typed(robot_id)}` enrols it"
     return (
         "ask whoever gave you your file for `workstation enroll "
-        f"{typed(robot_id)} --person {folder.roll().me}` and join by the new one"
+        f"{typed(robot_id)} --person {typed(folder.roll().me)}` and join by the new one"
     )
 
 

@@ -10,6 +10,7 @@ from mbot_protocol.files.text_file import text_if_any
 from mbot_protocol.signing.public_key import PublicKey
 from mbot_workstation.fleet.models.key_folder import KeyFolder
 from mbot_workstation.fleet.policies.policy_card import SignedCard, fingerprint
+from mbot_workstation.wording import typed
 
 
 def publishers_file() -> Path:
@@ -51,7 +52,7 @@ class Publishers:
         ):
             raise RefusedError(
                 f"{name} is signed by a key that is not trusted here: ask its publisher whether "
-                f"its fingerprint is {marks}, then --trust {marks}"
+                f"its fingerprint is {marks}, then --trust {typed(marks)}"
             )
         line = PublicKey(signed.key.raw, _as_key_name(signed.card.publisher)).line
         lines = [one.line for one in self._known()] + [line]
