@@ -8,7 +8,7 @@ from mbot_workstation.sim.engine import mujoco, open_gl_context, open_renderer
 
 from ..ran import WORKSTATION, ran
 
-VIRTUAL = ("virtual-robot", "--seconds", "1")
+VIRTUAL = ("virtual-robot", "--seconds", "1", "--camera-port", "0")
 EVALUATE = ("evaluate", "servo", "--episodes", "1", "--workers", "1")
 
 
