@@ -23,7 +23,10 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "deploy/firmware/mbot-deadman.c"
 EQUIVALENT = ROOT / "benchmarks/equivalent_mutants.toml"
-TESTS = ("tests/firmware/test_deadman_firmware.py", "tests/firmware/test_torn_frames.py")
+TESTS = tuple(
+    f"tests/firmware/test_{name}.py"
+    for name in ("deadman_firmware", "torn_frames", "senses_firmware")
+)
 WORKERS = 2
 TESTS_FAILED = 1
 """pytest's exit code; any other one is a mistake of ours, and kills nothing."""

@@ -23,16 +23,15 @@ from tests.firmware.simulated_board import Simulator
 def over(feelers: Feelers, request: bytes, count: int) -> int:
     """How many of so many drives."""
     simulator = Simulator(simulator_program(), find_firmware("deadman"))
-    drive = partial(drives.drives_until, drives.is_over, Simulation(), simulator, request)
-    return sum(drive(start, feelers, for_s=4.0) for start in drives.starts(feelers, count))
+    falls = partial(drives.ends_in, drives.has_fallen, Simulation(), simulator, request)
+    return sum(falls(start, drives.on_a_table(feelers)) for start in drives.starts(feelers, count))
 
 
 def main() -> None:
     """Print the table."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 100
-    told_only = drives.senses_request((2,), 3, 0.0, edge_stops=False)
     for name, feelers, request in (
-        ("reflex off", drives.KIT, told_only),
+        ("reflex off", drives.KIT, drives.ONLY_TOLD),
         ("the kit's module in the middle", drives.KIT, drives.EDGE),
         ("a module in front of each wheel", drives.BEFORE_EACH_WHEEL, drives.EDGE),
     ):

@@ -31,8 +31,8 @@ ROUND = 32_000
 """Pictures that are kept at a time: 400 MB, twice that while they are put together."""
 
 EPOCHS = 1
-"""How often each is learned from before it is forgotten. A new picture is drawn in less time than
-one is learned from, and after twelve times the network knew them by heart
+"""How often each is learned from before it is forgotten. After twelve times the network knew them
+by heart; twice as many pictures once each, in place of half of them twice, changed little
 (docs/notebook/training.md)."""
 
 STILLS = 48_000

@@ -10,7 +10,7 @@ from typing import Self
 from mbot_protocol.drive.mcore import STOP, Acknowledgement, ReplyParser
 from mbot_protocol.errors import MbotError
 from mbot_workstation.virtual.emulated.board_process import BoardProcess
-from mbot_workstation.virtual.emulated.motor_pins import PAIR_PINS, MotorPins
+from mbot_workstation.virtual.emulated.motor_pins import MotorPins, felt_lines
 from mbot_workstation.virtual.mcore_board import TRACE_STATES, BoardState
 from mbot_workstation.virtual.port_link import PortLink
 
@@ -76,9 +76,7 @@ class EmulatedBoard:
         """What the line follower at port 2 sees from now on, and how far away the thing is that
         answers the ultrasonic sensor; 0: none.
         """
-        echo_mm = round(echo_m * 1000)
-        pins = zip(PAIR_PINS, floor, strict=True)
-        told = [f"{'high' if seen else 'low'} {pin}" for pin, seen in pins] + [f"echo {echo_mm}"]
+        told = felt_lines(floor, echo_m)
         new = [line for line in told if line not in self._felt]
         if new:
             self._felt = told

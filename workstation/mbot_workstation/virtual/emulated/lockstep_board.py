@@ -1,14 +1,13 @@
 """A board with a real firmware that is no faster and no slower than whoever simulates its world."""
 
 import subprocess
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Self
 
 from mbot_protocol.drive.mcore import STOP, Joystick, Reply, ReplyParser
 from mbot_protocol.errors import MbotError
 from mbot_workstation.virtual.emulated.board_simulator import simulator_program
-from mbot_workstation.virtual.emulated.motor_pins import PAIR_PINS, MotorPins
+from mbot_workstation.virtual.emulated.motor_pins import MotorPins, felt_lines
 
 
 class LockstepBoard:
@@ -41,11 +40,10 @@ class LockstepBoard:
         """Put bytes on its line, now."""
         self._write(f"rx {data.hex()}")
 
-    def feel(self, floor: Sequence[bool], echo_m: float) -> None:
+    def feel(self, floor: tuple[bool, bool], echo_m: float) -> None:
         """What its sensors tell from now on: both infrared pairs, and the echo; 0: none."""
-        for pin, seen in zip(PAIR_PINS, floor, strict=True):
-            self._write(f"{'high' if seen else 'low'} {pin}")
-        self._write(f"echo {round(echo_m * 1000)}")
+        for line in felt_lines(floor, echo_m):
+            self._write(line)
 
     def run(self, duration_s: float) -> list[Reply]:
         """Let time pass; what the board has said meanwhile.

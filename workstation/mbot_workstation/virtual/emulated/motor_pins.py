@@ -9,8 +9,18 @@ _M1_DIR, _M1_PWM, _M2_DIR, _M2_PWM = 1 << 7, 1 << 6, 1 << 4, 1 << 5  # all on po
 _COMPARE_A, _COMPARE_B = 6, 4
 """Where in TCCR0A the two bits are that connect a pin to the timer (data sheet, TCCR0A)."""
 
-PAIR_PINS = ("B1", "B2")
+_PAIR_PINS = ("B1", "B2")
 """Of the infrared pairs at RJ25 port 2, where the kit has them."""
+
+
+def felt_lines(floor: tuple[bool, bool], echo_m: float) -> list[str]:
+    """What the emulator is told of the sensors (`board_simulator.c`): whether either infrared pair
+    sees a floor, and how far away is what answers the ultrasonic sensor; 0: nothing does.
+    """
+    pins = zip(_PAIR_PINS, floor, strict=True)
+    levels = [f"{'high' if seen else 'low'} {pin}" for pin, seen in pins]
+    return [*levels, f"echo {round(echo_m * 1000)}"]
+
 
 _DISCONNECTED, _NON_INVERTING = 0, 2
 _FAST_PWM = 3
