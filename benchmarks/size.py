@@ -17,7 +17,7 @@ BUDGETS = {
     f"{WORKSTATION}/look": 4300,
     f"{WORKSTATION}/measure": 15260,
     f"{WORKSTATION}/learn": 10010,
-    f"{WORKSTATION}/virtual": 2960,
+    f"{WORKSTATION}/virtual": 2965,
     f"{WORKSTATION}/fleet": 7540,
     f"{WORKSTATION}/tasks": 3520,
     f"{WORKSTATION}/sim": 6600,
@@ -28,7 +28,7 @@ BUDGETS = {
     "robot/mbot_agent": 10170,
     "robot/mbot_update": 1380,
     "tests": 62880,
-    "benchmarks": 4970,
+    "benchmarks": 4975,
 }
 """Lines by folder; what lies in a folder with a budget of its own counts there. They are what
 stands today; the aim is 50,000 of source in all, 10,000 of them measuring, and 38,000 of tests.
