@@ -107,11 +107,59 @@ def test_an_edge_is_over_when_the_robot_has_driven_away_from_it(simulator: Simul
     assert soon.speeds_since(710) == {OFF}
 
 
+def test_a_floor_that_comes_and_goes_is_not_driven_away_from(simulator: Simulator) -> None:
+    flickers = [
+        floor(200, 1, False),
+        floor(300, 1, True),
+        floor(620, 1, False),
+        floor(640, 1, True),
+    ]
+    events = [asked(EDGE), *flickers, *held(BACK, 320, 1000), *held(AHEAD, 1010, 1200)]
+    trace = run(simulator, *events, end_ms=1200)
+    assert trace.speeds_since(1020) == {OFF}, "0.3 s and 0.4 s are not 0.6 s in a row"
+
+
+@pytest.mark.parametrize("request_", [EDGE, WALL])
+def test_the_slowest_forward_is_forward(simulator: Simulator, request_: bytes) -> None:
+    events = [asked(request_), floor(200, 1, False), echo(50, 0.05), *held((-1, 1), 300, 500)]
+    assert run(simulator, *events, end_ms=500).speeds_since(210) == {OFF}
+
+
 def test_armed_anew_with_a_floor_it_drives(simulator: Simulator) -> None:
     events = [asked(EDGE), floor(200, 1, False), (400.0, *ARMED[1:]), *held(AHEAD, 420, 600)]
     assert run(simulator, *events, end_ms=600).speeds_since(430) == {OFF}
     put_back = run(simulator, *events, floor(300, 1, True), end_ms=600)
     assert put_back.speeds_since(430) == {AHEAD}
+
+
+@pytest.mark.parametrize("arm_ms", [400.0, 401.0, 402.0, 403.0])
+def test_armed_anew_without_a_floor_no_wheel_twitches(simulator: Simulator, arm_ms: float) -> None:
+    """Whenever it comes between two looks at the floor, and the command right behind it."""
+    behind = rx(arm_ms + 0.7, Joystick(*AHEAD).to_bytes())
+    events = [floor(200, 1, False), (arm_ms, *ARMED[1:]), behind]
+    assert run(simulator, asked(EDGE), *events, end_ms=420).speeds_since(210) == {OFF}
+    free = run(simulator, asked(ONLY_TOLD), *events, end_ms=420)
+    assert free.speeds_at(arm_ms + 2.2) == AHEAD, "where no edge counts nothing holds it"
+
+
+def test_another_request_forgets_what_held_it(simulator: Simulator) -> None:
+    for request, then in ((EDGE, ONLY_TOLD), (WALL, ONLY_TOLD)):
+        events = [floor(100, 1, False), echo(50, 0.05), rx(300, then), *held(AHEAD, 310, 500)]
+        trace = run(simulator, asked(request), *events, end_ms=500)
+        assert trace.speeds_at(312) == AHEAD, "at once"
+        assert trace.speeds_since(312) == {AHEAD}
+
+
+def test_a_thing_at_the_limit_does_not_make_it_tremble(simulator: Simulator) -> None:
+    nearby = [echo(ms, distance_m) for ms, distance_m in ((50, 0.14), (300, 0.16), (500, 0.14))]
+    trace = run(simulator, asked(WALL), *nearby, *held(AHEAD, 200, 700), end_ms=700)
+    assert trace.speeds_since(210) == {OFF}
+
+
+def test_one_sensor_alone_is_told(simulator: Simulator) -> None:
+    for ports, sonar_port in (((), 3), ((2,), 0)):
+        request = senses_request(ports, sonar_port, 0.0, edge_stops=False)
+        assert told(run(simulator, asked(request), echo(30, 0.3), end_ms=200))
 
 
 def test_nothing_drives_into_what_it_hears(simulator: Simulator) -> None:
