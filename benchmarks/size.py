@@ -27,7 +27,7 @@ BUDGETS = {
     PROTOCOL: 5750,
     "robot/mbot_agent": 10170,
     "robot/mbot_update": 1380,
-    "tests": 62915,
+    "tests": 62960,
     "benchmarks": 4975,
 }
 """Lines by folder; what lies in a folder with a budget of its own counts there. They are what

@@ -109,6 +109,8 @@ def test_one_that_is_a_burden_is_not_asked_again_and_nothing_is_held_against_it(
     assert len(asked) == 1
     assert verdicts == []
     assert bench.pilot.fault is None
+    bench.pilot.use(Policy(constant_model(0.5, 0.5)))
+    assert bench.tick().would_have_done is not None, "another one is"
 
 
 def test_a_picture_that_is_not_of_now_is_not_shown_to_it(bench: Bench) -> None:

@@ -15,10 +15,10 @@ from mbot_agent.board import motors as motors_module
 from mbot_agent.board.mcore import mcore_port, mcore_session
 from mbot_agent.board.mcore.mcore_session import McoreSession
 from mbot_agent.board.motors import IDLE_HEARTBEAT_S, REFRESH_S, Motors
-from mbot_agent.configuration import BoardSettings
+from mbot_agent.configuration import BoardSettings, SensesSettings
 from mbot_agent.process.watchdog import LONGEST_PAUSE_NS
 from mbot_protocol.drive.actions import MotorMap, WheelMaps
-from mbot_protocol.drive.mcore import ARM_REQUEST, FLUSH_PADDING, STOP, Joystick
+from mbot_protocol.drive.mcore import ARM_REQUEST, FLUSH_PADDING, STOP, Joystick, senses_request
 from mbot_protocol.drive.wheel_command import Duties, WheelCommand
 from mbot_protocol.errors import ConfigurationError
 
@@ -280,6 +280,20 @@ def test_stock_firmware_drives_only_when_accepted(
         motors.drive(WheelCommand(AHEAD, for_ms(10_000)))
         assert stays_stopped(board)
         assert not board.moved
+
+
+def test_the_board_is_told_what_to_feel_and_what_forward_is() -> None:
+    settings = SensesSettings(edge="stop", line_ports=(1,), ultrasonic_port=4)
+    wheels = WheelMaps(MotorMap(reversed=False), MotorMap(reversed=False))
+    with (
+        FakeBoard("mbot-deadman 3 300ms") as board,
+        Motors(BoardSettings(port=board.path), wheels, settings) as motors,
+    ):
+        assert until(lambda: motors.fault is None)
+        asked = senses_request((1,), 4, 0.0, wheels, edge_stops=True)
+        assert asked in board.received
+        board.feel(4000, 0b11)
+        assert until(lambda: motors.senses is not None)
 
 
 def test_firmware_with_a_deadman_drives_without_asking() -> None:

@@ -1,6 +1,7 @@
 """What a board has told of its senses, through the motor thread and by itself."""
 
 import itertools
+import time
 
 import pytest
 
@@ -61,6 +62,21 @@ def test_a_board_that_falls_silent_is_not_driven(monkeypatch: pytest.MonkeyPatch
         assert until(lambda: motors.fault is not None and motors.fault.kind == "senses-silent")
         board.feel(4000, FREE)
         assert until(lambda: motors.fault is None)
+
+
+def test_the_same_telling_twice_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_ns = 10**12
+    monkeypatch.setattr(time, "monotonic_ns", lambda: now_ns)
+    told, felt = ToldSenses(STOPS), senses((True, True))
+    told.connected(NEW, watched=True)
+    told.take(felt)
+    now_ns += told_senses.SILENT_AFTER_NS - 1
+    told.take(felt)  # the motor thread looks more often than the board tells
+    assert told.fault is None
+    now_ns += 1
+    assert told.fault is not None
+    told.take(senses((True, True)))  # the same, and new
+    assert told.fault is None
 
 
 def test_nothing_is_missed_of_a_board_that_nobody_asked() -> None:

@@ -208,6 +208,15 @@ def bench() -> Bench:
     return Bench()
 
 
+def test_whose_hand_it_is_that_drives(bench: Bench) -> None:
+    assert not bench.drive.holds(ANNA)
+    bench.repeat()
+    assert (bench.drive.holds(ANNA), bench.drive.holds(MAX)) == (True, False)
+    bench.drive.let_go(ANNA, 1)
+    bench.drive.step()
+    assert not bench.drive.holds(ANNA)
+
+
 def test_each_repeat_is_one_command_and_none_is_made_up(bench: Bench) -> None:
     for _ in range(3):
         bench.repeat()

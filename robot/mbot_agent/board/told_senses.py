@@ -25,11 +25,9 @@ class ToldSenses:
 
     def __init__(self, settings: SensesSettings) -> None:
         self._wanted = settings.are_read
-        self._watched = False
-        self._firmware = ""
-        self._told_ns = 0
-        self.latest: Senses | None = None
+        self._told_ns: int  # where it is watched
         self.edges = 0
+        self.lost()
 
     def connected(self, firmware: str, *, watched: bool) -> None:
         """A board has answered; whether it is going to tell."""
@@ -48,14 +46,17 @@ class ToldSenses:
         self.latest = senses
 
     def lost(self) -> None:
-        """No board any more."""
-        self._firmware, self._watched, self.latest = "", False, None
+        """No board any more, or none yet."""
+        self._firmware, self._watched = "", False
+        self.latest: Senses | None = None
 
     @property
     def fault(self) -> Fault | None:
         """A board that was to tell and has stopped telling."""
+        if not self._watched:
+            return None
         silent_ns = time.monotonic_ns() - self._told_ns
-        if not self._watched or silent_ns < SILENT_AFTER_NS:
+        if silent_ns < SILENT_AFTER_NS:
             return None
         return Fault(
             "senses-silent",

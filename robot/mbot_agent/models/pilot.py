@@ -23,7 +23,7 @@ class Pilot:
         self._answer: Answer | None = None
         self._trial: Trial  # of the policy, and with it
         self._given_up: Fault | None = None
-        self._is_a_burden = False  # beside a hand
+        self._is_a_burden: bool  # beside a hand; likewise
         self._incoming: deque[tuple[Policy, Trial]] = deque()
 
     def use(self, policy: Policy, trial: Trial | None = None) -> None:
